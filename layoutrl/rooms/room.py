@@ -1,0 +1,218 @@
+"""What a room is: outline, walls, doors, windows and furniture, in metres, y up.
+
+The words are those of Di & Yu 2021, section 3: S = (walls, openings, furniture), each with a
+centre and a size. Everything geometric is derived from polygons, with shapely.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import shapely
+from shapely.affinity import rotate, translate
+from shapely.geometry import MultiPolygon, Polygon, box
+
+Point = tuple[float, float]
+Ring = tuple[Point, ...]
+
+WALL_THICKNESS = 0.2  # metres, of the band that is assumed where a room names no walls
+TOLERANCE = 0.01  # metres: gaps and overlaps below a centimetre are drawing noise
+CIRCLE_SEGMENTS = 64  # a quarter: a 256-gon has 0.9999 of its circle's area
+
+# The eight room types of the paper's Tables 1 and 2, and the item that moves by default in each.
+MAIN_ITEM = {
+    "bathroom": "toilet",
+    "bedroom": "bed",
+    "study": "desk",
+    "tatami": "platform",
+    "living_room": "sofa",
+    "dining_room": "table",
+    "kitchen": "cooktop",
+    "balcony": "laundry_cabinet",
+}
+
+
+class RoomError(ValueError):
+    """Something in a room's description is wrong; `field` says where, `problem` what is expected."""
+
+    def __init__(self, field: str, problem: str):
+        super().__init__(f"{field}: {problem}")
+        self.field = field
+        self.problem = problem
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A door or a window: a polygon inside the wall band."""
+
+    kind: Literal["door", "window"]
+    polygon: Ring
+
+    @cached_property
+    def shape(self) -> Polygon:
+        return Polygon(self.polygon)
+
+
+@dataclass(frozen=True)
+class Item:
+    """One piece of furniture.
+
+    `size` is (width, depth) in metres along the item's own x and y axis; `rotation` turns these
+    axes, in degrees counter-clockwise. `center` is None for an item that is still to be placed.
+    A circle's width and depth are both its diameter.
+    """
+
+    category: str
+    size: tuple[float, float]
+    center: Point | None = None
+    rotation: float = 0.0
+    form: Literal["rectangle", "circle"] = "rectangle"
+
+    def footprint_at(self, center: Point) -> Polygon:
+        """The item's outline when its centre stands at `center`."""
+        return translate(self.template, *center)
+
+    @cached_property
+    def template(self) -> Polygon:
+        """The footprint around the origin, rotated."""
+        width, depth = self.size
+        if self.form == "circle":
+            return shapely.Point(0, 0).buffer(width / 2, quad_segs=CIRCLE_SEGMENTS)
+        rectangle = box(-width / 2, -depth / 2, width / 2, depth / 2)
+        if self.rotation % 90 == 0:  # exact, where sines of multiples of 90 degrees are not
+            return rectangle if self.rotation % 180 == 0 else box(-depth / 2, -width / 2, depth / 2, width / 2)
+        return rotate(rectangle, self.rotation, origin=(0, 0))
+
+    @cached_property
+    def footprint(self) -> Polygon:
+        """Where the item stands. Raises ValueError for an item that is still to be placed."""
+        if self.center is None:
+            raise ValueError(f"{self.category} has no centre: it is still to be placed")
+        return self.footprint_at(self.center)
+
+
+@dataclass(frozen=True)
+class Room:
+    """A room and where its designer put every item.
+
+    `outline` (counter-clockwise) and `holes` bound the indoor area. `walls` are polygons around
+    it, already cut by the openings. `target` is the index of the item that moves; None where
+    nobody has chosen one. Rooms of one `group` (layouts of one room, copies of one plan) are
+    never split between training and test.
+    """
+
+    id: str
+    room_type: str
+    outline: Ring
+    walls: tuple[Ring, ...]
+    openings: tuple[Opening, ...] = ()
+    furniture: tuple[Item, ...] = ()
+    target: int | None = None
+    holes: tuple[Ring, ...] = ()
+    group: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.group:
+            object.__setattr__(self, "group", self.id)
+
+    @property
+    def doors(self) -> tuple[Opening, ...]:
+        return tuple(o for o in self.openings if o.kind == "door")
+
+    @property
+    def windows(self) -> tuple[Opening, ...]:
+        return tuple(o for o in self.openings if o.kind == "window")
+
+    @cached_property
+    def indoor(self) -> Polygon:
+        """The indoor area: the outline less its holes."""
+        return Polygon(self.outline, self.holes)
+
+    @cached_property
+    def wall_shapes(self) -> tuple[Polygon, ...]:
+        return tuple(Polygon(wall) for wall in self.walls)
+
+    @cached_property
+    def envelope(self) -> Polygon:
+        """Outline, walls and openings together: the outermost border, columns filled in."""
+        parts = [Polygon(self.outline), *self.wall_shapes, *(o.shape for o in self.openings)]
+        # Grown and shrunk by the tolerance, so that a hairline between two walls is no way out.
+        joined = shapely.union_all(parts).buffer(TOLERANCE, join_style="mitre").buffer(-TOLERANCE, join_style="mitre")
+        if isinstance(joined, MultiPolygon):
+            joined = max(joined.geoms, key=lambda part: part.area)
+        return Polygon(joined.exterior)
+
+    @property
+    def moving(self) -> Item:
+        """The item that moves. Raises ValueError where no target is chosen."""
+        if self.target is None:
+            raise ValueError(f"room {self.id} has no target")
+        return self.furniture[self.target]
+
+    @property
+    def others(self) -> tuple[Item, ...]:
+        """The items that stand in the room while the target moves."""
+        return tuple(i for k, i in enumerate(self.furniture) if k != self.target and i.center is not None)
+
+    def turned(self, quarters: int, mirror: bool = False) -> Room:
+        """The same room, mirrored in the y axis if asked, then turned by quarters of a circle.
+
+        The eight results are the symmetries of the square: designs are as good in each.
+        """
+        cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
+
+        def move(point: Point) -> Point:
+            x, y = (-point[0] if mirror else point[0]), point[1]
+            return (cosine * x - sine * y, sine * x + cosine * y)
+
+        def ring(points: Ring) -> Ring:
+            moved = tuple(move(p) for p in points)
+            return moved[::-1] if mirror else moved
+
+        return replace(
+            self,
+            id=f"{self.id}~{quarters % 4}{'m' if mirror else ''}",
+            outline=ring(self.outline),
+            holes=tuple(ring(h) for h in self.holes),
+            walls=tuple(ring(w) for w in self.walls),
+            openings=tuple(replace(o, polygon=ring(o.polygon)) for o in self.openings),
+            furniture=tuple(
+                replace(
+                    item,
+                    center=None if item.center is None else move(item.center),
+                    rotation=((180 - item.rotation if mirror else item.rotation) + 90 * quarters) % 360,
+                )
+                for item in self.furniture
+            ),
+        )
+
+
+def wall_band(
+    outline: Ring, holes: tuple[Ring, ...], openings: tuple[Opening, ...], thickness: float = WALL_THICKNESS
+) -> tuple[Ring, ...]:
+    """The walls of a room that names none: one band an outline edge, cut by the openings; columns are solid.
+
+    Each wall reaches around the corner to its end, and the earlier wall keeps the corner.
+    """
+    room = Polygon(outline)
+    band = room.buffer(thickness, join_style="mitre").difference(room)
+    taken = shapely.union_all([o.shape for o in openings])
+    walls: list[Ring] = [hole[::-1] for hole in holes]
+    for (x0, y0), (x1, y1) in zip(outline, outline[1:] + outline[:1], strict=True):
+        length = math.dist((x0, y0), (x1, y1))
+        ax, ay = (x1 - x0) / length * thickness, (y1 - y0) / length * thickness  # along the edge
+        x0, y0, x1, y1 = x0 - ax, y0 - ay, x1 + ax, y1 + ay
+        strip = Polygon(((x0, y0), (x0 + ay, y0 - ax), (x1 + ay, y1 - ax), (x1, y1)))  # on its right: outside
+        wall = strip.intersection(band).difference(taken)
+        taken = taken.union(wall)
+        walls.extend(rings(wall))
+    return tuple(walls)
+
+
+def rings(shape: shapely.Geometry) -> list[Ring]:
+    """The exterior rings of every polygon in `shape`, counter-clockwise, without slivers or repeated corners."""
+    polygons = [p for p in shapely.get_parts(shape) if isinstance(p, Polygon) and p.area > TOLERANCE**2]
+    return [tuple(p.simplify(1e-9).normalize().exterior.coords[:-1][::-1]) for p in polygons]
