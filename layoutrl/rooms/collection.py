@@ -1,15 +1,16 @@
-"""Rooms as a source hands them over, and what training takes from them: choice of the item, split, copies."""
+"""Rooms as a source hands them over, and what training takes from them: the item, the split, the copies."""
 
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import TOLERANCE, Room
 
 FOLDS = 5  # one fifth of the groups is held out
+NAMED = 3  # examples named for each reason in a summary
 
 
 @dataclass
@@ -21,7 +22,49 @@ class Collection:
     left_out: list[tuple[str, str]] = field(default_factory=list)
 
     def __str__(self) -> str:
-        lines = [f"{self.source}: read {len(self.rooms) + len(self.left_out)}, kept {len(self.rooms)}"]
-        reasons = Counter(reason for _, reason in self.left_out)
-        lines += [f"  left out {count:4d}: {reason}" for reason, count in reasons.most_common()]
+        lines = [f"{self.source}: read {len(self.rooms) + len(self.left_out)} rooms, kept {len(self.rooms)}"]
+        by_reason: dict[str, list[str]] = defaultdict(list)
+        for room_id, reason in self.left_out:
+            by_reason[reason].append(room_id)
+        for reason, ids in sorted(by_reason.items(), key=lambda entry: -len(entry[1])):
+            named = ", ".join(ids[:NAMED]) + (", ..." if len(ids) > NAMED else "")
+            lines.append(f"  left out {len(ids)}: {reason} ({named})")
         return "\n".join(lines)
+
+
+def choose_item(collection: Collection, category: str) -> Collection:
+    """The rooms in which one item of `category` can move, as their target; `main` keeps the source's choice."""
+    chosen = Collection(f"{collection.source}, item {category}", left_out=list(collection.left_out))
+    for room in collection.rooms:
+        indices = [k for k, item in enumerate(room.furniture) if item.category == category]
+        if category == "main":
+            indices = [] if room.target is None else [room.target]
+        if len(indices) != 1:
+            chosen.left_out.append((room.id, f"holds {'no' if not indices else 'several'} {category} item"))
+            continue
+        room = replace(room, target=indices[0])
+        if room.moving.center is None:
+            chosen.left_out.append((room.id, f"the {category} item has no center, so the designer's place is unknown"))
+        elif not room.envelope.buffer(TOLERANCE).covers(room.moving.footprint):
+            chosen.left_out.append((room.id, f"the {category} item reaches beyond the outer walls"))
+        else:
+            chosen.rooms.append(room)
+    return chosen
+
+
+def split(rooms: Sequence[Room], fold: int = 0) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms: a group is held out when the hash of its name falls into `fold` of five.
+
+    The hash depends on nothing but the name, so that more rooms, another order or another
+    machine never move a room to the other side.
+    """
+    held_out = [int(hashlib.sha256(room.group.encode()).hexdigest(), 16) % FOLDS == fold for room in rooms]
+    return (
+        [room for room, held in zip(rooms, held_out, strict=True) if not held],
+        [room for room, held in zip(rooms, held_out, strict=True) if held],
+    )
+
+
+def with_copies(rooms: Sequence[Room]) -> list[Room]:
+    """Every room in its eight mirrored and turned copies (the first is the room itself)."""
+    return [room.turned(quarters, mirror) for room in rooms for mirror in (False, True) for quarters in range(4)]

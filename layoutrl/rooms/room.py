@@ -35,7 +35,11 @@ MAIN_ITEM = {
 }
 
 
-class RoomError(ValueError):
+class InputError(ValueError):
+    """What the user gave cannot be used; the message says what, where, and how to mend it."""
+
+
+class RoomError(InputError):
     """Something in a room's description is wrong; `field` says where, `problem` what is expected."""
 
     def __init__(self, field: str, problem: str):

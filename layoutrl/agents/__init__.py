@@ -1,0 +1,1 @@
+"""The DQN: networks, replay memory, exploration, training."""

@@ -1,0 +1,78 @@
+"""Deep Q-learning with a target network, as in section 4.4 of Di & Yu 2021; double DQN as an option."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import smooth_l1_loss
+
+from layoutrl.agents.replay import Transitions
+
+Observe = Callable[[Tensor, Tensor], Tensor]  # room (B,), position (B, 2) -> observation (B, ...)
+
+
+class UpdateStats(NamedTuple):
+    """Of one update, on the device: reading them waits for it."""
+
+    loss: Tensor
+    mean_q: Tensor
+    max_q: Tensor
+
+
+class DQN:
+    """A Q-network, its frozen copy and an optimiser.
+
+    The target is copied every `target_period` updates; the learning rate falls linearly to
+    zero at `total_updates`.
+    """
+
+    def __init__(
+        self,
+        network: nn.Module,
+        learning_rate: float,
+        total_updates: int,
+        target_period: int,
+        double: bool,
+    ):
+        self.network = network
+        self.target = copy.deepcopy(network).requires_grad_(False).eval()
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate)
+        self.schedule = torch.optim.lr_scheduler.LinearLR(self.optimizer, 1.0, 0.0, total_updates)
+        self.target_period = target_period
+        self.double = double
+        self.updates = 0
+        self.target_copies = 0
+
+    @torch.no_grad()
+    def values(self, observation: Tensor) -> Tensor:
+        """Q(s, a) for every action: (B, A)."""
+        return self.network(observation)
+
+    def update(self, batch: Transitions, observe: Observe) -> UpdateStats:
+        """One step of gradient descent on the Huber loss between Q(s, a) and r + discount max_a' Q'(s', a')."""
+        q = self.network(observe(batch.room, batch.position)).gather(1, batch.action.long()[:, None]).squeeze(1)
+        target = self.td_target(batch, observe(batch.room, batch.next_position))
+        assert q.shape == target.shape == batch.reward.shape
+        loss = smooth_l1_loss(q, target)
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        self.optimizer.step()
+        self.schedule.step()
+        self.updates += 1
+        if self.updates % self.target_period == 0:
+            self.target.load_state_dict(self.network.state_dict())
+            self.target_copies += 1
+        return UpdateStats(loss.detach(), q.detach().mean(), q.detach().max())
+
+    @torch.no_grad()
+    def td_target(self, batch: Transitions, next_observation: Tensor) -> Tensor:
+        """r + discount max Q'(s', a') over the legal moves a' (B,); a state without any is worth nothing more."""
+        next_q = self.target(next_observation)
+        chooser = self.network(next_observation) if self.double else next_q
+        best = chooser.masked_fill(~batch.next_legal, -torch.inf).argmax(1, keepdim=True)
+        value = next_q.gather(1, best).squeeze(1) * batch.next_legal.any(1)
+        return batch.reward + batch.discount * value

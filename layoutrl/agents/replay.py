@@ -1,0 +1,77 @@
+"""Replay memory of poses: what a transition is apart from the room it happened in."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from layoutrl.env.geometry import GRID
+
+
+class Transitions(NamedTuple):
+    """B transitions (S, A, R, S'), with states as poses; section 4.4 of Di & Yu 2021."""
+
+    room: Tensor  # int64 (B,)
+    position: Tensor  # float64 (B, 2), metres, before the move
+    action: Tensor  # uint8 (B,)
+    reward: Tensor  # float32 (B,), divided by the reward scale
+    discount: Tensor  # float32 (B,): gamma, or 0 where the episode terminated
+    next_position: Tensor  # float64 (B, 2)
+    next_legal: Tensor  # bool (B, A): the moves that are legal from there
+
+
+class Replay:
+    """The last `capacity` transitions, drawn uniformly with replacement.
+
+    Positions are kept exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
+    of one integer: 33 bytes a transition, against 98,304 for two pictures.
+    """
+
+    def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu"):
+        if actions > 31:
+            raise ValueError(f"expected at most 31 actions, one bit each; got {actions}")
+        self._columns = (
+            torch.zeros(capacity, dtype=torch.int32, device=device),
+            torch.zeros(capacity, 2, dtype=torch.int32, device=device),
+            torch.zeros(capacity, dtype=torch.uint8, device=device),
+            torch.zeros(capacity, dtype=torch.float32, device=device),
+            torch.zeros(capacity, dtype=torch.float32, device=device),
+            torch.zeros(capacity, 2, dtype=torch.int32, device=device),
+            torch.zeros(capacity, dtype=torch.int32, device=device),
+        )
+        self._bit = 1 << torch.arange(actions, dtype=torch.int32, device=device)
+        self._next = 0
+        self.capacity = capacity
+        self.size = 0
+
+    @property
+    def bytes_per_transition(self) -> int:
+        return sum(column[0].numel() * column.element_size() for column in self._columns)
+
+    def add(self, transitions: Transitions) -> None:
+        """Store B transitions; the oldest give way. B must not exceed the capacity."""
+        count = len(transitions.room)
+        slots = (self._next + torch.arange(count, device=self._bit.device)) % self.capacity
+        stored = transitions._replace(
+            position=(transitions.position / GRID).round(),
+            next_position=(transitions.next_position / GRID).round(),
+            next_legal=(transitions.next_legal * self._bit).sum(1),
+        )
+        for column, values in zip(self._columns, stored, strict=True):
+            column[slots] = values.to(column)
+        self._next = (self._next + count) % self.capacity
+        self.size = min(self.size + count, self.capacity)
+
+    def sample(self, count: int, rng: np.random.Generator) -> Transitions:
+        """`count` transitions, each stored one as likely as another."""
+        index = torch.as_tensor(rng.integers(self.size, size=count), device=self._bit.device)
+        drawn = Transitions(*(column[index] for column in self._columns))
+        return drawn._replace(
+            room=drawn.room.long(),
+            position=drawn.position.double() * GRID,
+            next_position=drawn.next_position.double() * GRID,
+            next_legal=(drawn.next_legal[:, None] & self._bit) != 0,
+        )

@@ -1,0 +1,83 @@
+"""From the configuration to built objects; used by every entry point."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import wraps
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
+from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig
+from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.collection import choose_item
+from layoutrl.rooms.room import InputError, Room
+from layoutrl.rooms.sources import read_source
+
+
+def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
+    """Answer what the user can mend in one line, without a traceback."""
+
+    @wraps(entry_point)
+    def answering(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return entry_point(*args, **kwargs)
+        except InputError as error:
+            sys.exit(f"error: {error}")
+
+    return answering
+
+
+def rooms(room: RoomConfig, data: DataConfig) -> list[Room]:
+    """All rooms of the type with their target chosen; prints what was read, kept and left out, and why."""
+    root = None if data.root is None else Path(data.root).expanduser()
+    collection = read_source(data.source, room.type, root, data.labels, data.strict)
+    chosen = choose_item(collection, room.item)
+    print(chosen)
+    if not chosen.rooms:
+        held = sorted({item.category for r in collection.rooms for item in r.furniture})
+        raise InputError(f"room.item: no {room.type} of {data.source} can be used with item {room.item}; items there: {', '.join(held)}")
+    return chosen.rooms
+
+
+def simulator(rooms: Sequence[Room], method: MethodConfig, reward: RewardConfig) -> Simulator:
+    moves = Moves(tuple(method.steps), method.unit, method.slide)
+    return Simulator(rooms, moves, Reward(reward.theta1, reward.theta2, reward.theta3, reward.inside))
+
+
+def observation(rooms: Sequence[Room], method: MethodConfig, categories: Sequence[str], device: torch.device) -> Observe:
+    if method.observation == "image":
+        return ImageObservation(rooms, device)
+    return GeometryObservation(rooms, categories, device)
+
+
+def agent(method: MethodConfig, categories: Sequence[str], updates: int, seed: np.random.SeedSequence, device: torch.device) -> DQN:
+    """An untrained agent; its weights hang on the seed alone."""
+    actions = 4 * (len(method.steps) + method.slide)
+    with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
+        torch.manual_seed(int(seed.generate_state(1)[0]))
+        network: nn.Module = (
+            PaperNetwork(actions, method.dueling)
+            if method.observation == "image"
+            else GeometryNetwork(len(COLUMNS) + len(categories), actions, dueling=method.dueling)
+        )
+    return DQN(network.to(device), method.learning_rate, updates, method.target_period, method.double)
+
+
+def device(name: str) -> torch.device:
+    """`auto` is the GPU where there is one."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        chosen = torch.device(name)
+        torch.empty(0, device=chosen)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})") from None
+    return chosen

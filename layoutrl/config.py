@@ -1,0 +1,118 @@
+"""The configuration's shape: what `conf/` may say. Only entry points read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from layoutrl.rooms.collection import FOLDS
+from layoutrl.rooms.room import MAIN_ITEM, InputError
+
+
+def config_directory() -> Path:
+    """conf/ beside the package in a checkout, inside it when installed: found from any working directory."""
+    package = Path(__file__).resolve().parent
+    return next((d for d in (package / "conf", package.parent / "conf") if d.is_dir()), package / "conf")
+
+
+@dataclass
+class RoomConfig:
+    type: str = MISSING
+    item: str = "main"  # category of the item that moves; main: the source's choice for the type
+
+
+@dataclass
+class DataConfig:
+    source: str = MISSING
+    root: str | None = None  # folder or file of the source's original data
+    labels: str = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
+    strict: bool = False  # json: stop at the first room that cannot be used
+    copies: bool = True  # train on the eight mirrored and turned copies of every room
+
+
+@dataclass
+class RewardConfig:
+    theta1: float = 100.0
+    theta2: float = -100.0
+    theta3: float = -100.0
+    inside: str = "share"
+
+
+@dataclass
+class MethodConfig:
+    name: str = MISSING
+    observation: str = MISSING
+    steps: list[float] = MISSING
+    unit: str = MISSING
+    slide: bool = MISSING
+    max_moves: int = MISSING  # moves of a training episode
+    evaluation_moves: int = MISSING  # at most, in a greedy episode
+    on_illegal: str = MISSING  # in test
+    goal_terminates: bool = False
+    goal_iou: float = 0.95
+    double: bool = MISSING
+    dueling: bool = False
+    discount: float = MISSING
+    learning_rate: float = MISSING
+    batch: int = MISSING
+    episodes: int = MISSING
+    warmup_moves: int = MISSING
+    replay_capacity: int = MISSING
+    target_period: int = MISSING
+    epsilon_start: float = MISSING
+    epsilon_end: float = MISSING
+    epsilon_share: float = MISSING  # of the updates, over which epsilon falls
+    updates: dict[str, int] = MISSING  # by budget
+
+
+@dataclass
+class BudgetConfig:
+    name: str = MISSING
+    reports: int = 50  # lines in metrics.csv
+    evaluations: int = 10  # of held-out rooms while training
+    evaluation_rooms: int = 64  # training and held-out rooms in each of these, at most
+
+
+@dataclass
+class TrainConfig:
+    room: RoomConfig = field(default_factory=RoomConfig)
+    data: DataConfig = field(default_factory=DataConfig)
+    method: MethodConfig = field(default_factory=MethodConfig)
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    budget: BudgetConfig = field(default_factory=BudgetConfig)
+    seed: int = 0
+    fold: int = 0  # which fifth of the rooms is held out, 0 to 4
+    device: str = "auto"
+    runs: str = "runs"
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        method = self.method
+        _one_of("room.type", self.room.type, *MAIN_ITEM)
+        _one_of("data.labels", self.data.labels, "snapped", "raw")
+        _one_of("reward.inside", self.reward.inside, "share", "iou")
+        _one_of("method.observation", method.observation, "geometry", "image")
+        _one_of("method.unit", method.unit, "metre", "pixel")
+        _one_of("method.on_illegal", method.on_illegal, "stop", "mask")
+        _within("method.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
+        _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
+        _within("seed", self.seed, self.seed >= 0, "0 or more")
+
+
+def _one_of(name: str, value: str, *allowed: str) -> None:
+    _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
+
+
+def _within(name: str, value: Any, holds: bool, expected: str) -> None:
+    if not holds:
+        raise InputError(f"{name}: expected {expected}; got {value}")
+
+
+def register() -> None:
+    """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
+    store = ConfigStore.instance()
+    store.store(name="train_schema", node=TrainConfig)

@@ -1,0 +1,1 @@
+"""The simulator: moves, rewards, observations, pictures."""

@@ -1,0 +1,41 @@
+"""Exact areas and the positions at which an item fits, with shapely. Metres throughout."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely.affinity import scale
+from shapely.geometry import Polygon
+
+GRID = 1e-6  # metres: positions are kept on this grid, so that a move and its opposite cancel exactly
+FIT = 2e-6  # metres by which an area may be overstepped: above the grid, below anything that can be built
+
+
+def iou(a: shapely.Geometry, b: shapely.Geometry) -> float:
+    """Intersection over union of two shapes: 0 to 1."""
+    shared = a.intersection(b).area
+    return shared / (a.area + b.area - shared)
+
+
+def snap(position: np.ndarray) -> np.ndarray:
+    """Positions on the grid of one micrometre."""
+    return np.round(position / GRID) * GRID
+
+
+def fitting_positions(area: Polygon, template: Polygon) -> shapely.Geometry:
+    """The centres at which `template`, a convex shape around the origin, lies inside `area`.
+
+    This is the erosion of the area by the template: what no edge of the area's border, swept by
+    the template, covers. Empty where the item does not fit.
+    """
+    area = area.buffer(FIT, join_style="mitre")
+    mirrored = scale(template, -1, -1, origin=(0, 0))
+    corners = np.asarray(mirrored.exterior.coords)[:-1]
+    swept = [
+        shapely.convex_hull(shapely.multipoints(np.concatenate([corners + start, corners + end])))
+        for ring in (area.exterior, *area.interiors)
+        for start, end in pairwise(np.asarray(ring.coords))
+    ]
+    return area.difference(shapely.union_all(swept))

@@ -1,0 +1,128 @@
+"""The two observations of a state S = (walls, openings, furniture): `geometry`, that tuple itself, and `image`.
+
+Both are made for a batch of poses, on the learner's device, from tables of what does not move.
+Neither reads the designer's place of the moving item.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+import torch
+from shapely.geometry import Polygon
+from torch import Tensor
+
+from layoutrl.env.render import MOVING, SIDE_PX, View, background, coverage
+from layoutrl.rooms.room import Item, Room
+
+# Columns of one element in the geometry observation; one column a known furniture category follows.
+KINDS = ("moving", "wall", "door", "window", "item")
+COLUMNS = ("present", *KINDS, "x", "y", "width", "depth", "cos2", "sin2", "circle")
+X, Y, WIDTH, DEPTH = (COLUMNS.index(name) for name in ("x", "y", "width", "depth"))
+
+
+class GeometryObservation:
+    """The state as a set of elements: float32 (B, elements, columns); the moving item comes first.
+
+    An element is its kind, centre and size (metres, from the centre of the envelope), the double
+    angle of its rotation (a rectangle turned by half a circle looks the same) and its category.
+    Rows of rooms with fewer elements are zero; `present` tells them apart.
+    """
+
+    def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
+        tables = [_elements(room, list(categories)) for room in rooms]
+        self.shape = (max(map(len, tables)), len(COLUMNS) + len(categories))
+        self._elements = torch.zeros(len(rooms), *self.shape, device=device)
+        for k, table in enumerate(tables):
+            self._elements[k, : len(table)] = torch.as_tensor(table, dtype=torch.float32)
+        self._origin = torch.tensor(np.array([_origin(room) for room in rooms]), device=device)  # float64, as positions
+
+    def __call__(self, room: Tensor, position: Tensor) -> Tensor:
+        """Observe poses: room index (B,), position (B, 2) in metres."""
+        observation = self._elements[room]
+        observation[:, 0, [X, Y]] = (position - self._origin[room]).float()
+        return observation
+
+
+class ImageObservation:
+    """The paper's picture of each pose: uint8 (B, 128, 128, 3), the moving item with exact pixel coverage."""
+
+    shape = (SIDE_PX, SIDE_PX, 3)
+
+    def __init__(self, rooms: Sequence[Room], device: torch.device | str = "cpu"):
+        self._rooms = list(rooms)
+        self._views = [View(room) for room in rooms]
+        self._backgrounds = torch.as_tensor(np.stack([background(room) for room in rooms]), device=device)
+        self._scale = torch.tensor([[view.scale, -view.scale] for view in self._views], device=device)
+        self._offset = torch.tensor(np.array([view.offset for view in self._views]), device=device)
+        bounds = np.array([room.moving.template.bounds for room in rooms])
+        self._half = torch.tensor((bounds[:, 2:] - bounds[:, :2]) / 2, device=device)  # metres
+        upright = [shapely.box(*b).equals(room.moving.template) for b, room in zip(bounds, rooms, strict=True)]
+        self._upright = torch.tensor(upright, device=device)
+        self._moving = torch.tensor(MOVING, dtype=torch.float32, device=device)
+
+    def __call__(self, room: Tensor, position: Tensor) -> Tensor:
+        """Observe poses: room index (B,), position (B, 2) in metres."""
+        center = self._offset[room] + position * self._scale[room]
+        half = self._half[room] * self._scale[room].abs()
+        low, high = (center - half)[..., None], (center + half)[..., None]  # (B, 2, 1)
+        pixel = torch.arange(SIDE_PX, device=position.device)
+        # An upright rectangle covers of a pixel what it covers of its column times what it covers of its row.
+        columns, rows = (torch.minimum(high, pixel + 1) - torch.maximum(low, pixel)).clamp(min=0).float().unbind(1)
+        share = rows[:, :, None] * columns[:, None, :]
+        for b in torch.nonzero(~self._upright[room]).flatten().tolist():
+            k = int(room[b])
+            footprint = self._rooms[k].moving.footprint_at(tuple(position[b].tolist()))
+            share[b] = torch.as_tensor(coverage(footprint, self._views[k]))
+        return self._backgrounds[room].float().lerp_(self._moving, share[..., None]).round_().to(torch.uint8)
+
+
+def categories_of(rooms: Sequence[Room]) -> list[str]:
+    """The furniture categories of the rooms, sorted."""
+    return sorted({item.category for room in rooms for item in room.furniture})
+
+
+def _elements(room: Room, categories: list[str]) -> np.ndarray:
+    """Every element of a room in the columns above, the moving item first and at no place."""
+    rows = [_element("moving", room.moving.template, room.moving, categories)]
+    rows += [_element("wall", wall, None, categories) for wall in room.wall_shapes]
+    rows += [_element(opening.kind, opening.shape, None, categories) for opening in room.openings]
+    rows += [_element("item", item.footprint, item, categories) for item in room.others]
+    table = np.array(rows)
+    table[1:, [X, Y]] -= _origin(room)
+    return table
+
+
+def _element(kind: str, shape: Polygon, item: Item | None, categories: list[str]) -> list[float]:
+    circle = item is not None and item.form == "circle"
+    center, size, angle = _rectangle(shape)
+    return [
+        1.0,
+        *(float(kind == name) for name in KINDS),
+        *center,
+        *size,
+        np.cos(2 * angle) * (not circle),
+        np.sin(2 * angle) * (not circle),
+        float(circle),
+        *(float(item is not None and item.category == name) for name in categories),
+    ]
+
+
+def _rectangle(shape: Polygon) -> tuple[tuple[float, float], tuple[float, float], float]:
+    """Centre, size and angle (radians, within 45 degrees of upright) of the smallest rectangle around a shape."""
+    x0, y0, x1, y1 = shape.bounds
+    turned = shapely.minimum_rotated_rectangle(shape)
+    if turned.area >= 0.999 * (x1 - x0) * (y1 - y0):
+        return ((x0 + x1) / 2, (y0 + y1) / 2), (x1 - x0, y1 - y0), 0.0
+    a, b, c = np.asarray(turned.exterior.coords)[:3]
+    sides = [(b - a), (c - b)]
+    width, depth = sorted(sides, key=lambda side: abs(side[1]) - abs(side[0]))  # the flatter side is the width
+    angle = float(np.arctan2(*(width * np.sign(width[0]))[::-1]))
+    return (turned.centroid.x, turned.centroid.y), (float(np.hypot(*width)), float(np.hypot(*depth))), angle
+
+
+def _origin(room: Room) -> np.ndarray:
+    x0, y0, x1, y1 = room.envelope.bounds
+    return np.array([(x0 + x1) / 2, (y0 + y1) / 2])

@@ -1,0 +1,141 @@
+"""The paper's picture of a room (Figure 4): walls black, doors green, windows blue, furniture in colours.
+
+Every pixel takes the exact share that a shape covers of it, so that a move of a tenth of a pixel shows.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString
+
+from layoutrl.rooms.room import Room
+
+SIDE_PX = 128
+SPAN_SHARE = 120 / 128  # of the picture's side, which the longest side of the envelope fills
+
+WHITE = (255, 255, 255)
+BLACK = (0, 0, 0)
+DOOR = (0, 160, 60)
+WINDOW = (40, 90, 230)
+MOVING = (225, 30, 30)
+OTHERS = ((245, 205, 40), (245, 150, 190), (150, 105, 215), (80, 200, 205), (240, 140, 50), (165, 165, 165))
+DESIGNER = (0, 170, 170)
+PATH = (120, 20, 20)
+
+
+class View:
+    """How metres of one room become pixels of a square picture: centred, y up, row 0 on top."""
+
+    def __init__(self, room: Room, side: int = SIDE_PX):
+        x0, y0, x1, y1 = room.envelope.bounds
+        self.side = side
+        self.scale = side * SPAN_SHARE / max(x1 - x0, y1 - y0)  # pixels a metre
+        self.offset = np.array([side / 2 - self.scale * (x0 + x1) / 2, side / 2 + self.scale * (y0 + y1) / 2])
+
+    def pixels(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 2) in metres as (column, row) in pixels."""
+        return self.offset + np.asarray(points) * (self.scale, -self.scale)
+
+
+def background(room: Room, side: int = SIDE_PX) -> np.ndarray:
+    """All that does not move, as an RGB picture: uint8 (side, side, 3)."""
+    return np.rint(_painted_background(room, View(room, side), outlined=False)).astype(np.uint8)
+
+
+def picture(room: Room, position: Sequence[float], side: int = SIDE_PX) -> np.ndarray:
+    """What the agent sees with its item at `position`: uint8 (side, side, 3)."""
+    view = View(room, side)
+    image = background(room, side).astype(float)
+    paint(image, view, room.moving.footprint_at((position[0], position[1])), MOVING)
+    return np.rint(image).astype(np.uint8)
+
+
+def story(room: Room, path: np.ndarray, side: int = 384) -> np.ndarray:
+    """A picture for people: start (pale), path (n, 2), end (red) and the designer's place (outline).
+
+    Returns uint8 (side, side, 3); a path of one position is a room with its item there.
+    """
+    view = View(room, side)
+    line = 1.5 / view.scale  # metres a line is wide
+    image = _painted_background(room, view, outlined=True)
+    start, end = (room.moving.footprint_at(tuple(path[k])) for k in (0, -1))
+    if len(path) > 1:
+        paint(image, view, start, MOVING, 0.25)
+    paint(image, view, end, MOVING, 0.8)
+    paint(image, view, end.boundary.buffer(line / 2), BLACK)
+    moved = path[np.r_[True, np.any(np.diff(path, axis=0) != 0, axis=1)]]
+    if len(moved) > 1:
+        paint(image, view, LineString(moved).buffer(line), PATH)
+    if room.moving.center is not None:
+        paint(image, view, room.moving.footprint.boundary.buffer(line), DESIGNER)
+    return np.rint(image).astype(np.uint8)
+
+
+def paint(
+    image: np.ndarray, view: View, shape: shapely.Geometry, color: tuple[int, int, int], opacity: float = 1.0
+) -> None:
+    """Blend `color` into a float picture (side, side, 3), in place, where `shape` (metres) covers it."""
+    share = opacity * coverage(shape, view)[..., None]
+    image += share * (np.array(color) - image)
+
+
+def coverage(shape: shapely.Geometry, view: View) -> np.ndarray:
+    """Exact share of every pixel that a shape covers: (side, side), 0 to 1.
+
+    Closed form: the signed area below each edge, clamped to the pixel's row and column, summed over edges.
+    """
+    total = np.zeros((view.side, view.side))
+    for part in shapely.get_parts(shape):
+        if part.geom_type != "Polygon":
+            continue
+        for ring, sign in [(part.exterior, 1)] + [(hole, -1) for hole in part.interiors]:
+            corners = view.pixels(np.asarray(ring.coords))
+            low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
+            high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
+            columns, rows = np.arange(low[0], high[0]), np.arange(low[1], high[1])
+            total[low[1] : high[1], low[0] : high[0]] += sign * np.abs(_edge_areas(corners, columns, rows))
+    return np.clip(total, 0, 1)
+
+
+def _edge_areas(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Signed area of a closed ring within every unit pixel: (rows, columns)."""
+    area = np.zeros((len(rows), len(columns)))
+    for (x0, y0), (x1, y1) in zip(corners[:-1], corners[1:], strict=True):
+        if x0 == x1:
+            continue
+        a = np.clip(min(x0, x1), columns, columns + 1)
+        b = np.clip(max(x0, x1), columns, columns + 1)
+        slope = (y1 - y0) / (x1 - x0)
+        h0 = y0 + slope * (a - x0) - rows[:, None]  # height above the pixel's upper side where the edge enters it
+        h1 = y0 + slope * (b - x0) - rows[:, None]
+        area += np.sign(x1 - x0) * (b - a) * _mean_clamped(h0, h1)
+    return area
+
+
+def _mean_clamped(h0: np.ndarray, h1: np.ndarray) -> np.ndarray:
+    """Mean of a height clamped to [0, 1] while it runs linearly from h0 to h1."""
+
+    def integral(h: np.ndarray) -> np.ndarray:
+        return np.where(h < 1, np.maximum(h, 0) ** 2 / 2, h - 0.5)
+
+    run = h1 - h0
+    level = np.abs(run) < 1e-9
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(level, np.clip(h0, 0, 1), (integral(h1) - integral(h0)) / run)
+
+
+def _painted_background(room: Room, view: View, outlined: bool) -> np.ndarray:
+    image = np.full((view.side, view.side, 3), WHITE, dtype=float)
+    # Walls and openings in one piece first, so that no white seam shows where two of them meet.
+    paint(image, view, shapely.union_all([*room.wall_shapes, *(o.shape for o in room.openings)]), BLACK)
+    for opening in room.openings:
+        paint(image, view, opening.shape, DOOR if opening.kind == "door" else WINDOW)
+    for item in room.others:
+        paint(image, view, item.footprint, OTHERS[zlib.crc32(item.category.encode()) % len(OTHERS)])
+        if outlined:
+            paint(image, view, item.footprint.boundary.buffer(0.75 / view.scale), BLACK)
+    return image

@@ -1,0 +1,192 @@
+"""The reference simulator: (next state, reward) = F(state, action), section 4.1 of Di & Yu 2021.
+
+It steps B episodes at once: `room` is an index array (B,) into the rooms it was built with, and
+`position` (B, 2) the centre of the moving item, in metres. All areas are exact, by shapely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import shapely
+
+from layoutrl.env.geometry import fitting_positions, snap
+from layoutrl.env.reward import Reward, RewardTerms
+from layoutrl.rooms.room import Room
+
+DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below, up: the paper's order
+IMAGE_SPAN_PX = 120  # the longest side of the envelope in the 128 px picture
+TOUCHING = 1e-4  # metres: a slide ends at the next contact that is further away than this
+
+
+@dataclass(frozen=True)
+class Moves:
+    """The actions: `steps` times four directions, then four slides if asked.
+
+    Action 4 k + d goes k-th step far in direction d; the last four slide until a side touches the outline.
+    Steps are metres, or pixels of the room's picture (1/120 of the envelope's longest side).
+    """
+
+    steps: tuple[float, ...] = (0.32, 0.08, 0.02)
+    unit: Literal["metre", "pixel"] = "metre"
+    slide: bool = True
+
+    def __post_init__(self) -> None:
+        if not self.steps or min(self.steps) <= 0:
+            raise ValueError(f"expected step lengths above zero; got {self.steps}")
+        ratios = np.array(self.steps) / min(self.steps)
+        if not np.allclose(ratios, np.round(ratios)):
+            raise ValueError(f"expected multiples of the shortest step, so that moves stay on a lattice; got {self.steps}")
+
+    @property
+    def count(self) -> int:
+        return 4 * (len(self.steps) + self.slide)
+
+    def lengths(self, room: Room) -> tuple[float, ...]:
+        """Length of each step in this room, in metres."""
+        return tuple(step * (pixel_size(room) if self.unit == "pixel" else 1.0) for step in self.steps)
+
+
+def pixel_size(room: Room) -> float:
+    """Side of one pixel of the room's picture, in metres."""
+    x0, y0, x1, y1 = room.envelope.bounds
+    return max(x1 - x0, y1 - y0) / IMAGE_SPAN_PX
+
+
+class Simulator:
+    """Legality, moves and rewards of B poses at once, in a fixed list of rooms with targets.
+
+    A room in which another item moves is another entry of the list.
+    """
+
+    def __init__(self, rooms: Sequence[Room], moves: Moves, reward: Reward):
+        self.rooms = list(rooms)
+        self.moves = moves
+        self._reward = reward
+        templates = [room.moving.template for room in rooms]
+        self._corners = [np.asarray(template.exterior.coords) for template in templates]
+        self._item_bounds = np.array([template.bounds for template in templates])
+        self._item_area = np.array([template.area for template in templates])
+        self.designer_position = np.array([room.moving.center for room in rooms])
+
+        self._legal = np.array(
+            [fitting_positions(room.envelope, t) for room, t in zip(rooms, templates, strict=True)], dtype=object
+        )
+        for room, region in zip(rooms, self._legal, strict=True):
+            if region.is_empty:
+                raise ValueError(f"room {room.id}: the {room.moving.category} does not fit into it")
+        shapely.prepare(self._legal)
+        self._legal_bounds = shapely.bounds(self._legal)
+        self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
+        inner = [fitting_positions(room.indoor, t) for room, t in zip(rooms, templates, strict=True)]
+        self.contacts = _padded([_segments(region) for region in inner], (4,))  # borders to slide to
+
+        # The first two shapes of a room are its indoor area and the designer's footprint; then all elements.
+        shapes = [
+            [room.indoor, room.moving.footprint, *room.wall_shapes]
+            + [opening.shape for opening in room.openings]
+            + [item.footprint for item in room.others]
+            for room in rooms
+        ]
+        self._bounds = _padded([shapely.bounds(s) for s in shapes], (4,))
+        self._areas = _padded([shapely.area(s) for s in shapes], ())
+        is_other = [np.arange(len(s)) >= len(s) - len(room.others) for s, room in zip(shapes, rooms, strict=True)]
+        self._is_other = np.nan_to_num(_padded(is_other, ()))
+        self._first = np.cumsum([0] + [len(s) for s in shapes])
+        self._shapes = np.array([shape for s in shapes for shape in s], dtype=object)
+
+    def starts(self, room: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
+        position = np.empty((len(room), 2))
+        left = np.arange(len(room))
+        while len(left):
+            low, high = self._legal_bounds[room[left], :2], self._legal_bounds[room[left], 2:]
+            drawn = snap(rng.uniform(low, high))
+            fits = self.is_legal(room[left], drawn)
+            position[left[fits]] = drawn[fits]
+            left = left[~fits]
+        return position
+
+    def is_legal(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Whether the item lies within the envelope, walls included: bool (B,)."""
+        return shapely.intersects_xy(self._legal[room], position[..., 0], position[..., 1])
+
+    def destinations(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where every action leads (B, A, 2), and whether it is legal (B, A)."""
+        batch = len(room)
+        steps = self.steps[room][:, :, None, None] * DIRECTIONS  # (B, steps, 4, 2)
+        reached = snap(position[:, None] + steps.reshape(batch, -1, 2))
+        legal = self.is_legal(np.repeat(room, reached.shape[1]), reached.reshape(-1, 2)).reshape(batch, -1)
+        if self.moves.slide:
+            slid, touches = self._slides(room, position)
+            reached, legal = np.concatenate([reached, slid], 1), np.concatenate([legal, touches], 1)
+        return reached, legal
+
+    def reward(self, room: np.ndarray, position: np.ndarray) -> RewardTerms:
+        """The reward of standing at `position`: terms of shape (B,)."""
+        shared = self._shared_areas(room, position)  # (B, shapes)
+        item, areas = self._item_area[room][:, None], self._areas[room]
+        iou = np.nan_to_num(shared / (item + areas - shared))
+        indoor = shared[:, 0] / item[:, 0] if self._reward.inside == "share" else iou[:, 0]
+        return self._reward(iou[:, 1], iou[:, 2:].sum(1), indoor)
+
+    def coverage(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
+        shares = self._shared_areas(room, position) / self._item_area[room][:, None]
+        return (shares * self._is_other[room]).sum(1), 1 - shares[:, 0]
+
+    def _shared_areas(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Area that the item shares with every shape of its room, (B, shapes), in square metres."""
+        box = self._item_bounds[room] + np.tile(position, 2)
+        bounds = self._bounds[room]
+        near = np.all(bounds[..., :2] < box[:, None, 2:], -1) & np.all(bounds[..., 2:] > box[:, None, :2], -1)
+        b, k = np.nonzero(near)
+        rings = [self._corners[r] + p for r, p in zip(room, position, strict=True)]
+        index = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+        items = shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=index))
+        shared = np.zeros(near.shape)
+        shared[b, k] = shapely.area(shapely.intersection(items[b], self._shapes[self._first[room[b]] + k]))
+        return shared
+
+    def _slides(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The next position in each direction at which a side of the item touches the outline from within."""
+        x0, y0, x1, y1 = np.moveaxis(self.contacts[room], -1, 0)  # (B, segments) each
+        destinations = np.repeat(position[:, None], 4, 1)
+        legal = np.zeros((len(room), 4), dtype=bool)
+        for d, direction in enumerate(DIRECTIONS):
+            axis = int(direction[1] != 0)
+            along, across = position[:, axis, None], position[:, 1 - axis, None]
+            (u0, u1), (v0, v1) = ((x0, x1), (y0, y1)) if axis == 0 else ((y0, y1), (x0, x1))
+            crosses = (np.minimum(v0, v1) - TOUCHING <= across) & (across <= np.maximum(v0, v1) + TOUCHING)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                hit = u0 + np.clip((across - v0) / (v1 - v0), 0, 1) * (u1 - u0)
+            distance = (hit - along) * direction[axis]
+            distance = np.where(crosses & (np.abs(v1 - v0) > TOUCHING) & (distance > TOUCHING), distance, np.inf)
+            nearest = distance.min(1, initial=np.inf)
+            legal[:, d] = np.isfinite(nearest)
+            destinations[:, d, axis] += np.where(legal[:, d], nearest, 0.0) * direction[axis]
+        return snap(destinations), legal
+
+
+def _segments(region: shapely.Geometry) -> np.ndarray:
+    """The border of a region as segments (x0, y0, x1, y1): (n, 4)."""
+    rings = [
+        np.asarray(ring.coords)
+        for part in shapely.get_parts(region)
+        if part.geom_type == "Polygon"
+        for ring in (part.exterior, *part.interiors)
+    ]
+    if not rings:
+        return np.empty((0, 4))
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], 1) for ring in rings])
+
+
+def _padded(rows: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    """Arrays of different length in one, filled up with NaN: (rows, longest, *shape)."""
+    table = np.full((len(rows), max(map(len, rows), default=0), *shape), np.nan)
+    for entry, row in zip(table, rows, strict=True):
+        entry[: len(row)] = row
+    return table

@@ -1,0 +1,69 @@
+"""Yardsticks that learn nothing: places for an item without any agent. Each returns centres (B, 2) in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from layoutrl.env.simulator import Simulator
+from layoutrl.rooms.room import Room
+
+
+def wall_places(room: Room) -> np.ndarray:
+    """The eight places in the corners and at the middle of the walls of the outline's bounding box: (8, 2)."""
+    x0, y0, x1, y1 = room.indoor.bounds
+    left, below, right, up = room.moving.template.bounds
+    x = (x0 - left, (x0 + x1) / 2, x1 - right)
+    y = (y0 - below, (y0 + y1) / 2, y1 - up)
+    return np.array([(x[i], y[j]) for i in range(3) for j in range(3) if (i, j) != (1, 1)])
+
+
+def random_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """For each of B rooms one of its legal wall places, drawn at random; the start where none is legal."""
+    chosen = starts.copy()
+    for b, k in enumerate(room):
+        places = wall_places(simulator.rooms[k])
+        places = places[simulator.is_legal(np.repeat(k, len(places)), places)]
+        if len(places):
+            chosen[b] = places[rng.integers(len(places))]
+    return chosen
+
+
+def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequence[Room]) -> np.ndarray:
+    """The designer's relative place in the training room that is most like each of B rooms.
+
+    Likeness is the distance between size of the outline, size of the item and centre of the first
+    door. The place is relative to the bounding box of the outline, kept inside it.
+    """
+    features = np.array([_features(r) for r in training])
+    places = []
+    for k in range(len(simulator.rooms)):
+        like = training[int(np.argmin(((features - _features(simulator.rooms[k])) ** 2).sum(1)))]
+        places.append(_from_relative(simulator.rooms[k], _relative_place(like)))
+    return np.array(places)[room]
+
+
+def _features(room: Room) -> np.ndarray:
+    x0, y0, x1, y1 = room.indoor.bounds
+    a, b, c, d = room.moving.template.bounds
+    doors = room.doors or room.openings
+    at = doors[0].shape.centroid if doors else room.indoor.centroid
+    return np.array([x1 - x0, y1 - y0, c - a, d - b, at.x - (x0 + x1) / 2, at.y - (y0 + y1) / 2])
+
+
+def _relative_place(room: Room) -> np.ndarray:
+    """Where the designer put the item within the free play of the outline's bounding box: 0 to 1 an axis."""
+    low, high = _play(room)
+    return (np.array(room.moving.center) - low) / np.maximum(high - low, 1e-9)
+
+
+def _from_relative(room: Room, relative: np.ndarray) -> np.ndarray:
+    low, high = _play(room)
+    return low + np.clip(relative, 0, 1) * np.maximum(high - low, 0)
+
+
+def _play(room: Room) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest centre at which the item lies within the outline's bounding box."""
+    bounds, item = np.array(room.indoor.bounds), np.array(room.moving.template.bounds)
+    return bounds[:2] - item[:2], bounds[2:] - item[2:]

@@ -1,0 +1,71 @@
+"""What a set of final positions is worth, and the best that the agent's moves allow."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from layoutrl.env.simulator import TOUCHING, Simulator
+
+
+@dataclass(frozen=True)
+class Score:
+    """Over rooms (and starts), one final position each. IoU is with the designer's footprint."""
+
+    mean_iou: float
+    std_iou: float  # standard deviation over positions
+    standard_error: float  # of the mean, over rooms: several starts in a room count once
+    median_iou: float
+    share_090: float  # share of positions with an IoU of at least 0.9
+    overlap: float  # mean share of the item that other items cover
+    outside: float  # mean share of the item outside the indoor area
+
+    def as_dict(self) -> dict[str, float]:
+        return asdict(self)
+
+
+def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score:
+    """Score final positions (B, 2) in rooms (B,)."""
+    iou = simulator.reward(room, position).iou
+    overlap, outside = simulator.coverage(room, position)
+    by_room = np.array([iou[room == r].mean() for r in np.unique(room)])
+    spread = by_room.std(ddof=1) / np.sqrt(len(by_room)) if len(by_room) > 1 else float("nan")
+    return Score(
+        float(iou.mean()),
+        float(iou.std()),
+        float(spread),
+        float(np.median(iou)),
+        float((iou >= 0.9).mean()),
+        float(overlap.mean()),
+        float(outside.mean()),
+    )
+
+
+def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """The best IoU that the moves can reach from each start (B, 2): no stopping place scores higher. (B,)
+
+    Each axis offers the multiples of the shortest step from the start and, with slides, from every
+    contact with the outline. Whether they can be reached through the room is not asked.
+    """
+    designer, step = simulator.designer_position[room], simulator.steps.min(1)[room, None, None]
+    anchors = starts[:, None]
+    if simulator.moves.slide:
+        x0, y0, x1, y1 = np.moveaxis(simulator.contacts[room], -1, 0)
+        contacts = np.stack([x0, y0], -1)
+        level = np.stack([np.abs(x1 - x0), np.abs(y1 - y0)], -1) < TOUCHING
+        # Along a slanting border every coordinate can be a contact, the designer's too.
+        slanting = ~level.any(-1, keepdims=True) & ~np.isnan(contacts)
+        contacts = np.where(level, contacts, np.where(slanting, designer[:, None], np.nan))
+        anchors = np.concatenate([anchors, contacts], 1)
+    off = (anchors - designer[:, None]) % step  # displacements from the designer's place: (B, anchors, 2)
+    off = np.concatenate([off, off - step], 1)
+    order = np.argsort(np.abs(off), axis=1)[:, :3]  # NaN last
+    off = np.take_along_axis(off, order, 1)
+    best = np.zeros(len(room))
+    for i in range(off.shape[1]):
+        for j in range(off.shape[1]):
+            displaced = designer + np.stack([off[:, i, 0], off[:, j, 1]], -1)
+            known = ~np.isnan(displaced).any(1)
+            best[known] = np.maximum(best[known], simulator.reward(room[known], displaced[known]).iou)
+    return best

@@ -1,0 +1,85 @@
+"""The evaluation that training, the command line and the tables share: numbers, a table, a file."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.baselines import nearest_room_place, random_wall_place
+from layoutrl.evaluation.metrics import lattice_ceiling, score
+from layoutrl.evaluation.protocols import rollout
+from layoutrl.rooms.room import Room
+
+AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner place", "nearest training room"
+
+
+def evaluate(
+    agent: DQN,
+    simulator: Simulator,
+    observe: Observe,
+    training: Sequence[Room],
+    *,
+    starts_a_room: int,
+    max_moves: int,
+    on_illegal: Literal["stop", "mask"],
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Score the agent and three yardsticks from the same random starts in every room of the simulator.
+
+    The result is plain numbers, ready for JSON: a row each, the lattice ceiling, and every room's IoU.
+    """
+    start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
+    room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
+    starts = simulator.starts(room, start_rng)
+    run = rollout(agent, simulator, observe, room, starts, max_moves, on_illegal)
+    ceiling = lattice_ceiling(simulator, room, starts)
+    places = {
+        AGENT: run.final,
+        START: starts,
+        WALL: random_wall_place(simulator, room, starts, wall_rng),
+        NEAREST: nearest_room_place(simulator, room, training),
+    }
+    iou = simulator.reward(room, run.final).iou
+    return {
+        "rooms": len(simulator.rooms),
+        "starts_a_room": starts_a_room,
+        "rows": {name: score(simulator, room, position).as_dict() for name, position in places.items()},
+        "lattice_ceiling": float(ceiling.mean()),
+        "moves": float(run.moves.mean()),
+        "ms_a_room": 1000 * run.seconds / len(room),
+        "ended_in_a_loop_or_stop": float(run.looped.mean()),
+        "positions": [
+            {"room": simulator.rooms[k].id, "iou": float(iou[b]), "center": run.final[b].tolist(), "moves": int(run.moves[b])}
+            for b, k in enumerate(room)
+        ],
+    }
+
+
+def table(evaluation: dict[str, Any]) -> str:
+    """The evaluation as text: IoU is mean ± standard deviation, and the standard error of the mean over rooms."""
+    lines = [f"{'':28} {'IoU ± sd':>15} {'s.e.':>6} {'median':>7} {'>= 0.9':>7} {'overlap':>8} {'outside':>8}"]
+    for name, row in evaluation["rows"].items():
+        lines.append(
+            f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {row['standard_error']:6.3f} {row['median_iou']:7.3f} "
+            f"{row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f}"
+        )
+    lines.append(f"{'lattice ceiling':28} {evaluation['lattice_ceiling']:7.3f}")
+    lines.append(
+        f"{evaluation['rooms']} rooms, {evaluation['starts_a_room']} start(s) each; "
+        f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a room"
+    )
+    return "\n".join(lines)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a file whole or not at all."""
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    os.replace(partial, path)

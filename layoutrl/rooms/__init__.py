@@ -1,0 +1,1 @@
+"""Rooms: what they are, where they come from."""

@@ -1,0 +1,273 @@
+"""Rooms in JSON: one a line in a .jsonl file, or one in a .json file; metres, y up.
+
+    {"id": "b-17", "room_type": "bedroom",
+     "outline": [[0, 0], [3.6, 0], [3.6, 4.2], [0, 4.2]],
+     "walls": [{"polygon": [[-0.2, -0.2], [3.8, -0.2], [3.8, 0], [-0.2, 0]]}],
+     "doors": [{"polygon": [[2.5, -0.2], [3.4, -0.2], [3.4, 0], [2.5, 0]]}],
+     "windows": [],
+     "furniture": [{"category": "bed", "center": [1.05, 2.0], "size": [2.1, 1.5], "rotation": 0},
+                   {"category": "stool", "shape": "circle", "center": [3, 3], "size": [0.4, 0.4]}],
+     "target": 0}
+
+May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed),
+`rotation` and `shape`, `target` where the type's main item is there once, and `group`.
+What is wrong is answered with the file, the line, the room, the field and what is expected.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from shapely.geometry import Polygon
+from shapely.validation import explain_validity
+
+from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, InputError, Item, Opening, Ring, Room, RoomError, wall_band
+
+REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
+OPTIONAL = ("holes", "walls", "target", "group")
+ITEM_REQUIRED = ("category", "size")
+ITEM_OPTIONAL = ("center", "rotation", "shape")
+
+
+def read_rooms(path: Path, strict: bool = False) -> Collection:
+    """Read one .json or .jsonl file, or every such file below a folder.
+
+    A room that cannot be used is left out and named; with `strict` it raises InputError.
+    Raises InputError where there is no file to read.
+    """
+    collection = Collection(f"json {path}")
+    seen: set[str] = set()
+    for where, text in _documents(Path(path)):
+        try:
+            room = parse_room(text)
+            if room.id in seen:
+                raise RoomError("id", f"expected a name of its own, but {room.id!r} was read before")
+        except RoomError as error:
+            message = f"{_name_in(text)}{error}"
+            if strict:
+                raise InputError(f"{where}: {message}") from None
+            collection.left_out.append((where, message))
+        else:
+            seen.add(room.id)
+            collection.rooms.append(room)
+    return collection
+
+
+def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
+    """Write rooms to a .jsonl file, one a line (or one room to a .json file)."""
+    Path(path).write_text("".join(json.dumps(room_to_dict(room)) + "\n" for room in rooms), encoding="utf-8")
+
+
+def room_to_dict(room: Room) -> dict[str, Any]:
+    """A room as plain lists and numbers, ready for JSON."""
+    furniture: list[dict[str, Any]] = []
+    for item in room.furniture:
+        entry: dict[str, Any] = {"category": item.category}
+        if item.form == "circle":
+            entry["shape"] = "circle"
+        if item.center is not None:
+            entry["center"] = list(item.center)
+        furniture.append(entry | {"size": list(item.size), "rotation": item.rotation})
+    document: dict[str, Any] = {"id": room.id, "room_type": room.room_type, "outline": _lists(room.outline)}
+    if room.holes:
+        document["holes"] = [_lists(hole) for hole in room.holes]
+    document["walls"] = [{"polygon": _lists(wall)} for wall in room.walls]
+    document["doors"] = [{"polygon": _lists(door.polygon)} for door in room.doors]
+    document["windows"] = [{"polygon": _lists(window.polygon)} for window in room.windows]
+    document["furniture"] = furniture
+    if room.target is not None:
+        document["target"] = room.target
+    if room.group != room.id:
+        document["group"] = room.group
+    return document
+
+
+def parse_room(text: str) -> Room:
+    """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
+    try:
+        document = json.loads(text)
+    except json.JSONDecodeError as error:
+        ended = error.pos >= len(text.rstrip())
+        raise RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended)) from None
+    return room_from_dict(document)
+
+
+def room_from_dict(document: Any) -> Room:
+    """One room from plain lists and numbers (as `room_to_dict` makes them). Raises RoomError."""
+    _check_fields(document, "room", REQUIRED, OPTIONAL)
+    room_id = _text(document["id"], "id")
+    room_type = _text(document["room_type"], "room_type")
+    if room_type not in MAIN_ITEM:
+        raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {room_type!r}")
+
+    outline = _ring(document["outline"], "outline")
+    holes = tuple(_ring(h, f"holes[{k}]")[::-1] for k, h in enumerate(_list(document.get("holes", []), "holes")))
+    for k, hole in enumerate(holes):
+        if not Polygon(outline).covers(Polygon(hole)):
+            raise RoomError(f"holes[{k}]", "expected a ring inside the outline")
+    if not Polygon(outline, holes).is_valid:
+        raise RoomError("holes", "expected rings that neither cross nor touch along a side")
+
+    openings = tuple(
+        Opening(kind, ring)
+        for kind, field in (("door", "doors"), ("window", "windows"))
+        for ring in _polygons(document[field], field)
+    )
+    walls = (
+        _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
+    )
+    furniture = tuple(_item(entry, f"furniture[{k}]") for k, entry in enumerate(_list(document["furniture"], "furniture")))
+    target = _target(document.get("target"), furniture, MAIN_ITEM[room_type])
+    group = _text(document.get("group", room_id), "group")
+    room = Room(room_id, room_type, outline, walls, openings, furniture, target, holes, group)
+    _check_places(room)
+    return room
+
+
+def _check_places(room: Room) -> None:
+    border = room.indoor.boundary
+    kinds = {"door": 0, "window": 0}
+    for opening in room.openings:
+        field = f"{opening.kind}s[{kinds[opening.kind]}]"
+        kinds[opening.kind] += 1
+        if opening.shape.distance(border) > TOLERANCE:
+            raise RoomError(field, f"expected to lie in the walls; it is {opening.shape.distance(border):.2f} m off the outline")
+        inside = opening.shape.intersection(room.indoor).area / opening.shape.area
+        if inside > 0.5:
+            raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
+    for k, item in enumerate(room.furniture):
+        if item.center is not None and not room.envelope.buffer(TOLERANCE).covers(item.footprint):
+            raise RoomError(f"furniture[{k}].center", f"expected the {item.category} to lie within the room's outer walls")
+
+
+def _documents(path: Path) -> Iterator[tuple[str, str]]:
+    """(where, text) of every room below `path`."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
+    files = [path] if path.is_file() else sorted(f for f in path.rglob("*") if f.suffix in (".json", ".jsonl"))
+    if not files:
+        raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
+    for file in files:
+        try:
+            text = file.read_text(encoding="utf-8-sig")
+        except (UnicodeDecodeError, OSError) as error:
+            raise InputError(f"{file}: expected a text file of JSON in UTF-8 ({error})") from None
+        if file.suffix == ".jsonl":
+            yield from ((f"{file}:{n}", line) for n, line in enumerate(text.splitlines(), 1) if line.strip())
+        else:
+            yield f"{file}:1", text
+
+
+def _name_in(text: str) -> str:
+    """How the room calls itself, as far as that can be read: "room 'b-17': "."""
+    try:
+        return f"room {json.loads(text)['id']!r}: "
+    except (ValueError, TypeError, KeyError):
+        return ""
+
+
+def _not_json(error: json.JSONDecodeError, ended: bool) -> str:
+    if ended:
+        return "expected one whole JSON object; the text breaks off (truncated?)"
+    return f"expected JSON; {error.msg}"
+
+
+def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    if not isinstance(entry, dict):
+        raise RoomError(field, f"expected a JSON object; got {_show(entry)}")
+    prefix = "" if field == "room" else f"{field}."
+    for name in required:
+        if name not in entry:
+            raise RoomError(prefix + name, "missing")
+    for name in entry:
+        if name not in required + optional:
+            raise RoomError(prefix + name, f"unknown field; expected {', '.join(required + optional)}")
+
+
+def _item(entry: Any, field: str) -> Item:
+    _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
+    width, depth = _pair(entry["size"], f"{field}.size")
+    if width <= 0 or depth <= 0:
+        raise RoomError(f"{field}.size", f"expected two lengths above zero, in metres; got {_show(entry['size'])}")
+    form = entry.get("shape", "rectangle")
+    if form not in ("rectangle", "circle"):
+        raise RoomError(f"{field}.shape", f"expected rectangle or circle; got {_show(form)}")
+    if form == "circle" and width != depth:
+        raise RoomError(f"{field}.size", f"expected the diameter twice for a circle; got {_show(entry['size'])}")
+    center = entry.get("center")
+    return Item(
+        category=_text(entry["category"], f"{field}.category"),
+        size=(width, depth),
+        center=None if center is None else _pair(center, f"{field}.center"),
+        rotation=_number(entry.get("rotation", 0.0), f"{field}.rotation"),
+        form=form,
+    )
+
+
+def _target(index: Any, furniture: tuple[Item, ...], main_item: str) -> int | None:
+    if index is None:
+        candidates = [k for k, item in enumerate(furniture) if item.category == main_item]
+        return candidates[0] if len(candidates) == 1 else None
+    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(furniture):
+        raise RoomError("target", f"expected the index of a piece of furniture, 0 to {len(furniture) - 1}; got {_show(index)}")
+    return index
+
+
+def _ring(value: Any, field: str) -> Ring:
+    """A simple counter-clockwise ring. Repeated corners and a clockwise order are mended: they change nothing."""
+    points = [_pair(point, f"{field}[{k}]") for k, point in enumerate(_list(value, field))]
+    ring = tuple(p for p, previous in zip(points, points[-1:] + points[:-1], strict=True) if p != previous)
+    if len(ring) < 3:
+        raise RoomError(field, f"expected at least three different corners; got {len(ring)}")
+    polygon = Polygon(ring)
+    if not polygon.is_valid:
+        raise RoomError(field, f"expected a simple polygon; got one with {explain_validity(polygon)}")
+    if polygon.area < TOLERANCE**2:
+        raise RoomError(field, "expected a polygon with an area")
+    return ring if polygon.exterior.is_ccw else ring[::-1]
+
+
+def _polygons(value: Any, field: str) -> tuple[Ring, ...]:
+    rings = []
+    for k, entry in enumerate(_list(value, field)):
+        _check_fields(entry, f"{field}[{k}]", ("polygon",), ())
+        rings.append(_ring(entry["polygon"], f"{field}[{k}].polygon"))
+    return tuple(rings)
+
+
+def _pair(value: Any, field: str) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise RoomError(field, f"expected two numbers, in metres; got {_show(value)}")
+    return (_number(value[0], field), _number(value[1], field))
+
+
+def _number(value: Any, field: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise RoomError(field, f"expected a finite number; got {_show(value)}")
+    return float(value)
+
+
+def _text(value: Any, field: str) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise RoomError(field, f"expected a name; got {_show(value)}")
+    return value
+
+
+def _list(value: Any, field: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise RoomError(field, f"expected a list; got {_show(value)}")
+    return value
+
+
+def _lists(ring: Ring) -> list[list[float]]:
+    return [list(point) for point in ring]
+
+
+def _show(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
