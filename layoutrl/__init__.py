@@ -1,3 +1,7 @@
-"""layoutrl: an agent that moves furniture to where a designer would have put it."""
+"""layoutrl: an agent that moves furniture to where a designer would have put it (Di & Yu 2021)."""
+
+import gymnasium
 
 __version__ = "0.1.0"
+
+gymnasium.register("layoutrl/Layout-v0", entry_point="layoutrl.env.layout_env:LayoutEnv")

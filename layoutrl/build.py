@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 import torch
@@ -20,6 +21,9 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.collection import choose_item
 from layoutrl.rooms.room import InputError, Room
 from layoutrl.rooms.sources import read_source
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
@@ -43,7 +47,10 @@ def rooms(room: RoomConfig, data: DataConfig) -> list[Room]:
     print(chosen)
     if not chosen.rooms:
         held = sorted({item.category for r in collection.rooms for item in r.furniture})
-        raise InputError(f"room.item: no {room.type} of {data.source} can be used with item {room.item}; items there: {', '.join(held)}")
+        raise InputError(
+            f"room.item: no {room.type} of {data.source} can be used with item {room.item}; "
+            f"expected main or one of {', '.join(held)}"
+        )
     return chosen.rooms
 
 
@@ -52,13 +59,17 @@ def simulator(rooms: Sequence[Room], method: MethodConfig, reward: RewardConfig)
     return Simulator(rooms, moves, Reward(reward.theta1, reward.theta2, reward.theta3, reward.inside))
 
 
-def observation(rooms: Sequence[Room], method: MethodConfig, categories: Sequence[str], device: torch.device) -> Observe:
+def observation(
+    rooms: Sequence[Room], method: MethodConfig, categories: Sequence[str], device: torch.device
+) -> Observe:
     if method.observation == "image":
         return ImageObservation(rooms, device)
     return GeometryObservation(rooms, categories, device)
 
 
-def agent(method: MethodConfig, categories: Sequence[str], updates: int, seed: np.random.SeedSequence, device: torch.device) -> DQN:
+def agent(
+    method: MethodConfig, categories: Sequence[str], updates: int, seed: np.random.SeedSequence, device: torch.device
+) -> DQN:
     """An untrained agent; its weights hang on the seed alone."""
     actions = 4 * (len(method.steps) + method.slide)
     with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
@@ -79,5 +90,7 @@ def device(name: str) -> torch.device:
         chosen = torch.device(name)
         torch.empty(0, device=chosen)
     except (RuntimeError, AssertionError) as error:
-        raise InputError(f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})") from None
+        raise InputError(
+            f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})"
+        ) from None
     return chosen

@@ -29,7 +29,7 @@ class RoomConfig:
 class DataConfig:
     source: str = MISSING
     root: str | None = None  # folder or file of the source's original data
-    labels: str = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
+    labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
     strict: bool = False  # json: stop at the first room that cannot be used
     copies: bool = True  # train on the eight mirrored and turned copies of every room
 
@@ -39,19 +39,19 @@ class RewardConfig:
     theta1: float = 100.0
     theta2: float = -100.0
     theta3: float = -100.0
-    inside: str = "share"
+    inside: Any = "share"
 
 
 @dataclass
 class MethodConfig:
     name: str = MISSING
-    observation: str = MISSING
+    observation: Any = MISSING
     steps: list[float] = MISSING
-    unit: str = MISSING
+    unit: Any = MISSING
     slide: bool = MISSING
     max_moves: int = MISSING  # moves of a training episode
     evaluation_moves: int = MISSING  # at most, in a greedy episode
-    on_illegal: str = MISSING  # in test
+    on_illegal: Any = MISSING  # in test
     goal_terminates: bool = False
     goal_iou: float = 0.95
     double: bool = MISSING

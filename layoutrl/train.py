@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -17,14 +16,13 @@ from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from layoutrl import build
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import DQN
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Progress, train
 from layoutrl.config import TrainConfig, config_directory, register
 from layoutrl.env.observation import categories_of
 from layoutrl.env.render import story
-from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.protocols import rollout
 from layoutrl.evaluation.report import evaluate, table, write_json
@@ -37,7 +35,14 @@ PICTURES = 4  # held-out rooms drawn at every evaluation
 class Probe:
     """Greedy episodes in a few fixed rooms from fixed starts, to watch while training."""
 
-    def __init__(self, rooms: list[Room], config: TrainConfig, categories: list[str], device: torch.device, seed: np.random.SeedSequence):
+    def __init__(
+        self,
+        rooms: list[Room],
+        config: TrainConfig,
+        categories: list[str],
+        device: torch.device,
+        seed: np.random.SeedSequence,
+    ):
         count = min(len(rooms), config.budget.evaluation_rooms)
         rng = np.random.default_rng(seed)
         chosen = [rooms[k] for k in sorted(rng.choice(len(rooms), size=count, replace=False))]
@@ -50,7 +55,15 @@ class Probe:
 
     def __call__(self, agent: DQN) -> tuple[float, list[np.ndarray]]:
         """Mean IoU, and pictures of the first rooms."""
-        run = rollout(agent, self.simulator, self.observe, self.room, self.starts, self.method.evaluation_moves, self.method.on_illegal)
+        run = rollout(
+            agent,
+            self.simulator,
+            self.observe,
+            self.room,
+            self.starts,
+            self.method.evaluation_moves,
+            self.method.on_illegal,
+        )
         pictures = []
         for k in range(min(PICTURES, len(self.room))):
             way = run.path[: run.moves[k] + 1, k]
@@ -61,7 +74,9 @@ class Probe:
 def run(config: TrainConfig) -> Path:
     """Train, evaluate on the held-out rooms, and return the run's folder."""
     device = build.device(config.device)
-    seeds = dict(zip(("network", "training", "probe", "evaluation"), np.random.SeedSequence(config.seed).spawn(4), strict=True))
+    seeds = dict(
+        zip(("network", "training", "probe", "evaluation"), np.random.SeedSequence(config.seed).spawn(4), strict=True)
+    )
     training, held_out = split(build.rooms(config.room, config.data), config.fold)
     if not training or not held_out:
         raise InputError(
@@ -69,7 +84,9 @@ def run(config: TrainConfig) -> Path:
             "(more rooms, or another fold)"
         )
     copies = with_copies(training) if config.data.copies else training
-    print(f"training on {len(training)} rooms ({len(copies)} with mirrored and turned copies), {len(held_out)} held out")
+    print(
+        f"training on {len(training)} rooms ({len(copies)} with mirrored and turned copies), {len(held_out)} held out"
+    )
 
     method, updates = config.method, config.method.updates[config.budget.name]
     categories = categories_of(training)
@@ -194,7 +211,7 @@ def _new_folder(config: TrainConfig) -> Path:
 def _save(path: Path, agent: DQN, categories: list[str]) -> None:
     partial = path.with_suffix(".partial")
     torch.save({"network": agent.network.state_dict(), "categories": categories, "updates": agent.updates}, partial)
-    os.replace(partial, path)
+    partial.replace(path)
 
 
 register()

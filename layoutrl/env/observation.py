@@ -37,6 +37,8 @@ class GeometryObservation:
         self._elements = torch.zeros(len(rooms), *self.shape, device=device)
         for k, table in enumerate(tables):
             self._elements[k, : len(table)] = torch.as_tensor(table, dtype=torch.float32)
+        sides = [np.subtract(room.envelope.bounds[2:], room.envelope.bounds[:2]).max() for room in rooms]
+        self.limit = float(max(1.0, *sides))  # no entry is larger
         self._origin = torch.tensor(np.array([_origin(room) for room in rooms]), device=device)  # float64, as positions
 
     def __call__(self, room: Tensor, position: Tensor) -> Tensor:

@@ -6,6 +6,7 @@ Every pixel takes the exact share that a shape covers of it, so that a move of a
 from __future__ import annotations
 
 import zlib
+from itertools import pairwise
 from collections.abc import Sequence
 
 import numpy as np
@@ -104,7 +105,7 @@ def coverage(shape: shapely.Geometry, view: View) -> np.ndarray:
 def _edge_areas(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Signed area of a closed ring within every unit pixel: (rows, columns)."""
     area = np.zeros((len(rows), len(columns)))
-    for (x0, y0), (x1, y1) in zip(corners[:-1], corners[1:], strict=True):
+    for (x0, y0), (x1, y1) in pairwise(corners):
         if x0 == x1:
             continue
         a = np.clip(min(x0, x1), columns, columns + 1)

@@ -38,6 +38,4 @@ class Reward:
 
     def __call__(self, target_iou: np.ndarray, element_ious: np.ndarray, indoor: np.ndarray) -> RewardTerms:
         """The terms from the IoU with the target (B,), the summed IoU with all elements (B,) and `indoor` (B,)."""
-        return RewardTerms(
-            self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - indoor), target_iou
-        )
+        return RewardTerms(self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - indoor), target_iou)

@@ -39,7 +39,9 @@ class Moves:
             raise ValueError(f"expected step lengths above zero; got {self.steps}")
         ratios = np.array(self.steps) / min(self.steps)
         if not np.allclose(ratios, np.round(ratios)):
-            raise ValueError(f"expected multiples of the shortest step, so that moves stay on a lattice; got {self.steps}")
+            raise ValueError(
+                f"expected multiples of the shortest step, so that moves stay on a lattice; got {self.steps}"
+            )
 
     @property
     def count(self) -> int:

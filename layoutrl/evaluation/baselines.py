@@ -19,7 +19,9 @@ def wall_places(room: Room) -> np.ndarray:
     return np.array([(x[i], y[j]) for i in range(3) for j in range(3) if (i, j) != (1, 1)])
 
 
-def random_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def random_wall_place(
+    simulator: Simulator, room: np.ndarray, starts: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
     """For each of B rooms one of its legal wall places, drawn at random; the start where none is legal."""
     chosen = starts.copy()
     for b, k in enumerate(room):

@@ -52,8 +52,8 @@ def rollout(
     for t in range(max_moves):
         here = path[t, active]
         reached, legal = simulator.destinations(room[active], here)
-        q = agent.values(observe(torch.as_tensor(room[active], device=device), torch.as_tensor(here, device=device)))
-        q = q.cpu().numpy()
+        observed = observe(torch.as_tensor(room[active], device=device), torch.as_tensor(here, device=device))
+        q = agent.values(observed).cpu().numpy()
         if on_illegal == "mask":
             q = np.where(legal, q, -np.inf)
         action = q.argmax(1)
@@ -76,6 +76,4 @@ def rollout(
     last = np.where(loop_start >= 0, best, end)
     final = path[last, np.arange(batch)]
     moves = np.all(path == final, -1).argmax(0)
-    return Rollout(
-        room, path, final, moves, (loop_start >= 0) | (end < max_moves), time.perf_counter() - began
-    )
+    return Rollout(room, path, final, moves, (loop_start >= 0) | (end < max_moves), time.perf_counter() - began)

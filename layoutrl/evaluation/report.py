@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -56,7 +55,12 @@ def evaluate(
         "ms_a_room": 1000 * run.seconds / len(room),
         "ended_in_a_loop_or_stop": float(run.looped.mean()),
         "positions": [
-            {"room": simulator.rooms[k].id, "iou": float(iou[b]), "center": run.final[b].tolist(), "moves": int(run.moves[b])}
+            {
+                "room": simulator.rooms[k].id,
+                "iou": float(iou[b]),
+                "center": run.final[b].tolist(),
+                "moves": int(run.moves[b]),
+            }
             for b, k in enumerate(room)
         ],
     }
@@ -67,8 +71,8 @@ def table(evaluation: dict[str, Any]) -> str:
     lines = [f"{'':28} {'IoU ± sd':>15} {'s.e.':>6} {'median':>7} {'>= 0.9':>7} {'overlap':>8} {'outside':>8}"]
     for name, row in evaluation["rows"].items():
         lines.append(
-            f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {row['standard_error']:6.3f} {row['median_iou']:7.3f} "
-            f"{row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f}"
+            f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {row['standard_error']:6.3f} "
+            f"{row['median_iou']:7.3f} {row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f}"
         )
     lines.append(f"{'lattice ceiling':28} {evaluation['lattice_ceiling']:7.3f}")
     lines.append(
@@ -82,4 +86,4 @@ def write_json(path: Path, content: Any) -> None:
     """Write a file whole or not at all."""
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    os.replace(partial, path)
+    partial.replace(path)

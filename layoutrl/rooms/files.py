@@ -113,15 +113,14 @@ def room_from_dict(document: Any) -> Room:
     if not Polygon(outline, holes).is_valid:
         raise RoomError("holes", "expected rings that neither cross nor touch along a side")
 
-    openings = tuple(
-        Opening(kind, ring)
-        for kind, field in (("door", "doors"), ("window", "windows"))
-        for ring in _polygons(document[field], field)
+    openings = (
+        *(Opening("door", ring) for ring in _polygons(document["doors"], "doors")),
+        *(Opening("window", ring) for ring in _polygons(document["windows"], "windows")),
     )
-    walls = (
-        _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
+    walls = _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
+    furniture = tuple(
+        _item(entry, f"furniture[{k}]") for k, entry in enumerate(_list(document["furniture"], "furniture"))
     )
-    furniture = tuple(_item(entry, f"furniture[{k}]") for k, entry in enumerate(_list(document["furniture"], "furniture")))
     target = _target(document.get("target"), furniture, MAIN_ITEM[room_type])
     group = _text(document.get("group", room_id), "group")
     room = Room(room_id, room_type, outline, walls, openings, furniture, target, holes, group)
@@ -136,13 +135,17 @@ def _check_places(room: Room) -> None:
         field = f"{opening.kind}s[{kinds[opening.kind]}]"
         kinds[opening.kind] += 1
         if opening.shape.distance(border) > TOLERANCE:
-            raise RoomError(field, f"expected to lie in the walls; it is {opening.shape.distance(border):.2f} m off the outline")
+            raise RoomError(
+                field, f"expected to lie in the walls; it is {opening.shape.distance(border):.2f} m off the outline"
+            )
         inside = opening.shape.intersection(room.indoor).area / opening.shape.area
         if inside > 0.5:
             raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
     for k, item in enumerate(room.furniture):
         if item.center is not None and not room.envelope.buffer(TOLERANCE).covers(item.footprint):
-            raise RoomError(f"furniture[{k}].center", f"expected the {item.category} to lie within the room's outer walls")
+            raise RoomError(
+                f"furniture[{k}].center", f"expected the {item.category} to lie within the room's outer walls"
+            )
 
 
 def _documents(path: Path) -> Iterator[tuple[str, str]]:
@@ -214,7 +217,9 @@ def _target(index: Any, furniture: tuple[Item, ...], main_item: str) -> int | No
         candidates = [k for k, item in enumerate(furniture) if item.category == main_item]
         return candidates[0] if len(candidates) == 1 else None
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(furniture):
-        raise RoomError("target", f"expected the index of a piece of furniture, 0 to {len(furniture) - 1}; got {_show(index)}")
+        raise RoomError(
+            "target", f"expected the index of a piece of furniture, 0 to {len(furniture) - 1}; got {_show(index)}"
+        )
     return index
 
 

@@ -1,0 +1,34 @@
+.DEFAULT_GOAL := help
+PYTHON ?= python3
+ROOM ?= bedroom
+ARGS ?=
+BIN := .venv/bin
+
+help:  ## show this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
+
+setup: .venv/ready  ## create .venv and install the project with its dev extra
+
+.venv/ready: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+train: setup  ## train and score an agent: make train ROOM=bedroom ARGS="budget=smoke seed=1"
+	$(BIN)/python -m layoutrl.train room=$(ROOM) $(ARGS)
+
+test: setup  ## run the tests
+	$(BIN)/python -m pytest
+
+lint: setup  ## ruff (lint and format) and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+board: setup  ## TensorBoard on all runs
+	$(BIN)/tensorboard --logdir runs
+
+clean:  ## remove the environment and caches; keeps runs
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
+
+.PHONY: help setup train test lint board clean

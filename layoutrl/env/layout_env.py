@@ -1,0 +1,121 @@
+"""The simulator as a Gymnasium environment: one room, one item, one move at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal, SupportsFloat
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium import spaces
+
+from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.render import story
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.room import InputError, Room
+from layoutrl.rooms.sources import read_source
+
+
+class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
+    """`gymnasium.make("layoutrl/Layout-v0", rooms=..., observation="geometry", moves=Moves(...))`.
+
+    Every reset draws a room (or takes `options={"room": index}`) and a random start (or
+    `options={"position": (x, y)}`, metres).
+
+    action: Discrete(A), see Moves. observation: `geometry` float32 (elements, columns) or `image`
+    uint8 (128, 128, 3). reward: the paper's, -200 to 100.
+    info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`; `iou`;
+    `position`; `room`, its index; `illegal`, whether this move was.
+
+    An illegal move is dropped with `on_illegal="drop"` (training, section 4.2 of the paper): nothing
+    changes, and the caller should not store it. With `"stop"` (test) it terminates the episode.
+    An episode is truncated after `max_moves` moves, dropped ones included; it never ends otherwise.
+
+    Raises ValueError where a room has no target, or a target that does not fit.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 8}
+
+    def __init__(
+        self,
+        rooms: Sequence[Room] | None = None,
+        observation: Literal["geometry", "image"] = "geometry",
+        moves: Moves | None = None,
+        reward: Reward | None = None,
+        on_illegal: Literal["drop", "stop"] = "drop",
+        max_moves: int = 100,
+        render_mode: str | None = None,
+    ):
+        if rooms is None:
+            rooms = read_source("examples", "bedroom", None).rooms
+        if not rooms:
+            raise InputError("rooms: expected at least one room")
+        if observation not in ("geometry", "image") or on_illegal not in ("drop", "stop"):
+            raise ValueError(f"unknown observation {observation!r} or on_illegal {on_illegal!r}")
+        self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())
+        self.max_moves = max_moves
+        self.on_illegal = on_illegal
+        self.render_mode = render_mode
+        self.action_space = spaces.Discrete(self.simulator.moves.count)
+        self._observe: GeometryObservation | ImageObservation
+        if observation == "image":
+            self._observe = ImageObservation(rooms)
+            self.observation_space = spaces.Box(0, 255, self._observe.shape, np.uint8)
+        else:
+            geometry = self._observe = GeometryObservation(rooms, categories_of(rooms))
+            self.observation_space = spaces.Box(-geometry.limit, geometry.limit, geometry.shape, np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        super().reset(seed=seed)
+        options = options or {}
+        count = len(self.simulator.rooms)
+        self._room = np.array([options.get("room", self.np_random.integers(count))])
+        if not 0 <= self._room[0] < count:
+            raise ValueError(f"options['room']: expected 0 to {count - 1}; got {self._room[0]}")
+        if "position" in options:
+            position = np.array([options["position"]], dtype=float)
+            if not self.simulator.is_legal(self._room, position)[0]:
+                raise ValueError(f"options['position']: the item leaves the room at {options['position']}")
+        else:
+            position = self.simulator.starts(self._room, self.np_random)
+        self._path = [position[0]]
+        self._moves_made = 0
+        return self._observation(), self._arrive() | {"illegal": False}
+
+    def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
+        illegal = not self._legal[action]
+        if not illegal:
+            self._path.append(self._reached[action])
+        self._moves_made += 1
+        info = self._arrive() | {"illegal": illegal}
+        terminated = illegal and self.on_illegal == "stop"
+        return self._observation(), self._total, terminated, self._moves_made >= self.max_moves, info
+
+    def render(self) -> np.ndarray | None:
+        """The way so far, uint8 (384, 384, 3): start pale, item red, the designer's place outlined."""
+        if self.render_mode != "rgb_array":
+            return None
+        return story(self.simulator.rooms[self._room[0]], np.array(self._path))
+
+    def _arrive(self) -> dict[str, Any]:
+        """Reward and next moves at the present position, told as info."""
+        position = self._path[-1][None]
+        reached, legal = self.simulator.destinations(self._room, position)
+        terms = self.simulator.reward(self._room, position)
+        self._reached, self._legal, self._total = reached[0], legal[0], float(terms.total[0])
+        return {
+            "legal": self._legal,
+            "r1": float(terms.r1[0]),
+            "r2": float(terms.r2[0]),
+            "r3": float(terms.r3[0]),
+            "iou": float(terms.iou[0]),
+            "position": position[0].copy(),
+            "room": int(self._room[0]),
+        }
+
+    def _observation(self) -> np.ndarray:
+        return self._observe(torch.as_tensor(self._room), torch.as_tensor(self._path[-1][None]))[0].numpy()
