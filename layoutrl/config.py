@@ -103,6 +103,25 @@ class TrainConfig:
         _within("seed", self.seed, self.seed >= 0, "0 or more")
 
 
+@dataclass
+class EvaluateConfig:
+    run: str = MISSING
+    data: DataConfig | None = None
+    part: Any = None
+    starts: int = 1
+    seed: int = 0
+    device: str = "auto"
+    on_illegal: Any = None
+
+    def __post_init__(self) -> None:
+        if self.part is not None:
+            _one_of("part", self.part, "held_out", "training", "all")
+        _within("starts", self.starts, self.starts >= 1, "1 or more")
+        _within("seed", self.seed, self.seed >= 0, "0 or more")
+        if self.on_illegal is not None:
+            _one_of("on_illegal", self.on_illegal, "stop", "mask")
+
+
 def _one_of(name: str, value: str, *allowed: str) -> None:
     _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
 
@@ -116,3 +135,4 @@ def register() -> None:
     """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
     store = ConfigStore.instance()
     store.store(name="train_schema", node=TrainConfig)
+    store.store(name="evaluate_schema", node=EvaluateConfig)

@@ -25,9 +25,10 @@ from layoutrl.env.observation import categories_of
 from layoutrl.env.render import story
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.protocols import rollout
-from layoutrl.evaluation.report import evaluate, table, write_json
+from layoutrl.evaluation.report import evaluate, table
 from layoutrl.rooms.collection import split, with_copies
 from layoutrl.rooms.room import InputError, Room
+from layoutrl.runs import new_folder, save_checkpoint, write_json
 
 PICTURES = 4  # held-out rooms drawn at every evaluation
 
@@ -94,8 +95,7 @@ def run(config: TrainConfig) -> Path:
     observe = build.observation(copies, method, categories, device)
     agent = build.agent(method, categories, updates, seeds["network"], device)
     replay = Replay(method.replay_capacity, simulator.moves.count, device)
-    folder = _new_folder(config)
-    OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
+    folder = new_folder(config)
     probe_seeds = seeds["probe"].spawn(2)
     probes = {
         "train": Probe(training, config, categories, device, probe_seeds[0]),
@@ -121,10 +121,10 @@ def run(config: TrainConfig) -> Path:
     )
     try:
         for _ in _watched(reports, agent, probes, folder, updates, updates // config.budget.evaluations):
-            _save(folder / "checkpoint.pt", agent, categories)
+            save_checkpoint(folder, agent, categories)
     except KeyboardInterrupt:
         print(f"\nstopped after {agent.updates} of {updates} updates")
-    _save(folder / "checkpoint.pt", agent, categories)
+    save_checkpoint(folder, agent, categories)
 
     test_simulator = build.simulator(held_out, method, config.reward)
     test_observe = build.observation(held_out, method, categories, device)
@@ -189,29 +189,6 @@ def _row(progress: Progress) -> dict[str, Any]:
     values = asdict(progress)
     seconds = values.pop("seconds")
     return values | {f"seconds_{stage}": seconds.get(stage, 0.0) for stage in ("act", "simulate", "store", "learn")}
-
-
-def _new_folder(config: TrainConfig) -> Path:
-    """runs/<room>/<name>, with a number behind the name where that folder is taken: no run overwrites another."""
-    labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
-    name = config.name or (
-        f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
-    )
-    base = Path(config.runs) / config.room.type
-    for attempt in range(1, 10_000):
-        folder = base / (name if attempt == 1 else f"{name}-{attempt}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            continue
-        return folder
-    raise InputError(f"runs: {base / name} and its 10,000 successors exist")
-
-
-def _save(path: Path, agent: DQN, categories: list[str]) -> None:
-    partial = path.with_suffix(".partial")
-    torch.save({"network": agent.network.state_dict(), "categories": categories, "updates": agent.updates}, partial)
-    partial.replace(path)
 
 
 register()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from layoutrl.env.observation import COLUMNS
+from layoutrl.env.observation import COLUMNS, X, Y
 
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
 SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, so that both a room and a move are visible
@@ -48,15 +48,16 @@ class GeometryNetwork(nn.Module):
 
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):
         super().__init__()
-        gaps = 4 * len(SCALES)
+        relations = 6 * len(SCALES)  # four gaps and two offsets an element
+        clearances = 12 * len(SCALES)  # to the border and to items: four directions, two differences
         self.element = nn.Sequential(
-            nn.Linear(columns + gaps, element_width),
+            nn.Linear(columns - 2 + relations, element_width),
             nn.ReLU(),
             nn.Linear(element_width, element_width),
             nn.ReLU(),
         )
         self.trunk = nn.Sequential(
-            nn.Linear(2 * element_width + columns + 2 * gaps, width),
+            nn.Linear(2 * element_width + columns - 2 + clearances, width),
             nn.ReLU(),
             nn.Linear(width, width),
             nn.ReLU(),
@@ -64,18 +65,21 @@ class GeometryNetwork(nn.Module):
         self.head = _head(width, actions, dueling)
 
     def forward(self, elements: Tensor) -> Tensor:
-        present, moving, others = elements[:, 1:, 0], elements[:, 0], elements[:, 1:]
-        column = {name: others[..., k] for k, name in enumerate(COLUMNS)}
+        moving, others = elements[:, 0], elements[:, 1:]
         gap = _gaps(moving, others)
-        relative = others.clone()
-        relative[..., COLUMNS.index("x")] -= moving[:, None, COLUMNS.index("x")]
-        relative[..., COLUMNS.index("y")] -= moving[:, None, COLUMNS.index("y")]
-        described = self.element(torch.cat([relative, _scaled(gap)], -1)) * present[..., None]
+        offset = others[..., X : Y + 1] - moving[:, None, X : Y + 1]
+        described = self.element(torch.cat([_without_place(others), _scaled(gap), _scaled(offset)], -1))
+        described = described * others[..., :1]  # rows of padding are none
         pooled = torch.cat([described.amax(1), described.sum(1) / 8], -1)
 
-        border = column["wall"] + column["door"] + column["window"]
-        clearance = torch.cat([_clearance(gap, border), _clearance(gap, column["item"])], -1)
-        return self.head(self.trunk(torch.cat([pooled, moving, _scaled(clearance)], -1)))
+        wall, door, window, item = (others[..., COLUMNS.index(k)] for k in ("wall", "door", "window", "item"))
+        clearance = torch.cat([_clearance(gap, wall + door + window), _clearance(gap, item)], -1)
+        return self.head(self.trunk(torch.cat([pooled, _without_place(moving), _scaled(clearance)], -1)))
+
+
+def _without_place(elements: Tensor) -> Tensor:
+    """All columns but x and y: what counts is where things stand to each other, not in the picture."""
+    return torch.cat([elements[..., :X], elements[..., Y + 1 :]], -1)
 
 
 def _gaps(moving: Tensor, others: Tensor) -> Tensor:
@@ -97,16 +101,19 @@ def _box(element: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
 
 
 def _clearance(gap: Tensor, among: Tensor) -> Tensor:
-    """How far the item can go right, left, below, up before it meets one of the elements in `among`: (B, 4).
+    """How far the item can go right, left, below, up before it meets one of the elements in `among`,
+    then how far it stands off the middle between left and right, and between below and up: (B, 6).
 
-    Only elements that lie ahead, at the item's own height, count. Negative inside a wall.
+    Only elements level with the item count, each in the direction in which it is furthest. Negative
+    where the item overlaps one.
     """
     right, left, below, up = gap.unbind(-1)
     side_by_side, one_above_other = (below < 0) & (up < 0), (right < 0) & (left < 0)
     level = torch.stack([side_by_side, side_by_side, one_above_other, one_above_other], -1)
-    ahead = gap > torch.stack([left, right, up, below], -1)
+    ahead = gap == gap.amax(-1, keepdim=True)
     counts = level & ahead & (among[..., None] > 0)
-    return torch.where(counts, gap, FAR).amin(1)
+    right, left, below, up = torch.where(counts, gap, FAR).amin(1).unbind(-1)
+    return torch.stack([right, left, below, up, right - left, up - below], -1)
 
 
 def _scaled(distance: Tensor) -> Tensor:

@@ -97,16 +97,16 @@ def train(
             greedy = np.where(legal, q.cpu().numpy(), -np.inf).argmax(1)
             action = explore(greedy, legal, epsilon(agent.updates), explore_rng)
         with watch("simulate"):
-            next_position = reached[np.arange(episodes), action]
+            able = np.any(legal, axis=1)  # an item that cannot move at all stays, and makes no transition
+            next_position = np.where(able[:, None], reached[np.arange(episodes), action], position)
             terms = simulator.reward(room, next_position)
             next_reached, next_legal = simulator.destinations(room, next_position)
-        terminated = terms.iou >= goal_iou if goal_iou is not None else np.zeros(episodes, dtype=bool)
+        terminated = terms.iou >= (np.inf if goal_iou is None else goal_iou)
         made += 1
         moves += episodes
         returns += terms.total
         truncated = made >= max_moves
         with watch("store"):
-            able = legal.any(1)  # an item that cannot move at all makes no transition
             replay.add(
                 Transitions(
                     *(
@@ -123,6 +123,8 @@ def train(
                     )
                 )
             )
+        if not replay.size:
+            raise ValueError("no item can move in any of the rooms drawn: expected shorter steps or larger rooms")
         position, reached, legal = next_position, next_reached, next_legal
         ended = np.nonzero(terminated | truncated)[0]
         if len(ended):

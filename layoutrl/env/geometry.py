@@ -10,7 +10,8 @@ from shapely.affinity import scale
 from shapely.geometry import Polygon
 
 GRID = 1e-6  # metres: positions are kept on this grid, so that a move and its opposite cancel exactly
-FIT = 2e-6  # metres by which an area may be overstepped: above the grid, below anything that can be built
+FIT = 4e-6  # metres by which an area may be overstepped: above the grid, below anything that can be built
+CONTACT = 2e-6  # metres: a place that touches a border, rounded to the grid, still fits
 
 
 def iou(a: shapely.Geometry, b: shapely.Geometry) -> float:
@@ -24,13 +25,13 @@ def snap(position: np.ndarray) -> np.ndarray:
     return np.round(position / GRID) * GRID
 
 
-def fitting_positions(area: Polygon, template: Polygon) -> shapely.Geometry:
-    """The centres at which `template`, a convex shape around the origin, lies inside `area`.
+def fitting_positions(area: Polygon, template: Polygon, slack: float = FIT) -> shapely.Geometry:
+    """The centres at which `template`, convex and around the origin, lies inside `area`, give or take `slack` (metres).
 
     This is the erosion of the area by the template: what no edge of the area's border, swept by
     the template, covers. Empty where the item does not fit.
     """
-    area = area.buffer(FIT, join_style="mitre")
+    area = area.buffer(slack, join_style="mitre")
     mirrored = scale(template, -1, -1, origin=(0, 0))
     corners = np.asarray(mirrored.exterior.coords)[:-1]
     swept = [

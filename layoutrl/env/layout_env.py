@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, SupportsFloat
+from typing import Any, Literal, SupportsFloat
 
 import gymnasium
 import numpy as np
@@ -36,7 +36,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     Raises ValueError where a room has no target, or a target that does not fit.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 8}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         terms = self.simulator.reward(self._room, position)
         self._reached, self._legal, self._total = reached[0], legal[0], float(terms.total[0])
         return {
-            "legal": self._legal,
+            "legal": self._legal.copy(),
             "r1": float(terms.r1[0]),
             "r2": float(terms.r2[0]),
             "r3": float(terms.r3[0]),

@@ -33,12 +33,12 @@ class GeometryObservation:
 
     def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
         tables = [_elements(room, list(categories)) for room in rooms]
-        self.shape = (max(map(len, tables)), len(COLUMNS) + len(categories))
+        self.shape = (max(2, *map(len, tables)), len(COLUMNS) + len(categories))
         self._elements = torch.zeros(len(rooms), *self.shape, device=device)
         for k, table in enumerate(tables):
             self._elements[k, : len(table)] = torch.as_tensor(table, dtype=torch.float32)
         sides = [np.subtract(room.envelope.bounds[2:], room.envelope.bounds[:2]).max() for room in rooms]
-        self.limit = float(max(1.0, *sides))  # no entry is larger
+        self.limit = float(max(1.0, *sides, *(np.abs(table).max() for table in tables)))  # no entry is larger
         self._origin = torch.tensor(np.array([_origin(room) for room in rooms]), device=device)  # float64, as positions
 
     def __call__(self, room: Tensor, position: Tensor) -> Tensor:
@@ -99,30 +99,36 @@ def _elements(room: Room, categories: list[str]) -> np.ndarray:
 
 def _element(kind: str, shape: Polygon, item: Item | None, categories: list[str]) -> list[float]:
     circle = item is not None and item.form == "circle"
-    center, size, angle = _rectangle(shape)
+    size, degrees = _rectangle(shape) if item is None else _canonical(item.size, item.rotation)
+    angle = np.deg2rad(2 * degrees)
     return [
         1.0,
         *(float(kind == name) for name in KINDS),
-        *center,
+        *((shape.bounds[0] + shape.bounds[2]) / 2, (shape.bounds[1] + shape.bounds[3]) / 2),
         *size,
-        np.cos(2 * angle) * (not circle),
-        np.sin(2 * angle) * (not circle),
+        np.cos(angle) * (not circle),
+        np.sin(angle) * (not circle),
         float(circle),
         *(float(item is not None and item.category == name) for name in categories),
     ]
 
 
-def _rectangle(shape: Polygon) -> tuple[tuple[float, float], tuple[float, float], float]:
-    """Centre, size and angle (radians, within 45 degrees of upright) of the smallest rectangle around a shape."""
+def _rectangle(shape: Polygon) -> tuple[tuple[float, float], float]:
+    """Size and rotation (degrees) of the smallest rectangle around a wall or an opening."""
     x0, y0, x1, y1 = shape.bounds
     turned = shapely.minimum_rotated_rectangle(shape)
     if turned.area >= 0.999 * (x1 - x0) * (y1 - y0):
-        return ((x0 + x1) / 2, (y0 + y1) / 2), (x1 - x0, y1 - y0), 0.0
+        return (x1 - x0, y1 - y0), 0.0
     a, b, c = np.asarray(turned.exterior.coords)[:3]
-    sides = [(b - a), (c - b)]
-    width, depth = sorted(sides, key=lambda side: abs(side[1]) - abs(side[0]))  # the flatter side is the width
-    angle = float(np.arctan2(*(width * np.sign(width[0]))[::-1]))
-    return (turned.centroid.x, turned.centroid.y), (float(np.hypot(*width)), float(np.hypot(*depth))), angle
+    return _canonical(
+        (float(np.hypot(*(b - a))), float(np.hypot(*(c - b)))), float(np.rad2deg(np.arctan2(*(b - a)[::-1])))
+    )
+
+
+def _canonical(size: tuple[float, float], degrees: float) -> tuple[tuple[float, float], float]:
+    """The one description of a rectangle whose rotation lies above -45 and up to 45 degrees."""
+    quarters = int(np.ceil((degrees - 45) / 90 - 1e-9))
+    return size if quarters % 2 == 0 else size[::-1], degrees - 90 * quarters
 
 
 def _origin(room: Room) -> np.ndarray:

@@ -6,8 +6,8 @@ Every pixel takes the exact share that a shape covers of it, so that a move of a
 from __future__ import annotations
 
 import zlib
-from itertools import pairwise
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import shapely

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from layoutrl.env.geometry import fitting_positions, snap
+from layoutrl.env.geometry import CONTACT, fitting_positions, snap
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.rooms.room import Room
 
@@ -83,7 +83,7 @@ class Simulator:
         shapely.prepare(self._legal)
         self._legal_bounds = shapely.bounds(self._legal)
         self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
-        inner = [fitting_positions(room.indoor, t) for room, t in zip(rooms, templates, strict=True)]
+        inner = [fitting_positions(room.indoor, t, CONTACT) for room, t in zip(rooms, templates, strict=True)]
         self.contacts = _padded([_segments(region) for region in inner], (4,))  # borders to slide to
 
         # The first two shapes of a room are its indoor area and the designer's footprint; then all elements.
@@ -138,7 +138,7 @@ class Simulator:
     def coverage(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
         shares = self._shared_areas(room, position) / self._item_area[room][:, None]
-        return (shares * self._is_other[room]).sum(1), 1 - shares[:, 0]
+        return (shares * self._is_other[room]).sum(1), np.clip(1 - shares[:, 0], 0, 1)
 
     def _shared_areas(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Area that the item shares with every shape of its room, (B, shapes), in square metres."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -80,10 +78,3 @@ def table(evaluation: dict[str, Any]) -> str:
         f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a room"
     )
     return "\n".join(lines)
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write a file whole or not at all."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
 import shapely
 from shapely.affinity import rotate, translate
 from shapely.geometry import MultiPolygon, Polygon, box
@@ -144,7 +145,9 @@ class Room:
         """Outline, walls and openings together: the outermost border, columns filled in."""
         parts = [Polygon(self.outline), *self.wall_shapes, *(o.shape for o in self.openings)]
         # Grown and shrunk by the tolerance, so that a hairline between two walls is no way out.
-        joined = shapely.union_all(parts).buffer(TOLERANCE, join_style="mitre").buffer(-TOLERANCE, join_style="mitre")
+        with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
+            grown = shapely.union_all(parts).buffer(TOLERANCE, join_style="mitre")
+            joined = grown.buffer(-TOLERANCE, join_style="mitre")
         if isinstance(joined, MultiPolygon):
             joined = max(joined.geoms, key=lambda part: part.area)
         return Polygon(joined.exterior)

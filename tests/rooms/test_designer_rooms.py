@@ -285,7 +285,7 @@ def test_groups_join_through_a_room_of_two_shapes(tmp_path: Path) -> None:
 
 
 def test_other_room_types_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="'kitchen'.*bedroom and tatami"):
+    with pytest.raises(ValueError, match=r"'kitchen'.*bedroom and tatami"):
         read(tmp_path, "kitchen")
 
 
@@ -312,8 +312,10 @@ def test_published_rooms(
     assert (again.rooms, again.left_out) == (rooms, collection.left_out)
     for room in rooms:
         assert area[0] <= room.indoor.area <= area[1]
-        assert room.indoor.is_valid and shapely.is_ccw(room.indoor.exterior)
-        assert room.doors and room.windows and room.target is not None
+        assert room.indoor.is_valid
+        assert shapely.is_ccw(room.indoor.exterior)
+        assert min(len(room.doors), len(room.windows)) > 0
+        assert room.target is not None
         assert all(item.footprint.difference(room.indoor).area < 1e-6 for item in room.furniture)
         parts = [*room.wall_shapes, *(o.shape for o in room.openings), room.indoor]
         assert sum(part.area for part in parts) == pytest.approx(shapely.union_all(parts).area, abs=1e-6)

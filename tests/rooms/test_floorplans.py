@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import TOLERANCE, InputError, Item, Room
-from layoutrl.rooms.sources.floorplans import HALF_WALL, MAIN_ITEM, _snapped, read
+from layoutrl.rooms.sources.floorplans import MAIN_ITEM, _snapped, read
+from layoutrl.rooms.sources.plans import HALF_WALL
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "floorplans"
 real_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"the floor plans are not in {REAL}")

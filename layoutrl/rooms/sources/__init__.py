@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +20,7 @@ def read_source(
 ) -> Collection:
     """The rooms of one type that a source holds. Raises InputError where the source or its files are unknown."""
     if source == "examples":
-        return read_rooms(EXAMPLES / f"{room_type}.jsonl", strict=True)
+        return replace(read_rooms(EXAMPLES / f"{room_type}.jsonl", strict=True), source="examples")
     if root is None:
         raise InputError(f"data.root: {source} expects the folder of its files, as data.root=<folder>")
     if source == "floorplans":

@@ -1,0 +1,71 @@
+"""python -m layoutrl.evaluate run=<folder> [data=... data.root=...] [part=held_out|training|all] [starts=1]"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import hydra
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+
+from layoutrl import build
+from layoutrl.config import EvaluateConfig, config_directory, register
+from layoutrl.evaluation.report import evaluate, table
+from layoutrl.rooms.collection import split, with_copies
+from layoutrl.rooms.room import InputError
+from layoutrl.runs import load_checkpoint, load_config, write_json
+
+
+def run(config: EvaluateConfig) -> dict[str, Any]:
+    """Score a trained agent; prints a table and stores evaluation-<data>-<part>-<starts>.json in the run's folder."""
+    folder = Path(config.run)
+    trained = load_config(folder)
+    device = build.device(config.device)
+    checkpoint = load_checkpoint(folder, device)
+    agent = build.agent(trained.method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
+    agent.network.load_state_dict(checkpoint["network"])
+
+    data = config.data or trained.data
+    same = data.source == trained.data.source
+    parts = split(build.rooms(trained.room, trained.data), trained.fold)
+    training = parts[0]
+    if data != trained.data:
+        parts = split(build.rooms(trained.room, data), trained.fold)
+    part = config.part or ("held_out" if same else "all")
+    rooms = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
+    if not rooms:
+        raise InputError(f"part: {data.source} has no {part} rooms; expected another part, or more rooms")
+    print(f"scoring {len(rooms)} rooms of {data.source} ({part})")
+
+    simulator = build.simulator(rooms, trained.method, trained.reward)
+    result = evaluate(
+        agent,
+        simulator,
+        build.observation(rooms, trained.method, checkpoint["categories"], device),
+        with_copies(training) if trained.data.copies else training,
+        starts_a_room=config.starts,
+        max_moves=trained.method.evaluation_moves,
+        on_illegal=config.on_illegal or trained.method.on_illegal,
+        seed=np.random.SeedSequence(config.seed),
+    )
+    print(table(result))
+    labels = f"-{data.labels}" if data.source == "floorplans" else ""
+    path = folder / f"evaluation-{data.source}{labels}-{part}-{config.starts}.json"
+    write_json(path, {"data": asdict(data), "part": part, "seed": config.seed} | result)
+    print(f"wrote {path}")
+    return result
+
+
+register()
+
+
+@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="evaluate")
+@build.answers_errors
+def main(config: DictConfig) -> None:
+    run(OmegaConf.to_object(config))  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":
+    main()

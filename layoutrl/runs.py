@@ -1,0 +1,72 @@
+"""The folder of a run: config.yaml, checkpoint.pt, metrics.csv, evaluation.json and TensorBoard events."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from layoutrl.agents.dqn import DQN
+from layoutrl.config import TrainConfig
+from layoutrl.rooms.room import InputError
+
+
+def new_folder(config: TrainConfig) -> Path:
+    """runs/<room>/<name>, with a number behind the name where that is taken: no run overwrites another."""
+    labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
+    name = config.name or (
+        f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
+    )
+    base = Path(config.runs) / config.room.type
+    attempt = 1
+    while True:
+        folder = base / (name if attempt == 1 else f"{name}-{attempt}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            attempt += 1
+        except OSError as error:
+            raise InputError(
+                f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to"
+            ) from None
+        else:
+            OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
+            return folder
+
+
+def save_checkpoint(folder: Path, agent: DQN, categories: list[str]) -> None:
+    """Write checkpoint.pt whole or not at all: weights, known furniture categories, updates made."""
+    partial = folder / "checkpoint.partial"
+    torch.save({"network": agent.network.state_dict(), "categories": categories, "updates": agent.updates}, partial)
+    partial.replace(folder / "checkpoint.pt")
+
+
+def load_config(folder: Path) -> TrainConfig:
+    """The resolved configuration of a run. Raises InputError where there is none."""
+    path = folder / "config.yaml"
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(TrainConfig, OmegaConf.load(path)))  # type: ignore[return-value]
+    except (OSError, OmegaConfBaseException, ValueError) as error:
+        raise InputError(f"run: {path} cannot be read ({error}); expected the folder of a training run") from None
+
+
+def load_checkpoint(folder: Path, device: torch.device) -> dict[str, Any]:
+    """What `save_checkpoint` wrote. Raises InputError where it is missing or damaged."""
+    path = folder / "checkpoint.pt"
+    try:
+        return torch.load(path, map_location=device, weights_only=True)
+    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"run: {path} cannot be read ({reason}); expected the checkpoint of a training run") from None
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a file whole or not at all."""
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    partial.replace(path)

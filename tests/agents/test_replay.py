@@ -1,0 +1,208 @@
+"""The replay of poses gives back what was stored: the last `capacity` transitions, exactly and uniformly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutrl.agents.replay import Replay, Transitions
+from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.room import Item
+from tests.builders import l_room, rectangular_room
+
+
+def numbered(first: int, count: int, actions: int = 6) -> Transitions:
+    """`count` transitions that tell their number, from `first` on, in the reward and everywhere else."""
+    number = np.arange(first, first + count)
+    rng = np.random.default_rng(first)
+    return Transitions(
+        torch.as_tensor(number % 7),
+        torch.as_tensor(np.stack([number, -number], 1) * 1e-6),
+        torch.as_tensor(number % actions),
+        torch.as_tensor(number.astype(float)),
+        torch.as_tensor(number % 2 * 0.9),
+        torch.as_tensor(np.stack([number + 0.5, number], 1)),
+        torch.as_tensor(rng.random((count, actions)) < 0.5),
+    )
+
+
+def numbers(replay: Replay, draws: int = 2000) -> set[int]:
+    return set(replay.sample(draws, np.random.default_rng(0)).reward.int().tolist())
+
+
+@pytest.mark.parametrize("observation", ["image", "geometry"])
+def test_it_gives_what_a_replay_of_stored_pictures_would_give(observation):
+    rooms = [
+        rectangular_room(item=Item("bed", (1.3, 0.8), (2, 1.5), 20)),
+        l_room(others=(Item("lamp", (0.4, 0.4), (3, 1), form="circle"),)),
+    ]
+    simulator = Simulator(rooms, Moves((0.3, 0.05)), Reward())
+    geometry = GeometryObservation(rooms, categories_of(rooms))
+    observe = ImageObservation(rooms) if observation == "image" else geometry
+    rng = np.random.default_rng(0)
+    capacity, naive = 20, []
+    replay = Replay(capacity, simulator.moves.count)
+    room = rng.integers(2, size=5)
+    position = simulator.starts(room, rng)
+    for _ in range(7):
+        reached, legal = simulator.destinations(room, position)
+        action = np.where(legal, rng.random(legal.shape), -1).argmax(1)
+        next_position = reached[np.arange(5), action]
+        next_legal = simulator.destinations(room, next_position)[1]
+        columns = (room, position, action, rng.random(5), rng.random(5), next_position, next_legal)
+        batch = Transitions(*map(torch.as_tensor, columns))
+        replay.add(batch)
+        pictures, next_pictures = observe(batch.room, batch.position), observe(batch.room, batch.next_position)
+        for k in range(5):
+            naive.append((pictures[k], action[k], batch.reward[k], batch.discount[k], next_pictures[k], next_legal[k]))
+        position = next_position
+    naive = naive[-capacity:]
+    number = {float(row[2].float()): k for k, row in enumerate(naive)}  # rewards differ and so tell them apart
+    drawn = replay.sample(64, np.random.default_rng(1))
+    before, after = observe(drawn.room, drawn.position), observe(drawn.room, drawn.next_position)
+    for b in range(64):
+        picture, action, reward, discount, next_picture, next_legal = naive[number[float(drawn.reward[b])]]
+        assert torch.equal(before[b], picture)
+        assert torch.equal(after[b], next_picture)
+        assert int(drawn.action[b]) == action
+        assert drawn.reward[b] == reward.float()
+        assert drawn.discount[b] == discount.float()
+        np.testing.assert_array_equal(drawn.next_legal[b].numpy(), next_legal)
+    assert len(number) == capacity
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 8])
+@pytest.mark.parametrize("stored", [5, 6, 7, 15, 16, 17, 31, 32, 33])
+def test_it_holds_the_last_capacity_transitions_whatever_the_number_stored(stored, chunk):
+    replay = Replay(16, 6)
+    for first in range(0, stored, chunk):
+        replay.add(numbered(first, min(chunk, stored - first)))
+    assert replay.size == min(stored, 16)
+    assert numbers(replay) == set(range(max(0, stored - 16), stored))
+
+
+@given(st.integers(1, 9), st.lists(st.integers(0, 9), min_size=1, max_size=12))
+@settings(max_examples=30)
+def test_it_agrees_with_a_list_for_any_sequence_of_additions(capacity, counts):
+    replay, stored = Replay(capacity, 6), 0
+    for count in (min(count, capacity) for count in counts):
+        replay.add(numbered(stored, count))
+        stored += count
+        assert replay.size == min(stored, capacity)
+        if stored:
+            assert numbers(replay, 300) == set(range(max(0, stored - capacity), stored))
+
+
+def test_a_transition_stays_whole_when_the_memory_wraps_around():
+    replay = Replay(8, 6)
+    for first in range(0, 20, 5):
+        replay.add(numbered(first, 5))
+    drawn = replay.sample(100, np.random.default_rng(0))
+    for b in range(100):
+        number = int(drawn.reward[b])
+        right = numbered(number - number % 5, 5)
+        for name in Transitions._fields:
+            torch.testing.assert_close(
+                getattr(drawn, name)[b].double(), getattr(right, name)[number % 5].double(), atol=1e-7, rtol=1e-6
+            )
+
+
+def test_shapes_and_types_are_as_documented():
+    replay = Replay(8, 6)
+    replay.add(numbered(0, 5))
+    drawn = replay.sample(3, np.random.default_rng(0))
+    assert [tuple(c.shape) for c in drawn] == [(3,), (3, 2), (3,), (3,), (3,), (3, 2), (3, 6)]
+    assert [c.dtype for c in drawn] == [
+        torch.int64, torch.float64, torch.uint8, torch.float32, torch.float32, torch.float64, torch.bool
+    ]  # fmt: skip
+
+
+def test_unfilled_slots_are_never_drawn():
+    replay = Replay(1000, 6)
+    replay.add(numbered(100, 3))
+    assert numbers(replay) == {100, 101, 102}
+
+
+def test_every_stored_transition_is_as_likely_as_another():
+    replay, draws = Replay(64, 6), 64_000
+    for first in range(0, 96, 32):
+        replay.add(numbered(first, 32))
+    drawn = replay.sample(draws, np.random.default_rng(3)).reward.int().numpy() - 32
+    counts = np.bincount(drawn, minlength=64)
+    chi_square = ((counts - draws / 64) ** 2 / (draws / 64)).sum()
+    assert len(counts) == 64
+    assert chi_square < 112  # 63 degrees of freedom: exceeded by one seed in ten thousand
+
+
+def test_draws_hang_on_the_given_generator_alone():
+    replay = Replay(64, 6)
+    replay.add(numbered(0, 64))
+    first, second, other = (replay.sample(32, np.random.default_rng(seed)).reward for seed in (0, 0, 1))
+    assert torch.equal(first, second)
+    assert not torch.equal(first, other)
+    rng = np.random.default_rng(0)
+    assert not torch.equal(replay.sample(32, rng).reward, replay.sample(32, rng).reward)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=15)
+def test_positions_come_back_to_the_bit(seed):
+    rng = np.random.default_rng(seed)
+    simulator = Simulator([rectangular_room(9.7, 3.1), l_room()], Moves((0.37, 0.037), slide=False), Reward())
+    room = rng.integers(2, size=20)
+    position = simulator.starts(room, rng)
+    reached = simulator.destinations(room, position)[0][:, 3]
+    replay = Replay(20, simulator.moves.count)
+    columns = [torch.zeros(20), torch.arange(20.0), torch.zeros(20), torch.as_tensor(reached), torch.ones(20, 8)]
+    replay.add(Transitions(torch.as_tensor(room), torch.as_tensor(position), *columns[:3], *columns[3:]))
+    drawn = replay.sample(100, np.random.default_rng(0))
+    number = drawn.reward.long().numpy()
+    np.testing.assert_array_equal(drawn.position.numpy(), position[number])
+    np.testing.assert_array_equal(drawn.next_position.numpy(), reached[number])
+
+
+@pytest.mark.parametrize("actions", [1, 4, 16, 31])
+def test_masks_of_legal_moves_come_back(actions):
+    rng = np.random.default_rng(actions)
+    legal = rng.random((200, actions)) < rng.random((200, 1))
+    legal[0], legal[1] = True, False
+    replay = Replay(200, actions)
+    replay.add(numbered(0, 200, actions)._replace(next_legal=torch.as_tensor(legal)))
+    drawn = replay.sample(1000, np.random.default_rng(0))
+    np.testing.assert_array_equal(drawn.next_legal.numpy(), legal[drawn.reward.long().numpy()])
+
+
+def test_more_actions_than_bits_are_refused():
+    with pytest.raises(ValueError, match="31"):
+        Replay(8, 32)
+
+
+def test_a_transition_takes_at_most_48_bytes():
+    replay = Replay(1000, 31)
+    assert replay.bytes_per_transition <= 48
+    held = [t for t in vars(replay).values() if isinstance(t, torch.Tensor)] + list(replay._columns)
+    assert sum(t.numel() * t.element_size() for t in held) <= 1000 * 48
+
+
+def test_neither_what_was_stored_nor_what_was_drawn_is_shared():
+    replay, stored = Replay(8, 6), numbered(0, 8)
+    replay.add(stored)
+    before = replay.sample(50, np.random.default_rng(0))
+    copies = [column.clone() for column in before]
+    for column in (*stored, *before):
+        column.zero_()
+    after = replay.sample(50, np.random.default_rng(0))
+    assert all(torch.equal(a, b) for a, b in zip(after, copies, strict=True))
+
+
+def test_nothing_stored_changes_nothing():
+    replay = Replay(4, 6)
+    replay.add(numbered(0, 3))
+    replay.add(numbered(3, 0))
+    assert replay.size == 3
+    assert numbers(replay) == {0, 1, 2}

@@ -1,0 +1,14 @@
+"""Settings of all tests: hypothesis draws the same examples every time under CI, new ones elsewhere."""
+
+from __future__ import annotations
+
+import os
+
+import torch
+from hypothesis import settings
+
+settings.register_profile("local", deadline=None, max_examples=30)
+settings.register_profile("ci", deadline=None, max_examples=30, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+torch.set_num_threads(1)  # networks this small only lose by a second thread

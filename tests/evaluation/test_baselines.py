@@ -1,0 +1,136 @@
+"""Yardsticks without an agent: legal places beside walls, and the designer's place in the most similar room."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.baselines import nearest_room_place, random_wall_place, wall_places
+from layoutrl.rooms.room import Item, Opening
+from tests.builders import l_room, random_room, rectangle, rectangular_room, room_of
+
+pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
+
+
+def simulator_of(*rooms) -> Simulator:
+    return Simulator(rooms, Moves(), Reward())
+
+
+def as_set(places: np.ndarray) -> set[tuple[float, ...]]:
+    return {tuple(row) for row in np.round(places, 6).tolist()}
+
+
+@pytest.mark.parametrize("item", [Item("bed", (1.0, 0.6), (2, 1.5)), Item("bed", (0.6, 1.0), (2, 1.5), 270)])
+def test_the_eight_wall_places_of_a_rectangular_room_are_its_corners_and_the_middles_of_its_walls(item):
+    right = {(0.5, 0.3), (2, 0.3), (3.5, 0.3), (0.5, 1.5), (3.5, 1.5), (0.5, 2.7), (2, 2.7), (3.5, 2.7)}
+    places = wall_places(rectangular_room(4, 3, item))
+    assert places.shape == (8, 2)
+    assert as_set(places) == right
+
+
+def test_wall_places_of_another_shape_touch_the_box_around_its_outline():
+    item = Item("bed", (0.8, 0.8), (1, 1), form="circle")
+    assert as_set(wall_places(l_room(item))) == {
+        (x, y) for x in (0.4, 2, 3.6) for y in (0.4, 2, 3.6) if (x, y) != (2, 2)
+    }
+
+
+def test_only_legal_wall_places_are_drawn_each_of_them():
+    room = l_room(Item("bed", (1.0, 1.0), (1.0, 1.0)))  # the upper right arm of the L is not there
+    simulator, rng = simulator_of(room), np.random.default_rng(0)
+    index = np.zeros(300, dtype=int)
+    starts = simulator.starts(index, rng)
+    chosen = random_wall_place(simulator, index, starts, rng)
+    assert simulator.is_legal(index, chosen).all()
+    assert as_set(chosen) == {(0.5, 0.5), (2, 0.5), (3.5, 0.5), (0.5, 2), (0.5, 3.5)}
+    counts = np.unique(chosen, axis=0, return_counts=True)[1]
+    assert counts.min() > 300 / 5 / 2
+
+
+def test_where_no_wall_place_is_legal_the_start_is_kept():
+    diamond = ((2.0, 0.0), (4.0, 2.0), (2.0, 4.0), (0.0, 2.0))
+    rooms = [room_of(diamond, Item("bed", (1.5, 1.5), (2, 2))), rectangular_room(id="plain")]
+    simulator, rng = simulator_of(*rooms), np.random.default_rng(0)
+    index = np.array([0, 1, 0])
+    starts = simulator.starts(index, rng)
+    copy = starts.copy()
+    chosen = random_wall_place(simulator, index, starts, rng)
+    np.testing.assert_array_equal(chosen[[0, 2]], starts[[0, 2]])
+    assert not np.array_equal(chosen[1], starts[1])
+    np.testing.assert_array_equal(starts, copy)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=15)
+def test_wall_places_lie_within_the_box_around_the_outline_and_drawn_ones_are_legal(seed):
+    rng = np.random.default_rng(seed)
+    room = random_room(rng)
+    x0, y0, x1, y1 = room.indoor.bounds
+    for x, y in wall_places(room):
+        a, b, c, d = room.moving.footprint_at((x, y)).bounds
+        assert min(a - x0, b - y0, x1 - c, y1 - d) >= -1e-9
+        assert min(a - x0, b - y0, x1 - c, y1 - d) <= 1e-9
+    simulator, index = simulator_of(room), np.zeros(5, dtype=int)
+    chosen = random_wall_place(simulator, index, simulator.starts(index, rng), rng)
+    assert simulator.is_legal(index, chosen).all()
+
+
+def designed_room(seed: int):
+    """A rectangular room with a door somewhere and the bed anywhere indoors."""
+    rng = np.random.default_rng(seed)
+    width, depth, door = rng.uniform(3, 5), rng.uniform(2.5, 4), rng.uniform(0.2, 1.8)
+    size = tuple(map(float, rng.uniform(0.8, 1.6, 2)))
+    center = tuple(map(float, rng.uniform((0.8, 0.8), (width - 0.8, depth - 0.8))))
+    openings = (Opening("door", rectangle(door, -0.2, door + 0.9, 0)),)
+    return rectangular_room(width, depth, Item("bed", size, center), openings=openings, id=str(seed))
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15)
+def test_a_room_that_is_in_the_training_list_gets_its_designers_place(seed):
+    rooms = [designed_room(10 * seed + k) for k in range(6)]
+    index = np.array([3, 0, 3, 5])
+    places = nearest_room_place(simulator_of(*rooms), index, rooms[::-1])
+    np.testing.assert_allclose(places, [rooms[k].moving.center for k in index], atol=1e-9)
+
+
+def test_the_most_similar_room_tells_where_within_the_free_play():
+    # The bed of 2 m by 1 m plays over 3 m by 2 m there and stands at 1/3 and 1/4 of it; over 4 m by 2 m here.
+    there = rectangular_room(5, 3, Item("bed", (2, 1), (2, 1)), id="there")
+    far = rectangular_room(9, 8, Item("bed", (0.5, 0.5), (8, 7)), id="far")
+    here = rectangular_room(6, 3, Item("bed", (2, 1), (4, 2)), id="here")
+    places = nearest_room_place(simulator_of(here), np.array([0, 0]), [far, there])
+    np.testing.assert_allclose(places, [(1 + 4 / 3, 0.5 + 0.5)] * 2)
+
+
+def test_likeness_tells_rooms_apart_by_their_door():
+    def room(door: float, x: float):
+        openings = (Opening("door", rectangle(door, -0.2, door + 0.9, 0)),)
+        return rectangular_room(4, 3, Item("bed", (1, 1), (x, 1.5)), openings=openings)
+
+    training = [room(0.3, 3.2), room(2.7, 0.8)]
+    for door, x in ((0.5, 3.2), (2.5, 0.8)):
+        places = nearest_room_place(simulator_of(room(door, 2.0)), np.array([0]), training)
+        np.testing.assert_allclose(places, [(x, 1.5)])
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15)
+def test_the_place_of_the_nearest_room_lies_within_the_box_around_the_outline(seed):
+    rng = np.random.default_rng(seed)
+    room, training = random_room(rng), [random_room(rng) for _ in range(3)]
+    place = nearest_room_place(simulator_of(room), np.array([0]), training)[0]
+    x0, y0, x1, y1 = room.indoor.bounds
+    a, b, c, d = room.moving.footprint_at(tuple(place)).bounds
+    assert min(a - x0, b - y0, x1 - c, y1 - d) >= -1e-9
+
+
+def test_the_designers_place_of_the_room_itself_is_not_read():
+    training = [designed_room(k) for k in range(5)]
+    rooms = [rectangular_room(4, 3, Item("bed", (1, 1), center)) for center in ((1, 1), (3, 2))]
+    places = [nearest_room_place(simulator_of(room), np.array([0]), training) for room in rooms]
+    np.testing.assert_array_equal(*places)

@@ -1,0 +1,245 @@
+"""Greedy rollouts: where an episode stops, and that the designer's place is never asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import nn
+
+from layoutrl.agents.dqn import DQN
+from layoutrl.agents.networks import GeometryNetwork
+from layoutrl.env.observation import GeometryObservation
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.protocols import Rollout, rollout
+from layoutrl.rooms.room import Item, Room
+from tests.builders import l_room, random_room, rectangular_room
+
+pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
+STEPS = Moves((0.5,), slide=False)
+RIGHT, LEFT, BELOW, UP = range(4)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    """Networks this small are slower on several threads, by far on a busy machine."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+class Scripted:
+    """An agent whose values hang on the position alone, by a function of (x, y)."""
+
+    def __init__(self, values):
+        self.network = nn.Linear(1, 1)
+        self._values = values
+        self.asked = 0
+
+    def values(self, positions: torch.Tensor) -> torch.Tensor:
+        self.asked += 1
+        return torch.tensor([self._values(x, y) for x, y in positions.tolist()])
+
+
+def scripted(choices: dict[float, tuple[int, float]]) -> Scripted:
+    """Takes, at each x, the action with the value given; the value of every other action is 50 less."""
+
+    def values(x: float, y: float) -> list[float]:
+        action, q = choices[round(x, 3)]
+        return [q - 50 * (a != action) for a in range(4)]
+
+    return Scripted(values)
+
+
+def position(room: torch.Tensor, where: torch.Tensor) -> torch.Tensor:
+    return where
+
+
+def wide_room(designer: tuple[float, float] = (2.5, 1.5)) -> Room:
+    """The item's centre may go from 0.3 to 3.7 and from 0.3 to 2.7."""
+    return rectangular_room(4, 3, Item("bed", (1.0, 1.0), designer))
+
+
+def follow(agent, start, max_moves=20, on_illegal="mask", room: Room | None = None, moves: Moves = STEPS) -> Rollout:
+    simulator = Simulator([room or wide_room()], moves, Reward())
+    return rollout(agent, simulator, position, np.array([0]), np.array([start]), max_moves, on_illegal)
+
+
+def test_an_episode_stops_in_its_loop_at_the_position_entered_by_the_move_of_highest_value():
+    # 1.0 > 1.5 > 2.0 > 2.5 > 2.0: within the loop 2.5 is entered with value 1 and 2.0 with value 3.
+    agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 5.0), 2.0: (RIGHT, 1.0), 2.5: (LEFT, 3.0)})
+    run = follow(agent, (1.0, 1.5))
+    assert run.final.tolist() == [[2.0, 1.5]]  # the designer's place is 2.5
+    assert run.moves.tolist() == [2]
+    assert run.looped.tolist() == [True]
+
+
+def test_a_high_value_on_the_way_into_the_loop_does_not_count():
+    agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 90.0), 2.0: (RIGHT, 3.0), 2.5: (LEFT, 1.0)})
+    run = follow(agent, (1.0, 1.5), room=wide_room((2.0, 1.5)))
+    assert run.final.tolist() == [[2.5, 1.5]]
+    assert run.moves.tolist() == [3]
+
+
+def test_a_loop_may_be_longer_than_two_and_contain_the_start():
+    around = {(1.0, 1.0): (RIGHT, 1.0), (1.5, 1.0): (UP, 2.0), (1.5, 1.5): (LEFT, 9.0), (1.0, 1.5): (BELOW, 4.0)}
+
+    def values(x, y):
+        action, q = around[round(x, 3), round(y, 3)]
+        return [q - 50 * (a != action) for a in range(4)]
+
+    agent = Scripted(values)
+    run = follow(agent, (1.0, 1.0))
+    assert run.final.tolist() == [[1.0, 1.5]]
+    assert run.moves.tolist() == [3]
+    assert run.looped.tolist() == [True]
+    assert agent.asked == 4
+
+
+def test_the_path_holds_every_position_and_stays_at_the_last():
+    agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 5.0), 2.0: (LEFT, 1.0)})
+    run = follow(agent, (1.0, 1.5), max_moves=6)
+    assert run.path.shape == (7, 1, 2)
+    assert run.path[:, 0, 0].tolist() == [1.0, 1.5, 2.0, 1.5, 1.5, 1.5, 1.5]
+    assert (run.path[:, 0, 1] == 1.5).all()
+
+
+def test_stop_ends_an_episode_where_its_choice_is_illegal():
+    agent = scripted({2.5: (RIGHT, 7.0), 3.0: (RIGHT, 2.0), 3.5: (RIGHT, 1.0)})
+    run = follow(agent, (2.5, 1.5), on_illegal="stop")
+    assert run.final.tolist() == [[3.5, 1.5]]
+    assert run.moves.tolist() == [2]
+    assert run.looped.tolist() == [True]
+    assert run.path[2:, 0, 0].tolist() == [3.5] * 19
+    at_once = follow(agent, (3.5, 1.5), on_illegal="stop")
+    assert at_once.final.tolist() == [[3.5, 1.5]]
+    assert at_once.moves.tolist() == [0]
+
+
+def test_mask_takes_the_best_legal_move_in_place_of_an_illegal_one():
+    def values(x, y):  # to the right, where the room ends at 3.7; the second best goes up
+        return [10.0, 1.0, 0.0, 5.0]
+
+    run = follow(Scripted(values), (3.0, 2.0), on_illegal="mask", max_moves=2)
+    assert run.path[:, 0].tolist() == [[3.0, 2.0], [3.5, 2.0], [3.5, 2.5]]
+
+
+def test_a_budget_that_runs_out_leaves_the_last_position_and_no_loop():
+    agent = scripted({x: (RIGHT, -x) for x in (0.5, 1.0, 1.5, 2.0, 2.5)})
+    run = follow(agent, (0.5, 1.5), max_moves=3)
+    assert run.final.tolist() == [[2.0, 1.5]]
+    assert run.moves.tolist() == [3]
+    assert run.looped.tolist() == [False]
+
+
+def test_a_loop_closed_by_the_last_move_of_the_budget_is_a_loop():
+    agent = scripted({1.0: (RIGHT, 1.0), 1.5: (LEFT, 5.0)})
+    run = follow(agent, (1.0, 1.5), max_moves=2)
+    assert run.looped.tolist() == [True]
+    assert run.final.tolist() == [[1.0, 1.5]]
+    assert run.moves.tolist() == [0]
+    assert follow(agent, (1.0, 1.5), max_moves=1).looped.tolist() == [False]
+
+
+def test_an_item_that_cannot_move_at_all_stays():
+    room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
+    for on_illegal in ("mask", "stop"):
+        run = follow(Scripted(lambda x, y: [1.0, 2.0, 3.0, 4.0]), (0.5, 0.5), room=room, on_illegal=on_illegal)
+        assert run.final.tolist() == [[0.5, 0.5]]
+        assert run.moves.tolist() == [0]
+        assert run.looped.tolist() == [True]
+
+
+def hashed(seed: int, actions: int):
+    """Values that look random, and are the same for the same position."""
+
+    def values(x: float, y: float) -> list[float]:
+        rng = np.random.default_rng([seed, round(x * 1e6) + 2**40, round(y * 1e6) + 2**40])
+        return rng.normal(size=actions).tolist()
+
+    return values
+
+
+def one_by_one(values, simulator: Simulator, room: int, start: np.ndarray, max_moves: int, on_illegal: str):
+    """(final, moves, looped) of one episode, followed step by step."""
+    way, entered_by = [tuple(start)], [-np.inf]
+    for _ in range(max_moves):
+        reached, legal = (x[0] for x in simulator.destinations(np.array([room]), np.array([way[-1]])))
+        q = np.float32(values(*way[-1])).astype(float)
+        allowed = np.where(legal, q, -np.inf) if on_illegal == "mask" else q
+        action = int(np.argmax(allowed))
+        if not legal[action]:
+            return way[-1], way.index(way[-1]), True
+        there = tuple(reached[action])
+        entered_by.append(q[action])
+        if there in way:
+            loop = range(way.index(there) + 1, len(way) + 1)
+            way.append(there)
+            best = way[max(loop, key=lambda k: entered_by[k])]
+            return best, way.index(best), True
+        way.append(there)
+    return way[-1], max_moves, False
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["mask", "stop"]), st.sampled_from([3, 60]), st.booleans())
+@settings(max_examples=20)
+def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_illegal, max_moves, slide):
+    rng = np.random.default_rng(seed)
+    rooms = [wide_room(), l_room(), random_room(rng)]
+    simulator = Simulator(rooms, Moves((0.6, 0.2), slide=slide), Reward())
+    room = rng.integers(3, size=8)
+    starts = simulator.starts(room, rng)
+    values = hashed(seed, simulator.moves.count)
+    run = rollout(Scripted(values), simulator, position, room, starts, max_moves, on_illegal)
+    for b in range(8):
+        final, moves, looped = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
+        assert tuple(run.final[b]) == final
+        assert run.moves[b] == moves
+        assert run.looped[b] == looped
+        assert simulator.is_legal(room[b : b + 1].repeat(max_moves + 1), run.path[:, b]).all()
+        assert tuple(run.path[run.moves[b], b]) == final
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["mask", "stop"]))
+@settings(max_examples=10)
+def test_rollouts_never_hang_on_the_designers_place(seed, on_illegal):
+    rng = np.random.default_rng(seed)
+    room = random_room(rng)
+    simulator = Simulator([room], Moves((0.6, 0.2)), Reward())
+    index = np.zeros(6, dtype=int)
+    starts = simulator.starts(index, rng)
+    places = [room.moving.center, tuple(starts[0]), tuple(starts[1])]
+    runs = []
+    with torch.random.fork_rng():
+        for place in places:
+            moved = replace(room, furniture=(replace(room.moving, center=place), *room.furniture[1:]))
+            simulator = Simulator([moved], Moves((0.6, 0.2)), Reward())
+            observe = GeometryObservation([moved], [room.moving.category])
+            torch.manual_seed(seed)
+            network = GeometryNetwork(observe.shape[1], simulator.moves.count, element_width=8, width=16)
+            agent = DQN(network, 1e-3, 10, 10, double=True)
+            runs.append(rollout(agent, simulator, observe, index, starts, 30, on_illegal))
+    for run in runs[1:]:
+        np.testing.assert_array_equal(run.path, runs[0].path)
+        np.testing.assert_array_equal(run.final, runs[0].final)
+        np.testing.assert_array_equal(run.moves, runs[0].moves)
+
+
+def test_neither_starts_nor_agent_are_changed_by_a_rollout():
+    room = wide_room()
+    simulator, observe = Simulator([room], STEPS, Reward()), GeometryObservation([room], ["bed"])
+    agent = DQN(GeometryNetwork(observe.shape[1], 4, element_width=8, width=16), 1e-3, 10, 10, double=False)
+    starts = simulator.starts(np.zeros(5, dtype=int), np.random.default_rng(0))
+    copies, weights = starts.copy(), [p.clone() for p in agent.network.parameters()]
+    runs = [rollout(agent, simulator, observe, np.zeros(5, dtype=int), starts, 10) for _ in range(2)]
+    np.testing.assert_array_equal(starts, copies)
+    np.testing.assert_array_equal(runs[0].path, runs[1].path)
+    assert all(torch.equal(a, b) for a, b in zip(agent.network.parameters(), weights, strict=True))
+    assert all(p.grad is None for p in agent.network.parameters())
+    assert agent.updates == 0

@@ -1,0 +1,351 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, write_rooms
+from layoutrl.rooms.room import MAIN_ITEM, InputError, Item, Room, RoomError, wall_band
+from tests.builders import rectangle, rectangular_room, rooms
+
+Change = Callable[[dict[str, Any]], object]
+
+
+def document(**fields: Any) -> dict[str, Any]:
+    """A good room as JSON has it: 4 m by 3 m with a door, a bed and a round stool."""
+    return {
+        "id": "b-17",
+        "room_type": "bedroom",
+        "outline": [[0, 0], [4, 0], [4, 3], [0, 3]],
+        "doors": [{"polygon": [[1, -0.2], [2, -0.2], [2, 0], [1, 0]]}],
+        "windows": [{"polygon": [[1, 3], [2, 3], [2, 3.2], [1, 3.2]]}],
+        "furniture": [
+            {"category": "bed", "center": [1.0, 1.5], "size": [2.0, 1.5], "rotation": 0},
+            {"category": "stool", "shape": "circle", "center": [3, 2], "size": [0.5, 0.5]},
+        ],
+    } | fields
+
+
+def polygons(*rings: list[list[float]]) -> list[dict[str, Any]]:
+    return [{"polygon": ring} for ring in rings]
+
+
+def write(path: Path, *lines: str | dict[str, Any]) -> Path:
+    path.write_text("\n".join(line if isinstance(line, str) else json.dumps(line) for line in lines), encoding="utf-8")
+    return path
+
+
+# round trips
+
+
+@given(st.lists(rooms(), max_size=3, unique_by=lambda room: room.id))
+def test_written_rooms_are_read_back_equal(tmp_path_factory: pytest.TempPathFactory, written: list[Room]) -> None:
+    path = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
+    write_rooms(path, written)
+    collection = read_rooms(path, strict=True)
+    assert collection.rooms == written
+    assert collection.left_out == []
+
+
+@given(rooms(group="plan 7", target=None))
+def test_the_group_and_a_target_that_was_not_chosen_survive(room: Room) -> None:
+    read = room_from_dict(json.loads(json.dumps(room_to_dict(room))))
+    assert read.group == "plan 7"
+    assert read.target == 0  # the builder's main item is there once, so that it is the target
+
+
+def test_an_unplaced_item_survives_the_round_trip() -> None:
+    room = rectangular_room(4, 3, item=Item("bed", (1.0, 2.0), None, 90.0))
+    assert parse_room(json.dumps(room_to_dict(room))) == room
+
+
+def test_a_json_file_holds_one_room_and_a_folder_is_read_in_order_of_names(tmp_path: Path) -> None:
+    write(tmp_path / "b.json", json.dumps(document(id="second"), indent=2))
+    (tmp_path / "c").mkdir()
+    write(tmp_path / "c" / "d.jsonl", document(id="third"), "", document(id="fourth"))
+    write(tmp_path / "a.jsonl", document(id="first"))
+    write(tmp_path / "notes.txt", "not a room")
+    collection = read_rooms(tmp_path)
+    assert [room.id for room in collection.rooms] == ["first", "second", "third", "fourth"]
+    assert collection.left_out == []
+
+
+# what may be left out
+
+
+def test_walls_left_out_are_a_band_cut_by_the_openings() -> None:
+    room = room_from_dict(document())
+    assert room.walls == wall_band(room.outline, (), room.openings)
+    assert len(room.walls) == 6
+
+
+def test_walls_that_are_given_are_kept_even_if_there_are_none() -> None:
+    ring = rectangle(-0.1, 0.0, 0.0, 3.0)
+    assert room_from_dict(document(walls=polygons([list(p) for p in ring]))).walls == (ring,)
+    assert room_from_dict(document(walls=[])).walls == ()
+
+
+def test_holes_bound_the_indoor_area_and_may_be_left_out() -> None:
+    assert room_from_dict(document()).holes == ()
+    hole = [[2.5, 0.5], [3, 0.5], [3, 1], [2.5, 1]]
+    room = room_from_dict(document(holes=[hole]))
+    assert room.indoor.area == pytest.approx(12 - 0.25)
+    assert not Polygon(room.holes[0]).exterior.is_ccw
+    assert room_from_dict(document(holes=[hole[::-1]])) == room
+
+
+def test_an_item_without_rotation_shape_and_centre_is_an_upright_rectangle_to_be_placed() -> None:
+    room = room_from_dict(document(furniture=[{"category": "bed", "size": [2, 1]}]))
+    assert room.furniture == (Item("bed", (2.0, 1.0), None, 0.0, "rectangle"),)
+
+
+@pytest.mark.parametrize("room_type", list(MAIN_ITEM))
+def test_the_main_item_is_the_target_where_it_is_there_once(room_type: str) -> None:
+    def target(*categories: str) -> int | None:
+        furniture = [{"category": category, "size": [1, 1], "center": [1, 1]} for category in categories]
+        return room_from_dict(document(room_type=room_type, furniture=furniture)).target
+
+    main = MAIN_ITEM[room_type]
+    assert target("plant", main) == 1
+    assert target("plant", "plant") is None
+    assert target(main, main) is None
+
+
+def test_a_target_that_is_given_is_kept_and_the_group_is_the_id_where_none_is_given() -> None:
+    room = room_from_dict(document(target=1))
+    assert room.target == 1
+    assert room.group == "b-17"
+    assert room_from_dict(document(group="plan 3")).group == "plan 3"
+
+
+# what is mended
+
+
+@given(st.integers(0, 3), st.booleans(), st.booleans())
+def test_a_clockwise_outline_and_a_repeated_closing_corner_change_nothing(
+    start: int, clockwise: bool, closed: bool
+) -> None:
+    ring = [[0, 0], [4, 0], [4, 3], [0, 3]]
+    ring = ring[start:] + ring[:start]
+    ring = ring[::-1] if clockwise else ring
+    room = room_from_dict(document(outline=ring + ring[: int(closed)]))
+    assert len(room.outline) == 4
+    assert Polygon(room.outline).exterior.is_ccw
+    assert room.indoor.equals(Polygon(ring))
+    assert sum(wall.area for wall in room.wall_shapes) == pytest.approx(14 * 0.2 + 4 * 0.04 - 2 * 0.2)
+
+
+def test_a_clockwise_door_and_a_corner_named_twice_in_a_row_are_mended() -> None:
+    door = document()["doors"][0]["polygon"]
+    assert room_from_dict(document(doors=polygons([*door[::-1], door[-1]]))).doors[0].shape.exterior.is_ccw
+    twice = [[0, 0], [4, 0], [4, 0], [4, 3], [0, 3]]
+    assert room_from_dict(document(outline=twice)) == room_from_dict(document())
+
+
+def test_a_byte_order_mark_and_blank_lines_are_no_fault(tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl"
+    path.write_bytes(b"\xef\xbb\xbf" + json.dumps(document()).encode() + b"\r\n\r\n  \r\n")
+    assert [room.id for room in read_rooms(path, strict=True).rooms] == ["b-17"]
+
+
+# what is refused: (change to a good room, field that must be named, a word of what is expected)
+
+
+def put(field: str, value: Any) -> Change:
+    return lambda room: room.__setitem__(field, value)
+
+
+def put_item(field: str, value: Any, k: int = 0) -> Change:
+    return lambda room: room["furniture"][k].__setitem__(field, value)
+
+
+def drop(field: str) -> Change:
+    return lambda room: room.pop(field)
+
+
+def drop_item(field: str) -> Change:
+    return lambda room: room["furniture"][0].pop(field)
+
+
+BOWTIE = [[0, 0], [4, 3], [4, 0], [0, 3]]
+NAN, INFINITY = float("nan"), float("inf")
+FAULTS: dict[str, tuple[Change, str, str]] = {
+    "outline crosses itself": (put("outline", BOWTIE), "outline", "simple polygon"),
+    "outline of two corners": (put("outline", [[0, 0], [4, 0], [0, 0]]), "outline", "three different corners"),
+    "outline without area": (put("outline", [[0, 0], [2, 0], [4, 0]]), "outline", "expected a"),
+    "outline is no list": (put("outline", "4x3"), "outline", "list"),
+    "corner of three numbers": (put("outline", [[0, 0], [4, 0, 1], [4, 3]]), "outline[1]", "two numbers"),
+    "corner NaN": (put("outline", [[0, 0], [4, NAN], [4, 3]]), "outline[1]", "finite number"),
+    "hole outside": (put("holes", [[[5, 1], [6, 1], [6, 2]]]), "holes[0]", "inside the outline"),
+    "hole along the outline": (put("holes", [[[0, 1], [1, 1], [1, 2], [0, 2]]]), "holes", "touch along a side"),
+    "hole crosses itself": (put("holes", [[[1, 1], [2, 2], [2, 1], [1, 2]]]), "holes[0]", "simple polygon"),
+    "walls misspelt": (put("walls", [[[0, 0], [1, 0], [1, 1]]]), "walls[0]", "JSON object"),
+    "wall crosses itself": (put("walls", polygons(BOWTIE)), "walls[0].polygon", "simple polygon"),
+    "door far outside": (put("doors", polygons([[9, 9], [10, 9], [10, 9.2]])), "doors[0]", "in the walls"),
+    "second door inside": (
+        lambda room: room["doors"].append({"polygon": [[1, 0], [2, 0], [2, 0.2], [1, 0.2]]}),
+        "doors[1]",
+        "inside the room",
+    ),
+    "window in mid room": (put("windows", polygons([[1, 1], [2, 1], [2, 1.2]])), "windows[0]", "in the walls"),
+    "door without polygon": (put("doors", [{}]), "doors[0].polygon", "missing"),
+    "door with a width": (
+        lambda room: room["doors"][0].__setitem__("width", 1),
+        "doors[0].width",
+        "unknown field",
+    ),
+    "doors are one object": (put("doors", {"polygon": []}), "doors", "list"),
+    "size zero": (put_item("size", [0, 1.5]), "furniture[0].size", "above zero"),
+    "size negative": (put_item("size", [2, -1.5]), "furniture[0].size", "above zero"),
+    "size NaN": (put_item("size", [2, NAN]), "furniture[0].size", "finite"),
+    "size infinite": (put_item("size", [INFINITY, 2]), "furniture[0].size", "finite"),
+    "size one number": (put_item("size", 2), "furniture[0].size", "two numbers"),
+    "size text": (put_item("size", ["2", 1]), "furniture[0].size", "finite number"),
+    "size boolean": (put_item("size", [True, 1]), "furniture[0].size", "finite number"),
+    "circle with unequal sizes": (put_item("size", [0.5, 0.6], 1), "furniture[1].size", "diameter twice"),
+    "unknown shape": (put_item("shape", "oval"), "furniture[0].shape", "rectangle or circle"),
+    "centre of one number": (put_item("center", [1]), "furniture[0].center", "two numbers"),
+    "centre as object": (put_item("center", {"x": 1, "y": 1}), "furniture[0].center", "two numbers"),
+    "centre of text": (put_item("center", ["1", "1"]), "furniture[0].center", "finite number"),
+    "centre infinite": (put_item("center", [1, -INFINITY]), "furniture[0].center", "finite number"),
+    "rotation of text": (put_item("rotation", "left"), "furniture[0].rotation", "finite number"),
+    "rotation NaN": (put_item("rotation", NAN), "furniture[0].rotation", "finite number"),
+    "item outside": (put_item("center", [3.5, 1.5]), "furniture[0].center", "outer walls"),
+    "category empty": (put_item("category", " "), "furniture[0].category", "name"),
+    "category a number": (put_item("category", 3), "furniture[0].category", "name"),
+    "item with a colour": (put_item("colour", "red"), "furniture[0].colour", "unknown field"),
+    "item is a text": (put("furniture", ["bed"]), "furniture[0]", "JSON object"),
+    "furniture is null": (put("furniture", None), "furniture", "list"),
+    "target too large": (put("target", 2), "target", "0 to 1"),
+    "target negative": (put("target", -1), "target", "0 to 1"),
+    "target a name": (put("target", "bed"), "target", "index"),
+    "target boolean": (put("target", True), "target", "index"),
+    "target a fraction": (put("target", 0.0), "target", "index"),
+    "unknown room type": (put("room_type", "attic"), "room_type", "bathroom, bedroom"),
+    "room type a number": (put("room_type", 1), "room_type", "name"),
+    "unknown field": (put("ceiling", 2.5), "ceiling", "unknown field"),
+    "group empty": (put("group", ""), "group", "name"),
+    **{f"{name} missing": (drop(name), name, "missing") for name in document() if name != "id"},
+    **{f"item's {name} missing": (drop_item(name), f"furniture[0].{name}", "missing") for name in ("category", "size")},
+}
+
+
+@pytest.mark.parametrize("fault", list(FAULTS))
+def test_a_room_with_a_fault_is_left_out_in_one_line_and_the_others_are_kept(fault: str, tmp_path: Path) -> None:
+    change, field, expected = FAULTS[fault]
+    bad = document(id="bad one")
+    change(bad)
+    path = write(tmp_path / "rooms.jsonl", document(id="before"), bad, document(id="after"))
+
+    collection = read_rooms(path)
+
+    assert [room.id for room in collection.rooms] == ["before", "after"]
+    ((where, reason),) = collection.left_out
+    assert where == f"{path}:2"
+    assert reason.startswith(f"room 'bad one': {field}: ")
+    assert expected in reason
+    assert "\n" not in reason
+
+
+@pytest.mark.parametrize("fault", list(FAULTS))
+def test_strict_raises_file_line_room_and_field_in_one_line(fault: str, tmp_path: Path) -> None:
+    change, field, expected = FAULTS[fault]
+    bad = document(id="bad one")
+    change(bad)
+    path = write(tmp_path / "rooms.jsonl", document(id="before"), "", bad)
+
+    with pytest.raises(InputError) as raised:
+        read_rooms(path, strict=True)
+
+    message = str(raised.value)
+    assert message.startswith(f"{path}:3: room 'bad one': {field}: ")
+    assert expected in message
+    assert "\n" not in message
+
+
+UNREADABLE = {
+    "id missing": (json.dumps({k: v for k, v in document().items() if k != "id"}), "id: missing"),
+    "id a number": (json.dumps(document(id=5)), "room 5: id: expected a name; got 5"),
+    "a list": ("[1, 2]", "room: expected a JSON object; got [1, 2]"),
+    "a number": ("5", "room: expected a JSON object; got 5"),
+    "null": ("null", "room: expected a JSON object; got null"),
+    "no JSON": ("id=b-17", "column 1: expected JSON"),
+    "single quotes": ("{'id': 'b-17'}", "column 2: expected JSON"),
+    "two rooms in a line": ("{} {}", "column 4: expected JSON"),
+    "truncated": (json.dumps(document())[:-40], "line: expected one whole JSON object; the text breaks off"),
+}
+
+
+@pytest.mark.parametrize("fault", list(UNREADABLE))
+def test_a_line_that_is_no_room_is_named_by_file_and_line(fault: str, tmp_path: Path) -> None:
+    text, expected = UNREADABLE[fault]
+    path = write(tmp_path / "rooms.jsonl", document(), text)
+    collection = read_rooms(path)
+    assert [room.id for room in collection.rooms] == ["b-17"]
+    ((where, reason),) = collection.left_out
+    assert where == f"{path}:2"
+    assert reason.startswith(expected)
+    with pytest.raises(InputError) as raised:
+        read_rooms(path, strict=True)
+    assert str(raised.value) == f"{path}:2: {reason}"
+
+
+@given(st.data())
+def test_a_last_line_that_breaks_off_anywhere_is_left_out(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    text = json.dumps(document(id="second"))
+    end = data.draw(st.integers(1, len(text) - 1))
+    path = write(tmp_path_factory.mktemp("rooms") / "rooms.jsonl", document(id="first"), text[:end])
+    collection = read_rooms(path)
+    assert [room.id for room in collection.rooms] == ["first"]
+    assert [where for where, _ in collection.left_out] == [f"{path}:2"]
+
+
+def test_an_id_that_was_read_before_is_left_out_even_in_another_file(tmp_path: Path) -> None:
+    write(tmp_path / "a.jsonl", document(id="one"))
+    second = write(tmp_path / "b.jsonl", document(id="two"), document(id="one"))
+    collection = read_rooms(tmp_path)
+    assert [room.id for room in collection.rooms] == ["one", "two"]
+    ((where, reason),) = collection.left_out
+    assert where == f"{second}:2"
+    assert reason.startswith("room 'one': id: expected a name of its own")
+    with pytest.raises(InputError, match=r"b\.jsonl:2: room 'one': id: "):
+        read_rooms(tmp_path, strict=True)
+
+
+def test_the_id_of_a_room_that_was_left_out_may_be_used_again(tmp_path: Path) -> None:
+    path = write(tmp_path / "rooms.jsonl", document(room_type="attic"), document())
+    assert [room.id for room in read_rooms(path).rooms] == ["b-17"]
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_a_path_without_rooms_is_answered_in_one_line_that_names_it(strict: bool, tmp_path: Path) -> None:
+    latin = tmp_path / "latin.jsonl"
+    latin.write_bytes(json.dumps(document(id="Küche"), ensure_ascii=False).encode("latin-1"))
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    write(empty / "readme.txt", "no rooms here")
+    for path, expected in (
+        (tmp_path / "missing.jsonl", "no such file or folder"),
+        (empty, "found none"),
+        (latin, "UTF-8"),
+    ):
+        with pytest.raises(InputError) as raised:
+            read_rooms(path, strict)
+        assert str(raised.value).startswith(f"{path}: ")
+        assert expected in str(raised.value)
+        assert "\n" not in str(raised.value)
+
+
+def test_a_room_error_keeps_field_and_problem_apart() -> None:
+    with pytest.raises(RoomError) as raised:
+        room_from_dict(document(target=9))
+    assert raised.value.field == "target"
+    assert raised.value.problem == "expected the index of a piece of furniture, 0 to 1; got 9"

@@ -1,0 +1,253 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.affinity import affine_transform
+from shapely.geometry import Polygon, box
+
+from layoutrl.rooms.room import WALL_THICKNESS, Item, Room, wall_band
+from tests.builders import L_OUTLINE, l_room, opening, rectangle, rectangular_room, rooms
+
+GRID = 1e-8  # metres, of the overlays that are compared
+AREA = 1e-6  # square metres: above their noise, a square millimetre
+SLIVER = 1e-4  # square metres that the envelope may lose where sloping walls meet: a square centimetre
+COPIES = [(quarters, mirror) for mirror in (False, True) for quarters in range(4)]
+
+lengths = st.floats(0.1, 3.0)
+angles = st.floats(-720, 720)
+points = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
+
+
+def expected_walls(room: Room) -> shapely.Geometry:
+    """What walls must cover: a mitred band around the outline without the openings, and every column."""
+    outline = Polygon(room.outline)
+    band = outline.buffer(WALL_THICKNESS, join_style="mitre").difference(outline)
+    band = shapely.difference(band, joined([o.shape for o in room.openings]), grid_size=GRID)
+    return joined([band, *(Polygon(hole) for hole in room.holes)])
+
+
+def joined(shapes: Sequence[shapely.Geometry]) -> shapely.Geometry:
+    return shapely.union_all(list(shapes), grid_size=GRID)
+
+
+def apart(a: shapely.Geometry, b: shapely.Geometry) -> float:
+    """Area that only one of two shapes covers; on a grid, as plain overlays fail on shapes equal up to rounding."""
+    return shapely.symmetric_difference(a, b, grid_size=GRID).area
+
+
+def elements(room: Room) -> list[Polygon]:
+    return [room.indoor, *room.wall_shapes, *(o.shape for o in room.openings), *(i.footprint for i in room.furniture)]
+
+
+# walls
+
+
+@given(rooms())
+def test_walls_are_the_mitred_band_without_openings_and_the_columns(room: Room) -> None:
+    assert apart(joined(room.wall_shapes), expected_walls(room)) < AREA
+
+
+@given(rooms())
+def test_walls_are_valid_disjoint_and_counter_clockwise(room: Room) -> None:
+    assert all(wall.is_valid and wall.exterior.is_ccw for wall in room.wall_shapes)
+    summed = sum(wall.area for wall in room.wall_shapes)
+    assert abs(summed - joined(room.wall_shapes).area) < AREA
+
+
+def test_a_rectangular_room_has_four_walls_and_the_earlier_wall_keeps_the_corner() -> None:
+    walls = [wall.bounds for wall in rectangular_room(4, 3).wall_shapes]
+    assert walls == [
+        pytest.approx((-0.2, -0.2, 4.2, 0.0)),
+        pytest.approx((4.0, 0.0, 4.2, 3.2)),
+        pytest.approx((-0.2, 3.0, 4.0, 3.2)),
+        pytest.approx((-0.2, 0.0, 0.0, 3.0)),
+    ]
+
+
+def test_a_door_cuts_its_wall_in_two() -> None:
+    walls = rectangular_room(4, 3, openings=(opening("door", 1, -0.2, 2, 0),)).wall_shapes
+    assert len(walls) == 5
+    assert sorted(wall.bounds for wall in walls if wall.bounds[3] <= 0) == [
+        pytest.approx((-0.2, -0.2, 1.0, 0.0)),
+        pytest.approx((2.0, -0.2, 4.2, 0.0)),
+    ]
+
+
+def test_a_column_is_a_solid_wall_and_not_indoors() -> None:
+    hole = rectangle(1.0, 1.0, 1.5, 1.5)[::-1]
+    room = rectangular_room(4, 3, holes=(hole,))
+    assert room.indoor.area == pytest.approx(12 - 0.25)
+    assert any(wall.equals(Polygon(hole)) for wall in room.wall_shapes)
+
+
+def test_the_thickness_of_the_band_can_be_chosen() -> None:
+    walls = [Polygon(wall) for wall in wall_band(L_OUTLINE, (), (), thickness=0.5)]
+    # outline 16 m around, 5 corners outwards and 1 inwards: 16 * 0.5 + (5 - 1) * 0.5 * 0.5
+    assert sum(wall.area for wall in walls) == pytest.approx(9.0)
+
+
+# envelope
+
+
+@given(rooms())
+def test_the_envelope_is_the_outer_border_with_columns_filled_in(room: Room) -> None:
+    expected = Polygon(room.outline).buffer(WALL_THICKNESS, join_style="mitre")
+    assert apart(room.envelope, expected) < SLIVER
+    assert not room.envelope.interiors
+
+
+def test_a_hairline_between_two_walls_is_no_way_out_of_the_envelope() -> None:
+    gap = 0.005  # metres
+    walls = [*rectangular_room(4, 3).walls[1:], rectangle(-0.2, -0.2, 2.0, 0.0), rectangle(2.0 + gap, -0.2, 4.2, 0.0)]
+    envelope = rectangular_room(4, 3, walls=tuple(walls)).envelope
+    assert apart(envelope, box(-0.2, -0.2, 4.2, 3.2)) < AREA
+
+
+def test_a_gap_wider_than_drawing_noise_stays_open_in_the_envelope() -> None:
+    walls = [*rectangular_room(4, 3).walls[1:], rectangle(-0.2, -0.2, 2.0, 0.0), rectangle(2.1, -0.2, 4.2, 0.0)]
+    envelope = rectangular_room(4, 3, walls=tuple(walls)).envelope
+    assert box(-0.2, -0.2, 4.2, 3.2).difference(envelope).area == pytest.approx(0.1 * 0.2, abs=AREA)
+
+
+def test_a_bay_window_that_stands_out_belongs_to_the_envelope() -> None:
+    bay = opening("window", 1.0, 3.0, 2.0, 3.6)
+    envelope = rectangular_room(4, 3, openings=(bay,)).envelope
+    assert envelope.area == pytest.approx(4.4 * 3.4 + 1.0 * 0.4, abs=AREA)
+    assert envelope.buffer(1e-9).covers(bay.shape)
+
+
+def test_a_shaft_between_walls_is_no_hole_in_the_envelope() -> None:
+    shaft = (rectangle(-1.2, 0.0, -0.2, 0.2), rectangle(-1.2, 0.8, -0.2, 1.0), rectangle(-1.2, 0.2, -1.0, 0.8))
+    envelope = rectangular_room(4, 3, walls=rectangular_room(4, 3).walls + shaft).envelope
+    assert envelope.area == pytest.approx(4.4 * 3.4 + 1.0, abs=AREA)
+
+
+# footprints
+
+
+@given(lengths, lengths, angles, points)
+def test_a_rectangle_has_its_corners_where_rotation_puts_them(
+    width: float, depth: float, rotation: float, center: tuple[float, float]
+) -> None:
+    item = Item("desk", (width, depth), center, rotation)
+    turn = np.exp(1j * math.radians(rotation))
+    corners = [
+        complex(*center) + turn * complex(x, y) for x in (-width / 2, width / 2) for y in (-depth / 2, depth / 2)
+    ]
+    got = [complex(x, y) for x, y in item.footprint.exterior.coords[:-1]]
+    assert len(got) == 4
+    assert all(min(abs(g - c) for g in got) < 1e-9 for c in corners)
+    assert item.footprint.area == pytest.approx(width * depth)
+
+
+@pytest.mark.parametrize("rotation", [-90, 0, 90, 180, 270, 360, 450])
+def test_quarter_turns_give_exact_upright_rectangles(rotation: float) -> None:
+    bounds = Item("desk", (0.7, 0.3), (0.0, 0.0), rotation).footprint.bounds
+    assert bounds == ((-0.35, -0.15, 0.35, 0.15) if rotation % 180 == 0 else (-0.15, -0.35, 0.15, 0.35))
+
+
+@given(lengths, points)
+def test_a_circle_is_round_and_has_nearly_the_area_of_a_circle(diameter: float, center: tuple[float, float]) -> None:
+    footprint = Item("stool", (diameter, diameter), center, form="circle").footprint
+    radii = np.hypot(*(np.asarray(footprint.exterior.coords) - center).T)
+    assert np.allclose(radii, diameter / 2)
+    assert footprint.area == pytest.approx(math.pi * diameter**2 / 4, rel=2e-4)
+
+
+def test_an_item_without_centre_has_no_footprint() -> None:
+    with pytest.raises(ValueError, match="still to be placed"):
+        _ = Item("bed", (2.0, 1.5)).footprint
+
+
+def test_others_are_the_placed_items_except_the_one_that_moves() -> None:
+    chair, unplaced = Item("chair", (0.5, 0.5), (3.0, 2.0)), Item("lamp", (0.2, 0.2))
+    room = rectangular_room(4, 3, others=(chair, unplaced))
+    assert room.moving.category == "bed"
+    assert room.others == (chair,)
+    with pytest.raises(ValueError, match="no target"):
+        _ = rectangular_room(4, 3, target=None).moving
+
+
+# turned copies
+
+
+@pytest.mark.parametrize(("quarters", "mirror"), COPIES)
+@given(room=rooms())
+def test_a_turned_copy_is_the_room_under_one_rigid_map(room: Room, quarters: int, mirror: bool) -> None:
+    cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters]
+    sign = -1 if mirror else 1
+    matrix = [sign * cosine, -sine, sign * sine, cosine, 0, 0]
+    copy = room.turned(quarters, mirror)
+    for before, after in zip(elements(room), elements(copy), strict=True):
+        assert affine_transform(before, matrix).boundary.hausdorff_distance(after.boundary) < 1e-9
+        assert after.area == pytest.approx(before.area)
+    assert apart(copy.envelope, affine_transform(room.envelope, matrix)) < SLIVER
+    assert (copy.target, copy.group, copy.room_type) == (room.target, room.group, room.room_type)
+
+
+@pytest.mark.parametrize(("quarters", "mirror"), COPIES)
+@given(room=rooms())
+def test_a_turned_copy_keeps_all_distances_and_counter_clockwise_rings(room: Room, quarters: int, mirror: bool) -> None:
+    copy = room.turned(quarters, mirror)
+    for (a, b), (c, d) in zip(combinations(elements(room), 2), combinations(elements(copy), 2), strict=True):
+        assert c.distance(d) == pytest.approx(a.distance(b), abs=1e-9)
+    assert all(shapely.is_ccw(Polygon(ring).exterior) for ring in (copy.outline, *copy.walls))
+    assert all(opening.shape.exterior.is_ccw for opening in copy.openings)
+    assert [Polygon(hole).exterior.is_ccw for hole in copy.holes] == [False] * len(room.holes)
+
+
+@pytest.mark.parametrize(("quarters", "mirror"), COPIES)
+@given(room=rooms())
+def test_items_of_a_turned_copy_face_where_the_map_takes_their_front(room: Room, quarters: int, mirror: bool) -> None:
+    """The front is the item's own +x axis: the map of a point before it is the point before its copy."""
+
+    def front(item: Item) -> complex:
+        reach = item.size[0] / 2 + 0.1
+        return complex(*item.center) + reach * np.exp(1j * math.radians(item.rotation))
+
+    for before, after in zip(room.furniture, room.turned(quarters, mirror).furniture, strict=True):
+        point = front(before)
+        expected = (-point.conjugate() if mirror else point) * 1j**quarters
+        assert abs(front(after) - expected) < 1e-9
+        assert 0 <= after.rotation < 360
+
+
+@given(rooms(), st.booleans())
+def test_four_quarter_turns_are_the_same_room(room: Room, mirror: bool) -> None:
+    copy = room
+    for _ in range(4):
+        copy = copy.turned(1)
+    _assert_same_place(copy, room)
+    _assert_same_place(room.turned(3, mirror).turned(1), room.turned(0, mirror))
+    _assert_same_place(room.turned(5, mirror), room.turned(1, mirror))
+
+
+@given(rooms())
+def test_mirroring_twice_gives_the_same_room(room: Room) -> None:
+    _assert_same_place(room.turned(0, mirror=True).turned(0, mirror=True), room)
+
+
+def test_the_eight_copies_of_an_uneven_room_all_differ_and_have_names_of_their_own() -> None:
+    room = l_room(Item("bed", (1.0, 0.5), (0.75, 2.5)), others=(Item("desk", (0.4, 0.8), (3.0, 0.5)),))
+    copies = [room.turned(*copy) for copy in COPIES]
+    assert len({copy.id for copy in copies}) == 8
+    shapes = [joined([i.footprint for i in copy.furniture]) for copy in copies]
+    assert all(apart(a, b) > 0.01 for a, b in combinations(shapes, 2))
+
+
+def _assert_same_place(copy: Room, room: Room) -> None:
+    """Equal outline, walls, openings and items, number for number; only the name may differ."""
+    assert copy.outline == room.outline
+    assert copy.holes == room.holes
+    assert copy.walls == room.walls
+    assert copy.openings == room.openings
+    for a, b in zip(copy.furniture, room.furniture, strict=True):
+        assert (a.category, a.size, a.center, a.form) == (b.category, b.size, b.center, b.form)
+        assert math.cos(math.radians(a.rotation - b.rotation)) == pytest.approx(1)
