@@ -188,7 +188,9 @@ def _watched(
 def _row(progress: Progress) -> dict[str, Any]:
     values = asdict(progress)
     seconds = values.pop("seconds")
-    return values | {f"seconds_{stage}": seconds.get(stage, 0.0) for stage in ("act", "simulate", "store", "learn")}
+    return values | {
+        f"seconds_{stage}": seconds.get(stage, 0.0) for stage in ("act", "simulate", "observe", "store", "learn")
+    }
 
 
 register()

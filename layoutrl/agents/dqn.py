@@ -52,10 +52,10 @@ class DQN:
         """Q(s, a) for every action: (B, A)."""
         return self.network(observation)
 
-    def update(self, batch: Transitions, observe: Observe) -> UpdateStats:
+    def update(self, batch: Transitions, observation: Tensor, next_observation: Tensor) -> UpdateStats:
         """One step of gradient descent on the Huber loss between Q(s, a) and r + discount max_a' Q'(s', a')."""
-        q = self.network(observe(batch.room, batch.position)).gather(1, batch.action.long()[:, None]).squeeze(1)
-        target = self.td_target(batch, observe(batch.room, batch.next_position))
+        q = self.network(observation).gather(1, batch.action.long()[:, None]).squeeze(1)
+        target = self.td_target(batch, next_observation)
         assert q.shape == target.shape == batch.reward.shape
         loss = smooth_l1_loss(q, target)
         self.optimizer.zero_grad(set_to_none=True)

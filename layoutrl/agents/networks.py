@@ -49,7 +49,7 @@ class GeometryNetwork(nn.Module):
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):
         super().__init__()
         relations = 6 * len(SCALES)  # four gaps and two offsets an element
-        clearances = 12 * len(SCALES)  # to the border and to items: four directions, two differences
+        clearances = 2 * 6 * len(SCALES)  # to the border and to items: four directions, two differences
         self.element = nn.Sequential(
             nn.Linear(columns - 2 + relations, element_width),
             nn.ReLU(),
@@ -73,8 +73,10 @@ class GeometryNetwork(nn.Module):
         pooled = torch.cat([described.amax(1), described.sum(1) / 8], -1)
 
         wall, door, window, item = (others[..., COLUMNS.index(k)] for k in ("wall", "door", "window", "item"))
-        clearance = torch.cat([_clearance(gap, wall + door + window), _clearance(gap, item)], -1)
-        return self.head(self.trunk(torch.cat([pooled, _without_place(moving), _scaled(clearance)], -1)))
+        clearance = torch.stack([_clearance(gap, wall + door + window), _clearance(gap, item)], 1)  # (B, 2, 4)
+        uncentred = clearance[..., [0, 3]] - clearance[..., [1, 2]]  # right less left, up less below
+        room_to_move = _scaled(torch.cat([clearance, uncentred], -1)).flatten(1)
+        return self.head(self.trunk(torch.cat([pooled, _without_place(moving), room_to_move], -1)))
 
 
 def _without_place(elements: Tensor) -> Tensor:
@@ -101,8 +103,7 @@ def _box(element: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
 
 
 def _clearance(gap: Tensor, among: Tensor) -> Tensor:
-    """How far the item can go right, left, below, up before it meets one of the elements in `among`,
-    then how far it stands off the middle between left and right, and between below and up: (B, 6).
+    """How far the item can go right, left, below, up before it meets one of the elements in `among`: (B, 4).
 
     Only elements level with the item count, each in the direction in which it is furthest. Negative
     where the item overlaps one.
@@ -112,8 +113,7 @@ def _clearance(gap: Tensor, among: Tensor) -> Tensor:
     level = torch.stack([side_by_side, side_by_side, one_above_other, one_above_other], -1)
     ahead = gap == gap.amax(-1, keepdim=True)
     counts = level & ahead & (among[..., None] > 0)
-    right, left, below, up = torch.where(counts, gap, FAR).amin(1).unbind(-1)
-    return torch.stack([right, left, below, up, right - left, up - below], -1)
+    return torch.where(counts, gap, FAR).amin(1)
 
 
 def _scaled(distance: Tensor) -> Tensor:

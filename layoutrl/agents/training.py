@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
@@ -78,6 +79,10 @@ def train(
     device = next(agent.network.parameters()).device
     watch = Stopwatch()
 
+    def look(rooms: np.ndarray | Tensor, positions: np.ndarray | Tensor) -> Tensor:
+        with watch("observe"):
+            return observe(torch.as_tensor(rooms, device=device), torch.as_tensor(positions, device=device))
+
     def begin(count: int) -> tuple[np.ndarray, np.ndarray]:
         rooms = start_rng.integers(len(simulator.rooms), size=count)
         return rooms, simulator.starts(rooms, start_rng)
@@ -92,8 +97,9 @@ def train(
     ended_ious: list[float] = []
 
     while agent.updates < updates:
+        observation = look(room, position)
         with watch("act"):
-            q = agent.values(observe(torch.as_tensor(room, device=device), torch.as_tensor(position, device=device)))
+            q = agent.values(observation)
             greedy = np.where(legal, q.cpu().numpy(), -np.inf).argmax(1)
             action = explore(greedy, legal, epsilon(agent.updates), explore_rng)
         with watch("simulate"):
@@ -137,8 +143,10 @@ def train(
         if replay.size < min(warmup_moves, replay.capacity):
             continue
 
+        sampled = replay.sample(batch, replay_rng)
+        observations = look(sampled.room, sampled.position), look(sampled.room, sampled.next_position)
         with watch("learn"):
-            stats = agent.update(replay.sample(batch, replay_rng), observe)
+            stats = agent.update(sampled, *observations)
         losses.append(stats.loss)
         mean_qs.append(stats.mean_q)
         max_qs.append(stats.max_q)

@@ -99,12 +99,14 @@ def _elements(room: Room, categories: list[str]) -> np.ndarray:
 
 def _element(kind: str, shape: Polygon, item: Item | None, categories: list[str]) -> list[float]:
     circle = item is not None and item.form == "circle"
-    size, degrees = _rectangle(shape) if item is None else _canonical(item.size, item.rotation)
+    rectangle = _rectangle_around(shape)
+    size, degrees = _canonical(rectangle) if item is None else _canonical_size(item.size, item.rotation)
     angle = np.deg2rad(2 * degrees)
     return [
         1.0,
         *(float(kind == name) for name in KINDS),
-        *((shape.bounds[0] + shape.bounds[2]) / 2, (shape.bounds[1] + shape.bounds[3]) / 2),
+        rectangle.centroid.x,
+        rectangle.centroid.y,
         *size,
         np.cos(angle) * (not circle),
         np.sin(angle) * (not circle),
@@ -113,19 +115,20 @@ def _element(kind: str, shape: Polygon, item: Item | None, categories: list[str]
     ]
 
 
-def _rectangle(shape: Polygon) -> tuple[tuple[float, float], float]:
-    """Size and rotation (degrees) of the smallest rectangle around a wall or an opening."""
-    x0, y0, x1, y1 = shape.bounds
+def _rectangle_around(shape: Polygon) -> Polygon:
+    """The smallest rectangle around a wall, an opening or an item; the upright one if it is as small."""
+    upright = shapely.box(*shape.bounds)
     turned = shapely.minimum_rotated_rectangle(shape)
-    if turned.area >= 0.999 * (x1 - x0) * (y1 - y0):
-        return (x1 - x0, y1 - y0), 0.0
-    a, b, c = np.asarray(turned.exterior.coords)[:3]
-    return _canonical(
-        (float(np.hypot(*(b - a))), float(np.hypot(*(c - b)))), float(np.rad2deg(np.arctan2(*(b - a)[::-1])))
-    )
+    return upright if turned.area >= 0.999 * upright.area else turned
 
 
-def _canonical(size: tuple[float, float], degrees: float) -> tuple[tuple[float, float], float]:
+def _canonical(rectangle: Polygon) -> tuple[tuple[float, float], float]:
+    a, b, c = np.asarray(rectangle.exterior.coords)[:3]
+    size = float(np.hypot(*(b - a))), float(np.hypot(*(c - b)))
+    return _canonical_size(size, float(np.rad2deg(np.arctan2(*(b - a)[::-1]))))
+
+
+def _canonical_size(size: tuple[float, float], degrees: float) -> tuple[tuple[float, float], float]:
     """The one description of a rectangle whose rotation lies above -45 and up to 45 degrees."""
     quarters = int(np.ceil((degrees - 45) / 90 - 1e-9))
     return size if quarters % 2 == 0 else size[::-1], degrees - 90 * quarters

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from layoutrl.agents.dqn import DQN
+from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.replay import Transitions
 
 A, B, C = 0, 1, 2  # the states of a chain; a state's index is its position
@@ -24,8 +24,12 @@ class Table(nn.Module):
         return self.q[state]
 
 
-def state_of(room: Tensor, position: Tensor) -> Tensor:
+def state_of(position: Tensor) -> Tensor:
     return position[:, 0].long()
+
+
+def learn(agent: DQN, batch: Transitions) -> UpdateStats:
+    return agent.update(batch, state_of(batch.position), state_of(batch.next_position))
 
 
 def agent_of(online, target=None, *, double=False, learning_rate=0.1, total_updates=100, target_period=1000) -> DQN:
@@ -54,7 +58,7 @@ def transitions(*rows: tuple[int, int, float, float, int, list[bool]]) -> Transi
 
 
 def td_target(agent: DQN, batch: Transitions) -> list[float]:
-    return agent.td_target(batch, state_of(batch.room, batch.next_position)).tolist()
+    return agent.td_target(batch, state_of(batch.next_position)).tolist()
 
 
 ALL = [True, True]
@@ -116,7 +120,7 @@ def test_the_loss_is_the_mean_huber_loss_of_hand_worked_errors():
     # Errors Q - (r + discount max Q'): 0.5, 1 - (1 + 0.5 * 4) = -2 and 4 - 1 = 3.
     agent = agent_of([[0.5, 1.0], [4.0, 3.0]])
     batch = transitions((0, 0, 0.0, 0.0, 1, ALL), (0, 1, 1.0, 0.5, 1, ALL), (1, 0, 1.0, 0.0, 0, ALL))
-    stats = agent.update(batch, state_of)
+    stats = learn(agent, batch)
     assert float(stats.loss) == pytest.approx((0.5 * 0.5**2 + (2 - 0.5) + (3 - 0.5)) / 3)
     assert float(stats.mean_q) == pytest.approx((0.5 + 1.0 + 4.0) / 3)
     assert float(stats.max_q) == pytest.approx(4.0)
@@ -124,7 +128,7 @@ def test_the_loss_is_the_mean_huber_loss_of_hand_worked_errors():
 
 def test_the_gradient_reaches_the_taken_actions_alone_and_never_the_target():
     agent = agent_of([[0.5, 1.0], [4.0, 3.0], [0.0, 6.0]], double=True)
-    agent.update(transitions((0, 0, 0.0, 0.9, 1, ALL), (1, 1, 1.0, 0.9, 2, ALL)), state_of)
+    learn(agent, transitions((0, 0, 0.0, 0.9, 1, ALL), (1, 1, 1.0, 0.9, 2, ALL)))
     # d huber / d q = clip(q - target, -1, 1), over a mean of two: errors 0.5 - 3.6 and 3 - (1 + 5.4).
     torch.testing.assert_close(agent.network.q.grad, torch.tensor([[-0.5, 0.0], [0.0, -0.5], [0.0, 0.0]]))
     assert agent.target.q.grad is None
@@ -135,7 +139,7 @@ def test_gradients_do_not_add_up_over_updates():
     batch = transitions((0, 0, 0.25, 0.0, 0, ALL))
     grads = []
     for _ in range(3):
-        agent.update(batch, state_of)
+        learn(agent, batch)
         grads.append(agent.network.q.grad.clone())
     assert torch.equal(grads[0], grads[2])
     assert grads[0].abs().sum() == 0.25
@@ -145,7 +149,7 @@ def test_gradients_do_not_add_up_over_updates():
 def test_a_column_in_place_of_a_vector_is_refused(field):
     batch = transitions((A, 0, 0.5, 0.9, B, ALL), (B, 1, -1.0, 0.9, C, ALL))
     with pytest.raises(AssertionError):
-        agent_of([[0.0, 0.0]] * 3).update(batch._replace(**{field: getattr(batch, field)[:, None]}), state_of)
+        learn(agent_of([[0.0, 0.0]] * 3), batch._replace(**{field: getattr(batch, field)[:, None]}))
 
 
 @pytest.mark.parametrize("period", [1, 4])
@@ -154,7 +158,7 @@ def test_the_target_is_copied_after_every_period_of_updates_and_at_no_other_time
     batch = transitions((0, 0, 100.0, 0.0, 0, ALL))  # far away: every update moves the network
     copies, last = 0, agent.network.q.detach().clone()
     for update in range(1, 3 * period + 2):
-        agent.update(batch, state_of)
+        learn(agent, batch)
         assert agent.updates == update
         if update % period == 0:
             copies, last = copies + 1, agent.network.q.detach().clone()
@@ -178,7 +182,7 @@ def test_the_target_is_a_copy_with_its_own_storage_that_nothing_trains():
     assert trained == {id(p) for p in agent.network.parameters()}
     batch = transitions((0, 0, 5.0, 0.9, 1, ALL), (1, 1, 3.0, 0.9, 0, ALL))
     for update in range(1, 5):
-        agent.update(batch, lambda room, position: position.float())
+        agent.update(batch, batch.position.float(), batch.next_position.float())
         assert frozen() == (update % 2 == 0)  # the running statistics of the normalisation too
         assert not agent.target.training
         assert all(not m.training for m in agent.target.modules())
@@ -192,9 +196,9 @@ def test_the_target_values_what_it_was_copied_from_until_the_next_copy():
     bootstrap = transitions((0, 0, 0.0, 1.0, 0, ALL))
     far = transitions((0, 1, 100.0, 0.0, 0, ALL))
     for _ in range(2):
-        agent.update(far, state_of)
+        learn(agent, far)
         assert td_target(agent, bootstrap) == [1.0]
-    agent.update(far, state_of)
+    learn(agent, far)
     assert td_target(agent, bootstrap) == [float(agent.network.q.detach()[0, 1])]
     assert float(agent.network.q.detach()[0, 1]) > 1.1
 
@@ -204,7 +208,7 @@ def test_the_learning_rate_falls_linearly_to_zero():
     rates = []
     for _ in range(8):
         rates.append(agent.optimizer.param_groups[0]["lr"])
-        agent.update(transitions((0, 0, 1.0, 0.0, 0, ALL)), state_of)
+        learn(agent, transitions((0, 0, 1.0, 0.0, 0, ALL)))
     assert rates == pytest.approx([0.2 * (1 - k / 8) for k in range(8)])
     assert agent.optimizer.param_groups[0]["lr"] == pytest.approx(0, abs=1e-9)
 
@@ -222,5 +226,5 @@ def test_a_constant_reward_of_one_is_worth_1_over_1_less_the_discount(double, di
     agent = agent_of([[0.0, 0.0]], double=double, learning_rate=0.1, total_updates=1500, target_period=10)
     batch = transitions((0, 0, 1.0, discount, 0, ALL), (0, 1, 1.0, discount, 0, ALL))
     for _ in range(1500):
-        agent.update(batch, state_of)
+        learn(agent, batch)
     np.testing.assert_allclose(agent.network.q.detach(), value, atol=0.02)

@@ -131,7 +131,7 @@ def test_the_geometry_networks_values_change_with_every_part_of_the_state(what):
         return observed([room], [(1.02 if changed == "position" else 1.0, 1.2)], ["bed", "chair", "lamp"])
 
     network = seeded(lambda: GeometryNetwork(len(COLUMNS) + 3, 4))
-    assert (network(state(what)) - network(state())).abs().max() > 1e-5
+    assert (network(state(what)) - network(state())).abs().max() > 1e-6
 
 
 def clearances(room: Room, position: tuple[float, float], kinds: tuple[str, ...]) -> list[float]:

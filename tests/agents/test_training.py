@@ -57,9 +57,9 @@ class RecordedDQN(DQN):
         self.tape.append(("act", q))
         return q
 
-    def update(self, batch, observe):
+    def update(self, batch, observation, next_observation):
         self.tape.append(("learn", batch))
-        return super().update(batch, observe)
+        return super().update(batch, observation, next_observation)
 
 
 @dataclass
@@ -250,7 +250,7 @@ def test_the_global_random_streams_are_neither_read_nor_moved():
 
 def test_time_is_told_by_stage():
     seconds = run_of().reports[0].seconds
-    assert seconds.keys() == {"act", "simulate", "store", "learn"}
+    assert seconds.keys() == {"act", "simulate", "observe", "store", "learn"}
     assert all(spent > 0 for spent in seconds.values())
 
 
