@@ -82,7 +82,7 @@ class Simulator:
                 raise ValueError(f"room {room.id}: the {room.moving.category} does not fit into it")
         shapely.prepare(self._legal)
         self._legal_bounds = shapely.bounds(self._legal)
-        self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
+        self.steps = snap(np.array([moves.lengths(room) for room in rooms]))  # (rooms, steps), metres
         inner = [fitting_positions(room.indoor, t, CONTACT) for room, t in zip(rooms, templates, strict=True)]
         self.contacts = _padded([_segments(region) for region in inner], (4,))  # borders to slide to
 
@@ -120,8 +120,9 @@ class Simulator:
         """Where every action leads (B, A, 2), and whether it is legal (B, A)."""
         batch = len(room)
         steps = self.steps[room][:, :, None, None] * DIRECTIONS  # (B, steps, 4, 2)
-        reached = snap(position[:, None] + steps.reshape(batch, -1, 2))
-        legal = self.is_legal(np.repeat(room, reached.shape[1]), reached.reshape(-1, 2)).reshape(batch, -1)
+        count = 4 * steps.shape[1]
+        reached = snap(position[:, None] + steps.reshape(batch, count, 2))
+        legal = self.is_legal(np.repeat(room, count), reached.reshape(-1, 2)).reshape(batch, count)
         if self.moves.slide:
             slid, touches = self._slides(room, position)
             reached, legal = np.concatenate([reached, slid], 1), np.concatenate([legal, touches], 1)

@@ -17,7 +17,6 @@ What is wrong is answered with the file, the line, the room, the field and what 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,6 +29,7 @@ from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, InputError, Item, Opening,
 
 REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
+LARGEST = 1e6  # of any number in a room, metres or degrees; no NaN, no infinity
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape")
 
@@ -87,13 +87,18 @@ def room_to_dict(room: Room) -> dict[str, Any]:
     return document
 
 
-def parse_room(text: str) -> Room:
+def parse_room(text: str | bytes) -> Room:
     """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
     try:
+        text = text if isinstance(text, str) else text.decode("utf-8-sig")
         document = json.loads(text)
     except json.JSONDecodeError as error:
-        ended = error.pos >= len(text.rstrip())
+        ended = error.pos >= len(error.doc.rstrip())
         raise RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended)) from None
+    except UnicodeDecodeError as error:
+        raise RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}") from None
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
+        raise RoomError("text", f"expected numbers and nesting of a usual size; {error}") from None
     return room_from_dict(document)
 
 
@@ -148,7 +153,7 @@ def _check_places(room: Room) -> None:
             )
 
 
-def _documents(path: Path) -> Iterator[tuple[str, str]]:
+def _documents(path: Path) -> Iterator[tuple[str, bytes]]:
     """(where, text) of every room below `path`."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
@@ -157,20 +162,20 @@ def _documents(path: Path) -> Iterator[tuple[str, str]]:
         raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
     for file in files:
         try:
-            text = file.read_text(encoding="utf-8-sig")
-        except (UnicodeDecodeError, OSError) as error:
-            raise InputError(f"{file}: expected a text file of JSON in UTF-8 ({error})") from None
+            text = file.read_bytes()
+        except OSError as error:
+            raise InputError(f"{file}: cannot be read ({error.strerror})") from None
         if file.suffix == ".jsonl":
-            yield from ((f"{file}:{n}", line) for n, line in enumerate(text.splitlines(), 1) if line.strip())
+            yield from ((f"{file}:{n}", line) for n, line in enumerate(text.split(b"\n"), 1) if line.strip())
         else:
             yield f"{file}:1", text
 
 
-def _name_in(text: str) -> str:
+def _name_in(text: bytes) -> str:
     """How the room calls itself, as far as that can be read: "room 'b-17': "."""
     try:
         return f"room {json.loads(text)['id']!r}: "
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         return ""
 
 
@@ -252,8 +257,8 @@ def _pair(value: Any, field: str) -> tuple[float, float]:
 
 
 def _number(value: Any, field: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RoomError(field, f"expected a finite number; got {_show(value)}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
+        raise RoomError(field, f"expected a finite number of at most {LARGEST:g}; got {_show(value)}")
     return float(value)
 
 

@@ -146,7 +146,8 @@ class Room:
         parts = [Polygon(self.outline), *self.wall_shapes, *(o.shape for o in self.openings)]
         # Grown and shrunk by the tolerance, so that a hairline between two walls is no way out.
         with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
-            grown = shapely.union_all(parts).buffer(TOLERANCE, join_style="mitre")
+            # On a grid, since a plain union can lose a part whose side nearly coincides with another's.
+            grown = shapely.union_all(parts, grid_size=1e-6).buffer(TOLERANCE, join_style="mitre")
             joined = grown.buffer(-TOLERANCE, join_style="mitre")
         if isinstance(joined, MultiPolygon):
             joined = max(joined.geoms, key=lambda part: part.area)
@@ -206,7 +207,8 @@ def wall_band(
     """
     room = Polygon(outline)
     band = room.buffer(thickness, join_style="mitre").difference(room)
-    taken = shapely.union_all([o.shape for o in openings])
+    # A hair wider, so that rounding leaves no film of wall around an opening.
+    taken = shapely.union_all([o.shape.buffer(1e-9, join_style="mitre") for o in openings])
     walls: list[Ring] = [hole[::-1] for hole in holes]
     for (x0, y0), (x1, y1) in zip(outline, outline[1:] + outline[:1], strict=True):
         length = math.dist((x0, y0), (x1, y1))
@@ -216,6 +218,7 @@ def wall_band(
         wall = strip.intersection(band).difference(taken)
         taken = taken.union(wall)
         walls.extend(rings(wall))
+    walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
     return tuple(walls)
 
 

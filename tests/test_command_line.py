@@ -1,0 +1,154 @@
+"""The entry points as a user runs them: python -m layoutrl.train and python -m layoutrl.evaluate."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from layoutrl.config import config_directory
+
+PROJECT = Path(__file__).resolve().parents[1]
+ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
+TIMES = ("seconds", "ms_a_room")
+
+
+def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
+    return subprocess.run(
+        [sys.executable, "-m", f"layoutrl.{command}", *arguments],
+        cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+
+
+def trained(cwd: Path, *arguments: str) -> Path:
+    done = layoutrl("train", "budget=smoke", *arguments, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return cwd / done.stdout.splitlines()[-1].removeprefix("wrote ")
+
+
+def metrics(run: Path) -> list[dict[str, str]]:
+    with (run / "metrics.csv").open() as file:
+        return [{k: v for k, v in row.items() if not k.startswith(TIMES)} for row in csv.DictReader(file)]
+
+
+def evaluation(run: Path) -> dict:
+    return {k: v for k, v in json.loads((run / "evaluation.json").read_text()).items() if k not in TIMES}
+
+
+@pytest.fixture(scope="module")
+def bedroom_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return trained(tmp_path_factory.mktemp("bedroom"), "room=bedroom")
+
+
+def test_the_eight_room_types_of_the_paper_have_a_config() -> None:
+    expected = "balcony bathroom bedroom dining_room kitchen living_room study tatami"
+    assert expected.split() == ROOMS
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, tmp_path: Path) -> None:
+    run = trained(tmp_path, f"room={room}")
+    assert run == tmp_path / "runs" / room / "examples-main-geometric-smoke-seed0"
+    assert yaml.safe_load((run / "config.yaml").read_text())["room"]["type"] == room
+    assert (run / "checkpoint.pt").stat().st_size > 10_000
+    rows = metrics(run)
+    assert int(rows[-1]["updates"]) == 40
+    assert 0 <= float(rows[-1]["iou_held_out"]) <= 1
+    result = evaluation(run)
+    assert result["rooms"] == 2
+    assert result["rows"].keys() == {
+        "agent", "random start", "random wall or corner place", "nearest training room",
+    }  # fmt: skip
+    assert all(row["mean_iou"] <= result["lattice_ceiling"] for row in list(result["rows"].values())[:2])
+
+
+def test_the_papers_method_trains_on_pictures(tmp_path: Path) -> None:
+    run = trained(tmp_path, "room=bathroom", "method=paper", "method.warmup_moves=64", "method.evaluation_moves=5")
+    assert float(metrics(run)[-1]["loss"]) > 0
+
+
+def test_the_same_seed_gives_the_same_metrics_and_another_seed_others(bedroom_run: Path, tmp_path: Path) -> None:
+    again = trained(tmp_path, "room=bedroom")
+    assert metrics(again) == metrics(bedroom_run)
+    assert evaluation(again) == evaluation(bedroom_run)
+    assert metrics(trained(tmp_path, "room=bedroom", "seed=1")) != metrics(bedroom_run)
+
+
+def test_a_second_run_never_overwrites_the_first(tmp_path: Path) -> None:
+    first, second = (trained(tmp_path, "room=study", "name=mine") for _ in range(2))
+    assert [first.name, second.name] == ["mine", "mine-2"]
+    assert (first / "checkpoint.pt").exists()
+
+
+def test_tensorboard_shows_every_curve_and_pictures(bedroom_run: Path) -> None:
+    board = EventAccumulator(str(bedroom_run))
+    board.Reload()
+    wanted = {
+        "iou/train", "iou/held_out", "iou/lattice_ceiling", "episode_return", "loss", "mean_q", "max_q", "epsilon",
+        "seconds/simulate", "seconds/observe", "seconds/learn",
+    }  # fmt: skip
+    assert wanted <= set(board.Tags()["scalars"])
+    assert "held_out/0" in board.Tags()["images"]
+
+
+def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: Path) -> None:
+    done = layoutrl("evaluate", f"run={bedroom_run}", "starts=3", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "lattice ceiling" in done.stdout
+    stored = json.loads((bedroom_run / "evaluation-examples-held_out-3.json").read_text())
+    assert len(stored["positions"]) == 6
+
+
+def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Path) -> None:
+    rooms = (PROJECT / "layoutrl/rooms/examples/bedroom.jsonl").read_text().splitlines()
+    (tmp_path / "mine.jsonl").write_text(rooms[0] + "\n" + rooms[1][:100] + "\n" + rooms[2] + "\n")
+    done = layoutrl("evaluate", f"run={bedroom_run}", "data=json", "data.root=mine.jsonl", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "mine.jsonl:2" in done.stdout
+    assert "scoring 2 rooms of json (all)" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "words"),
+    [
+        ("train", ["room=bedrom"], ["bedrom", "bedroom", "tatami"]),
+        ("train", ["data=floorplan"], ["floorplan", "designer_rooms"]),
+        ("train", ["method=papr"], ["papr", "geometric"]),
+        ("train", ["budget=smok"], ["smok", "default"]),
+        ("train", ["sed=1"], ["sed"]),
+        ("train", ["seed=one"], ["seed", "Integer"]),
+        ("train", ["fold=5"], ["fold", "0 to 4"]),
+        ("train", ["room.item=sofa"], ["room.item", "sofa", "bed", "wardrobe"]),
+        ("train", ["data=floorplans", "data.labels=snap"], ["data.labels", "snapped", "raw"]),
+        ("train", ["room=tatami", "data=floorplans"], ["tatami", "bathroom", "kitchen"]),
+        ("train", ["room=bathroom", "data=floorplans", "data.root=nowhere"], ["nowhere", "data.root"]),
+        ("train", ["data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
+        ("train", ["device=cuda:99"], ["device", "cuda:99"]),
+        ("evaluate", ["run=nowhere"], ["nowhere"]),
+    ],
+)
+def test_what_the_user_got_wrong_is_answered_without_a_traceback(
+    command: str, arguments: list[str], words: list[str], tmp_path: Path
+) -> None:
+    done = layoutrl(command, *arguments, cwd=tmp_path)
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    assert all(word in done.stderr for word in words), done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_checkpoint_is_answered_without_a_traceback(bedroom_run: Path, tmp_path: Path) -> None:
+    for name in ("config.yaml", "checkpoint.pt"):
+        (tmp_path / name).write_bytes((bedroom_run / name).read_bytes()[:2000])
+    done = layoutrl("evaluate", f"run={tmp_path}", cwd=tmp_path)
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    assert "checkpoint.pt" in done.stderr
