@@ -49,7 +49,8 @@ class Moves:
 
     def lengths(self, room: Room) -> tuple[float, ...]:
         """Length of each step in this room, in metres."""
-        return tuple(step * (pixel_size(room) if self.unit == "pixel" else 1.0) for step in self.steps)
+        unit = float(snap(np.array(pixel_size(room)))) if self.unit == "pixel" else 1.0
+        return tuple(step * unit for step in self.steps)
 
 
 def pixel_size(room: Room) -> float:
@@ -82,7 +83,7 @@ class Simulator:
                 raise ValueError(f"room {room.id}: the {room.moving.category} does not fit into it")
         shapely.prepare(self._legal)
         self._legal_bounds = shapely.bounds(self._legal)
-        self.steps = snap(np.array([moves.lengths(room) for room in rooms]))  # (rooms, steps), metres
+        self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
         inner = [fitting_positions(room.indoor, t, CONTACT) for room, t in zip(rooms, templates, strict=True)]
         self.contacts = _padded([_segments(region) for region in inner], (4,))  # borders to slide to
 

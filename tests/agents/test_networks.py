@@ -14,7 +14,6 @@ from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
 from layoutrl.rooms.room import Item, Opening, Room
 from tests.builders import random_room, rectangle, rectangular_room
 
-pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
 SEEDS = st.integers(0, 2**32 - 1)
 
 

@@ -14,7 +14,6 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.room import Item
 from tests.builders import l_room, random_room, rectangular_room
 
-pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
 STEPS = Moves((0.5,), slide=False)
 RIGHT, LEFT, BELOW, UP = range(4)
 

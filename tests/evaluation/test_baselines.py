@@ -13,8 +13,6 @@ from layoutrl.evaluation.baselines import nearest_room_place, random_wall_place,
 from layoutrl.rooms.room import Item, Opening
 from tests.builders import l_room, random_room, rectangle, rectangular_room, room_of
 
-pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
-
 
 def simulator_of(*rooms) -> Simulator:
     return Simulator(rooms, Moves(), Reward())

@@ -13,7 +13,6 @@ from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room, room_of
 
-pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
 NEAR = 2e-5  # of IoU: what a few micrometres of grid and fit make
 
 

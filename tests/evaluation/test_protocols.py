@@ -20,7 +20,6 @@ from layoutrl.evaluation.protocols import Rollout, rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
-pytestmark = pytest.mark.filterwarnings("ignore:.* encountered in buffer:RuntimeWarning")
 STEPS = Moves((0.5,), slide=False)
 RIGHT, LEFT, BELOW, UP = range(4)
 

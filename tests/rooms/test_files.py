@@ -327,15 +327,12 @@ def test_the_id_of_a_room_that_was_left_out_may_be_used_again(tmp_path: Path) ->
 
 @pytest.mark.parametrize("strict", [False, True])
 def test_a_path_without_rooms_is_answered_in_one_line_that_names_it(strict: bool, tmp_path: Path) -> None:
-    latin = tmp_path / "latin.jsonl"
-    latin.write_bytes(json.dumps(document(id="Küche"), ensure_ascii=False).encode("latin-1"))
     empty = tmp_path / "empty"
     empty.mkdir()
     write(empty / "readme.txt", "no rooms here")
     for path, expected in (
         (tmp_path / "missing.jsonl", "no such file or folder"),
         (empty, "found none"),
-        (latin, "UTF-8"),
     ):
         with pytest.raises(InputError) as raised:
             read_rooms(path, strict)
@@ -349,3 +346,36 @@ def test_a_room_error_keeps_field_and_problem_apart() -> None:
         room_from_dict(document(target=9))
     assert raised.value.field == "target"
     assert raised.value.problem == "expected the index of a piece of furniture, 0 to 1; got 9"
+
+
+def test_a_file_that_is_not_utf8_is_left_out_and_the_rest_of_the_folder_read(tmp_path: Path) -> None:
+    (tmp_path / "latin.jsonl").write_bytes(json.dumps(document(id="Küche"), ensure_ascii=False).encode("latin-1"))
+    write(tmp_path / "good.jsonl", document(id="good"))
+    collection = read_rooms(tmp_path)
+    assert [room.id for room in collection.rooms] == ["good"]
+    ((where, reason),) = collection.left_out
+    assert where == f"{tmp_path / 'latin.jsonl'}:1"
+    assert "UTF-8" in reason
+
+
+@pytest.mark.parametrize("digits", [400, 5000])
+def test_a_number_of_absurd_length_costs_one_room(digits: int, tmp_path: Path) -> None:
+    path = write(tmp_path / "rooms.jsonl", document(id="good"))
+    with path.open("a", encoding="utf-8") as file:
+        file.write("\n" + json.dumps(document(id="bad")).replace("[4, 0]", f"[{'9' * digits}, 0]") + "\n")
+    collection = read_rooms(path)
+    assert [room.id for room in collection.rooms] == ["good"]
+    assert [where for where, _ in collection.left_out] == [f"{path}:2"]
+
+
+def test_brackets_without_end_cost_one_room(tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl"
+    path.write_text(json.dumps(document(id="good")) + "\n" + "[" * 100_000 + "\n")
+    assert [room.id for room in read_rooms(path).rooms] == ["good"]
+
+
+@pytest.mark.parametrize("separator", ["\u2028", "\x85"])
+def test_a_line_separator_inside_a_name_does_not_cut_the_line(separator: str, tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl"
+    path.write_text(json.dumps(document(id=f"a{separator}b"), ensure_ascii=False), encoding="utf-8")
+    assert [room.id for room in read_rooms(path).rooms] == [f"a{separator}b"]

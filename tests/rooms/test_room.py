@@ -9,10 +9,10 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely.affinity import affine_transform
+from shapely.affinity import affine_transform, rotate
 from shapely.geometry import Polygon, box
 
-from layoutrl.rooms.room import WALL_THICKNESS, Item, Room, wall_band
+from layoutrl.rooms.room import WALL_THICKNESS, Item, Opening, Ring, Room, wall_band
 from tests.builders import L_OUTLINE, l_room, opening, rectangle, rectangular_room, rooms
 
 GRID = 1e-8  # metres, of the overlays that are compared
@@ -251,3 +251,30 @@ def _assert_same_place(copy: Room, room: Room) -> None:
     for a, b in zip(copy.furniture, room.furniture, strict=True):
         assert (a.category, a.size, a.center, a.form) == (b.category, b.size, b.center, b.form)
         assert math.cos(math.radians(a.rotation - b.rotation)) == pytest.approx(1)
+
+
+def door_in(outline: Ring, edge: int) -> Opening:
+    """A door across the 0.2 m band outside an edge of a counter-clockwise outline, from 1 to 2 m along it."""
+    start, end = np.array(outline[edge]), np.array(outline[(edge + 1) % len(outline)])
+    along = (end - start) / np.hypot(*(end - start))
+    out = 0.2 * np.array((along[1], -along[0]))
+    corners = (start + along, start + along + out, start + 2 * along + out, start + 2 * along)
+    return Opening("door", tuple((float(x), float(y)) for x, y in corners))
+
+
+@pytest.mark.parametrize("degrees", range(1, 90, 4))
+def test_walls_and_envelope_are_whole_in_a_room_at_any_angle(degrees: int) -> None:
+    turned = rotate(box(0, 0, 4.1, 3.3), degrees, origin=(0, 0)).normalize().exterior.coords[:-1]
+    outline = tuple((float(x), float(y)) for x, y in turned[::-1])
+    doors = tuple(door_in(outline, edge) for edge in range(3))
+    walls = wall_band(outline, (), doors)
+    for door in doors:
+        assert shapely.union_all([Polygon(wall) for wall in walls]).intersection(door.shape).area < 1e-6
+    assert Room("r", "bedroom", outline, walls, doors).envelope.area == pytest.approx(4.5 * 3.7, abs=1e-5)
+
+
+def test_walls_meet_at_an_acute_corner() -> None:
+    outline = ((0.0, 0.0), (4.0, 0.0), (0.0, 4.0))
+    room = Polygon(outline)
+    band = room.buffer(0.2, join_style="mitre").difference(room)
+    assert sum(Polygon(wall).area for wall in wall_band(outline, (), ())) == pytest.approx(band.area)
