@@ -9,8 +9,9 @@ import shapely
 from shapely.affinity import scale
 from shapely.geometry import Polygon
 
+from layoutrl.rooms.room import FIT
+
 GRID = 1e-6  # metres: positions are kept on this grid, so that a move and its opposite cancel exactly
-FIT = 4e-6  # metres by which an area may be overstepped: above the grid, below anything that can be built
 CONTACT = 2e-6  # metres: a place that touches a border, rounded to the grid, still fits
 
 

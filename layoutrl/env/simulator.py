@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from layoutrl.env.geometry import CONTACT, fitting_positions, snap
+from layoutrl.env.geometry import CONTACT, GRID, fitting_positions, snap
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.rooms.room import Room
 
@@ -82,6 +82,7 @@ class Simulator:
             if region.is_empty:
                 raise ValueError(f"room {room.id}: the {room.moving.category} does not fit into it")
         shapely.prepare(self._legal)
+        self._convex = shapely.area(shapely.convex_hull(self._legal)) - shapely.area(self._legal) < GRID
         self._legal_bounds = shapely.bounds(self._legal)
         self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
         inner = [fitting_positions(room.indoor, t, CONTACT) for room, t in zip(rooms, templates, strict=True)]
@@ -168,11 +169,17 @@ class Simulator:
             with np.errstate(divide="ignore", invalid="ignore"):
                 hit = u0 + np.clip((across - v0) / (v1 - v0), 0, 1) * (u1 - u0)
             distance = (hit - along) * direction[axis]
-            distance = np.where(crosses & (np.abs(v1 - v0) > TOUCHING) & (distance > TOUCHING), distance, np.inf)
+            # A border along the way is none to stop at. One across it can be as short as twice CONTACT.
+            distance = np.where(crosses & (np.abs(v1 - v0) > GRID) & (distance > TOUCHING), distance, np.inf)
             nearest = distance.min(1, initial=np.inf)
             legal[:, d] = np.isfinite(nearest)
             destinations[:, d, axis] += np.where(legal[:, d], nearest, 0.0) * direction[axis]
-        return snap(destinations), legal
+        destinations = snap(destinations)
+        # In a room with recesses the next contact may lie beyond the outer walls.
+        b, k = np.nonzero(legal & ~self._convex[room][:, None])
+        ways = shapely.linestrings(np.stack([position[b], destinations[b, k]], 1))
+        legal[b, k] = shapely.covers(self._legal[room[b]], ways)
+        return np.where(legal[..., None], destinations, position[:, None]), legal
 
 
 def _segments(region: shapely.Geometry) -> np.ndarray:

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from layoutrl.rooms.room import TOLERANCE, Room
+from layoutrl.rooms.room import FIT, Room
 
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
@@ -45,7 +45,7 @@ def choose_item(collection: Collection, category: str) -> Collection:
         room = replace(room, target=indices[0])
         if room.moving.center is None:
             chosen.left_out.append((room.id, f"the {category} item has no center, so the designer's place is unknown"))
-        elif not room.envelope.buffer(TOLERANCE).covers(room.moving.footprint):
+        elif not room.holds(room.moving, FIT):
             chosen.left_out.append((room.id, f"the {category} item reaches beyond the outer walls"))
         else:
             chosen.rooms.append(room)

@@ -147,7 +147,7 @@ def _check_places(room: Room) -> None:
         if inside > 0.5:
             raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
     for k, item in enumerate(room.furniture):
-        if item.center is not None and not room.envelope.buffer(TOLERANCE).covers(item.footprint):
+        if item.center is not None and not room.holds(item):
             raise RoomError(
                 f"furniture[{k}].center", f"expected the {item.category} to lie within the room's outer walls"
             )

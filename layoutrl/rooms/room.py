@@ -20,7 +20,9 @@ Point = tuple[float, float]
 Ring = tuple[Point, ...]
 
 WALL_THICKNESS = 0.2  # metres, of the band that is assumed where a room names no walls
+FIT = 4e-6  # metres by which an item may overstep what holds it: rounding, far below anything that can be built
 TOLERANCE = 0.01  # metres: gaps and overlaps below a centimetre are drawing noise
+FILM = 0.002  # metres: no wall is thinner
 CIRCLE_SEGMENTS = 64  # a quarter: a 256-gon has 0.9999 of its circle's area
 
 # The eight room types of the paper's Tables 1 and 2, and the item that moves by default in each.
@@ -153,6 +155,10 @@ class Room:
             joined = max(joined.geoms, key=lambda part: part.area)
         return Polygon(joined.exterior)
 
+    def holds(self, item: Item, slack: float = TOLERANCE) -> bool:
+        """Whether a placed item lies within the envelope, give or take `slack` metres."""
+        return bool(self.envelope.buffer(slack, join_style="mitre").covers(item.footprint))
+
     @property
     def moving(self) -> Item:
         """The item that moves. Raises ValueError where no target is chosen."""
@@ -207,8 +213,7 @@ def wall_band(
     """
     room = Polygon(outline)
     band = room.buffer(thickness, join_style="mitre").difference(room)
-    # A hair wider, so that rounding leaves no film of wall around an opening.
-    taken = shapely.union_all([o.shape.buffer(1e-9, join_style="mitre") for o in openings])
+    taken = shapely.union_all([o.shape for o in openings])
     walls: list[Ring] = [hole[::-1] for hole in holes]
     for (x0, y0), (x1, y1) in zip(outline, outline[1:] + outline[:1], strict=True):
         length = math.dist((x0, y0), (x1, y1))
@@ -217,9 +222,15 @@ def wall_band(
         strip = Polygon(((x0, y0), (x0 + ay, y0 - ax), (x1 + ay, y1 - ax), (x1, y1)))  # on its right: outside
         wall = strip.intersection(band).difference(taken)
         taken = taken.union(wall)
-        walls.extend(rings(wall))
+        walls.extend(rings(_without_films(wall)))
     walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
     return tuple(walls)
+
+
+def _without_films(wall: shapely.Geometry) -> shapely.Geometry:
+    """A wall without what is thinner than FILM: where rounding leaves an opening not quite as deep as the wall."""
+    shrunk = wall.buffer(-FILM / 2, join_style="mitre")
+    return shapely.set_precision(shrunk.buffer(FILM / 2, join_style="mitre"), 1e-9)
 
 
 def rings(shape: shapely.Geometry) -> list[Ring]:

@@ -12,7 +12,7 @@ from shapely.geometry import LineString, Polygon
 from layoutrl.env.geometry import FIT, fitting_positions
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator, pixel_size
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.room import Item, Room, wall_band
 from tests.builders import l_room, opening, random_room, rectangle, rectangular_room
 
 RIGHT, LEFT, BELOW, ABOVE = range(4)
@@ -184,7 +184,9 @@ def test_every_move_goes_one_step_in_its_direction_and_is_legal_where_it_ends(se
     metres = np.maximum(x1 - x0, y1 - y0) / 120 if unit == "pixel" else np.ones(len(index))
     for k, d in itertools.product(range(3), range(4)):
         way = reached[:, 4 * k + d] - position
-        assert np.allclose(way, steps[k] * metres[:, None] * VECTORS[d], rtol=0, atol=1e-6 * max(1, steps[k]))  # a pixel is whole micrometres
+        assert np.allclose(
+            way, steps[k] * metres[:, None] * VECTORS[d], rtol=0, atol=1e-6 * max(1, steps[k])
+        )  # a pixel is whole micrometres
         assert np.array_equal(legal[:, 4 * k + d], simulator.is_legal(index, reached[:, 4 * k + d]))
 
 
@@ -334,7 +336,11 @@ def test_a_slide_ends_flush_with_the_outline_and_inside_at_the_first_contact_ahe
         ray = LineString([start + 2 * TOUCHING * VECTORS[d], start + 20 * VECTORS[d]])
         if not legal[k, 12 + d]:
             assert np.array_equal(end, start)
-            assert not ray.intersects(region)  # no position ahead lies inside
+            if ray.intersects(region):  # a position ahead lies inside, but the way to it leads through the outside
+                way = LineString(
+                    [start, shapely.shortest_line(shapely.Point(start), ray.intersection(region)).coords[1]]
+                )
+                assert not fitting_positions(room.envelope, room.moving.template).covers(way)
             continue
         assert (end - start)[1 - d // 2] == 0
         assert (end - start) @ VECTORS[d] > TOUCHING / 2
@@ -464,3 +470,21 @@ def test_a_pixel_and_its_opposite_cancel_where_a_pixel_ends_in_half_a_micrometre
     there, _ = simulator.destinations(room, start)
     back, _ = simulator.destinations(room, there[:, 0])
     np.testing.assert_array_equal(back[:, 1], start)
+
+
+def test_an_item_that_spans_the_room_slides_to_both_ends() -> None:
+    simulator = simulator_of(rectangular_room(1.6, 2.013, Item("bathtub", (1.6, 0.7), (0.8, 0.35))))
+    position = np.array([[0.8, 1.0]])
+    reached, legal = simulator.destinations(np.array([0]), position)
+    assert legal[0, -4:].tolist() == [False, False, True, True]
+    np.testing.assert_allclose(reached[0, -2:], [[0.8, 0.35], [0.8, 2.013 - 0.35]], atol=1e-5)
+
+
+def test_no_slide_crosses_the_outside() -> None:
+    outline = ((0, 0), (6, 0), (6, 4), (4.5, 4), (4.5, 1), (1.5, 1), (1.5, 4), (0, 4))
+    room = Room("u", "study", outline, wall_band(outline, (), ()), (), (Item("desk", (0.5, 0.5), (1, 1)),), 0)
+    simulator = simulator_of(room)
+    reached, legal = simulator.destinations(np.array([0, 0]), np.array([[1.25, 3.0], [1.25, 0.5]]))
+    assert not legal[0, -4]  # across the court between the arms
+    assert legal[1, -4]  # along the bottom
+    assert reached[1, -4] == pytest.approx((5.75, 0.5), abs=1e-5)

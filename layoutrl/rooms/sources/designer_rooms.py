@@ -130,7 +130,7 @@ def room_of(layout: Any, room_type: str, label: str, group: str) -> Room:
         target=main[0] if len(main) == 1 else None,
         group=group,
     )
-    if room.target is not None and not room.envelope.buffer(TOLERANCE).covers(room.moving.footprint):
+    if room.target is not None and not room.holds(room.moving):
         raise Unreadable(f"its {MAIN_ITEM[room_type]} is not inside the room")
     return room
 

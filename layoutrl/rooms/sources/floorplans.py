@@ -14,7 +14,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import TOLERANCE, InputError, Item, Opening, Ring, Room, wall_band
+from layoutrl.rooms.room import InputError, Item, Opening, Ring, Room, wall_band
 from layoutrl.rooms.sources.plans import (
     BASIN,
     DASHED,
@@ -132,8 +132,7 @@ def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, gr
         group=group,
     )
     # Both label sets are asked, so that they hold the same rooms.
-    reach = room.envelope.buffer(TOLERANCE)
-    if not all(reach.covers(item.footprint) for item in drawn + moved):
+    if not all(room.holds(item) for item in drawn + moved):
         return "its furniture reaches beyond the outer walls"
     return room
 
