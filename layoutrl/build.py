@@ -10,6 +10,7 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 import torch
+from omegaconf.errors import OmegaConfBaseException
 from torch import nn
 
 from layoutrl.agents.dqn import DQN, Observe
@@ -18,8 +19,9 @@ from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig
 from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.errors import InputError
 from layoutrl.rooms.collection import choose_item
-from layoutrl.rooms.room import InputError, Room
+from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import read_source
 
 P = ParamSpec("P")
@@ -33,7 +35,7 @@ def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
     def answering(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return entry_point(*args, **kwargs)
-        except InputError as error:
+        except (InputError, OmegaConfBaseException) as error:
             sys.exit(f"error: {error}")
 
     return answering
@@ -41,6 +43,7 @@ def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
 
 def rooms(room: RoomConfig, data: DataConfig) -> list[Room]:
     """All rooms of the type with their target chosen; prints what was read, kept and left out, and why."""
+    assert data.source is not None
     root = None if data.root is None else Path(data.root).expanduser()
     collection = read_source(data.source, room.type, root, data.labels, data.strict)
     chosen = choose_item(collection, room.item)
@@ -54,9 +57,12 @@ def rooms(room: RoomConfig, data: DataConfig) -> list[Room]:
     return chosen.rooms
 
 
+def moves(method: MethodConfig) -> Moves:
+    return Moves(tuple(method.steps), method.unit, method.slide)
+
+
 def simulator(rooms: Sequence[Room], method: MethodConfig, reward: RewardConfig) -> Simulator:
-    moves = Moves(tuple(method.steps), method.unit, method.slide)
-    return Simulator(rooms, moves, Reward(reward.theta1, reward.theta2, reward.theta3, reward.inside))
+    return Simulator(rooms, moves(method), Reward(reward.theta1, reward.theta2, reward.theta3, reward.inside))
 
 
 def observation(
@@ -71,7 +77,7 @@ def agent(
     method: MethodConfig, categories: Sequence[str], updates: int, seed: np.random.SeedSequence, device: torch.device
 ) -> DQN:
     """An untrained agent; its weights hang on the seed alone."""
-    actions = 4 * (len(method.steps) + method.slide)
+    actions = moves(method).count
     with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
         torch.manual_seed(int(seed.generate_state(1)[0]))
         network: nn.Module = (

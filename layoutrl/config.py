@@ -9,8 +9,9 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
+from layoutrl.errors import InputError
 from layoutrl.rooms.collection import FOLDS
-from layoutrl.rooms.room import MAIN_ITEM, InputError
+from layoutrl.rooms.room import MAIN_ITEM
 
 
 def config_directory() -> Path:
@@ -27,7 +28,7 @@ class RoomConfig:
 
 @dataclass
 class DataConfig:
-    source: str = MISSING
+    source: str | None = MISSING
     root: str | None = None  # folder or file of the source's original data
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
     strict: bool = False  # json: stop at the first room that cannot be used
@@ -98,6 +99,19 @@ class TrainConfig:
         _one_of("method.observation", method.observation, "geometry", "image")
         _one_of("method.unit", method.unit, "metre", "pixel")
         _one_of("method.on_illegal", method.on_illegal, "stop", "mask")
+        for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
+            value = getattr(method, name)
+            _within(f"method.{name}", value, value >= 1, "1 or more")
+        for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
+            share = getattr(method, name)
+            _within(f"method.{name}", share, 0 <= share <= 1, "0 to 1")
+        for name in ("reports", "evaluations", "evaluation_rooms"):
+            value = getattr(self.budget, name)
+            _within(f"budget.{name}", value, value >= 1, "1 or more")
+        _one_of("budget.name", self.budget.name, *method.updates)
+        _within("method.updates", method.updates, min(method.updates.values()) >= 1, "1 or more each")
+        fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
+        _within("method.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
         _within("method.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
@@ -106,7 +120,7 @@ class TrainConfig:
 @dataclass
 class EvaluateConfig:
     run: str = MISSING
-    data: DataConfig | None = None
+    data: DataConfig = field(default_factory=lambda: DataConfig(source=None, labels=None))  # null: as in the run
     part: Any = None
     starts: int = 1
     seed: int = 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,14 @@ from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
 from layoutrl.config import EvaluateConfig, config_directory, register
+from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.rooms.collection import split, with_copies
-from layoutrl.rooms.room import InputError
 from layoutrl.runs import load_checkpoint, load_config, write_json
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
-    """Score a trained agent; prints a table and stores evaluation-<data>-<part>-<starts>.json in the run's folder."""
+    """Score a trained agent; prints a table and stores it as evaluation-<data>-....json in the run's folder."""
     folder = Path(config.run)
     trained = load_config(folder)
     device = build.device(config.device)
@@ -27,34 +27,43 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     agent = build.agent(trained.method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
     agent.network.load_state_dict(checkpoint["network"])
 
-    data = config.data or trained.data
-    same = data.source == trained.data.source
-    parts = split(build.rooms(trained.room, trained.data), trained.fold)
+    own, data = trained.data, config.data
+    if data.source is None:  # the run's own, perhaps from another folder or with other labels
+        data = replace(own, root=data.root or own.root, labels=data.labels or own.labels)
+    same = (data.source, data.root) == (own.source, own.root)
+    parts = split(build.rooms(trained.room, own), trained.fold)
     training = parts[0]
-    if data != trained.data:
+    if data != own:
         parts = split(build.rooms(trained.room, data), trained.fold)
     part = config.part or ("held_out" if same else "all")
     rooms = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
+    if not same:
+        trained_on = {room.group for room in training}
+        unseen = [room for room in rooms if room.group not in trained_on]
+        if len(unseen) < len(rooms):
+            print(f"left out {len(rooms) - len(unseen)} rooms that the agent was trained on")
+        rooms = unseen
     if not rooms:
-        raise InputError(f"part: {data.source} has no {part} rooms; expected another part, or more rooms")
+        raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"scoring {len(rooms)} rooms of {data.source} ({part})")
 
+    on_illegal = config.on_illegal or trained.method.on_illegal
     simulator = build.simulator(rooms, trained.method, trained.reward)
     result = evaluate(
         agent,
         simulator,
         build.observation(rooms, trained.method, checkpoint["categories"], device),
-        with_copies(training) if trained.data.copies else training,
+        with_copies(training) if own.copies else training,
         starts_a_room=config.starts,
         max_moves=trained.method.evaluation_moves,
-        on_illegal=config.on_illegal or trained.method.on_illegal,
+        on_illegal=on_illegal,
         seed=np.random.SeedSequence(config.seed),
     )
     print(table(result))
-    labels = f"-{data.labels}" if data.source == "floorplans" else ""
-    path = folder / f"evaluation-{data.source}{labels}-{part}-{config.starts}.json"
-    write_json(path, {"data": asdict(data), "part": part, "seed": config.seed} | result)
-    print(f"wrote {path}")
+    which = {"floorplans": f"-{data.labels}", "json": f"-{Path(data.root or '').stem}"}.get(data.source or "", "")
+    name = f"evaluation-{data.source}{which}-{part}-{config.starts}-{on_illegal}-seed{config.seed}.json"
+    write_json(folder / name, {"data": asdict(data), "part": part, "seed": config.seed} | result)
+    print(f"wrote {folder / name}")
     return result
 
 

@@ -13,7 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from layoutrl.agents.dqn import DQN
 from layoutrl.config import TrainConfig
-from layoutrl.rooms.room import InputError
+from layoutrl.errors import InputError
 
 
 def new_folder(config: TrainConfig) -> Path:

@@ -10,14 +10,14 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
+from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from layoutrl.config import config_directory
 
 PROJECT = Path(__file__).resolve().parents[1]
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
-TIMES = ("seconds", "ms_a_room")
+TIMES = ("seconds", "ms_a_room", "training_seconds")
 
 
 def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -57,7 +57,7 @@ def test_the_eight_room_types_of_the_paper_have_a_config() -> None:
 def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, tmp_path: Path) -> None:
     run = trained(tmp_path, f"room={room}")
     assert run == tmp_path / "runs" / room / "examples-main-geometric-smoke-seed0"
-    assert yaml.safe_load((run / "config.yaml").read_text())["room"]["type"] == room
+    assert OmegaConf.load(run / "config.yaml").room.type == room
     assert (run / "checkpoint.pt").stat().st_size > 10_000
     rows = metrics(run)
     assert int(rows[-1]["updates"]) == 40
@@ -92,7 +92,8 @@ def test_tensorboard_shows_every_curve_and_pictures(bedroom_run: Path) -> None:
     board = EventAccumulator(str(bedroom_run))
     board.Reload()
     wanted = {
-        "iou/train", "iou/held_out", "iou/lattice_ceiling", "episode_return", "loss", "mean_q", "max_q", "epsilon",
+        "iou/train", "iou/held_out", "lattice_ceiling/train", "lattice_ceiling/held_out", "episode_return",
+        "loss", "mean_q", "max_q", "epsilon",
         "seconds/simulate", "seconds/observe", "seconds/learn",
     }  # fmt: skip
     assert wanted <= set(board.Tags()["scalars"])
@@ -103,16 +104,18 @@ def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: 
     done = layoutrl("evaluate", f"run={bedroom_run}", "starts=3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "lattice ceiling" in done.stdout
-    stored = json.loads((bedroom_run / "evaluation-examples-held_out-3.json").read_text())
+    stored = json.loads((bedroom_run / "evaluation-examples-held_out-3-mask-seed0.json").read_text())
     assert len(stored["positions"]) == 6
 
 
 def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Path) -> None:
     rooms = (PROJECT / "layoutrl/rooms/examples/bedroom.jsonl").read_text().splitlines()
-    (tmp_path / "mine.jsonl").write_text(rooms[0] + "\n" + rooms[1][:100] + "\n" + rooms[2] + "\n")
+    mine = [room.replace('"id": "bedroom', '"id": "mine') for room in rooms[:3]]
+    (tmp_path / "mine.jsonl").write_text("\n".join([mine[0], mine[1][:100], mine[2], rooms[4]]))
     done = layoutrl("evaluate", f"run={bedroom_run}", "data=json", "data.root=mine.jsonl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "mine.jsonl:2" in done.stdout
+    assert "left out 1 rooms that the agent was trained on" in done.stdout
     assert "scoring 2 rooms of json (all)" in done.stdout
 
 
@@ -132,7 +135,13 @@ def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Pat
         ("train", ["room=bathroom", "data=floorplans", "data.root=nowhere"], ["nowhere", "data.root"]),
         ("train", ["data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
         ("train", ["device=cuda:99"], ["device", "cuda:99"]),
+        ("train", ["method.steps=[0.3,0.2]"], ["steps", "multiples"]),
+        ("train", ["method.batch=0"], ["method.batch", "1 or more"]),
+        ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),
+        ("train", ["budget.name=foo"], ["budget.name", "smoke"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),
+        ("evaluate", [], ["run"]),
+        ("evaluate", ["run=nowhere", "data.root=elsewhere"], ["nowhere"]),
     ],
 )
 def test_what_the_user_got_wrong_is_answered_without_a_traceback(

@@ -30,7 +30,7 @@ class Progress:
     mean_q: float
     max_q: float
     episode_return: float  # mean over the episodes that ended, in units of the paper's reward; NaN if none did
-    iou: float  # mean over the episodes that ended, at their last position
+    episode_iou: float  # mean over the episodes that ended, at their last position
     seconds: dict[str, float]  # by stage
 
 

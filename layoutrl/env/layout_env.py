@@ -10,11 +10,13 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
+from layoutrl.env.geometry import snap
 from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.rooms.room import InputError, Room
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import read_source
 
 
@@ -77,7 +79,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         if not 0 <= self._room[0] < count:
             raise ValueError(f"options['room']: expected 0 to {count - 1}; got {self._room[0]}")
         if "position" in options:
-            position = np.array([options["position"]], dtype=float)
+            position = snap(np.array([options["position"]], dtype=float))
             if not self.simulator.is_legal(self._room, position)[0]:
                 raise ValueError(f"options['position']: the item leaves the room at {options['position']}")
         else:

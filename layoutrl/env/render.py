@@ -23,7 +23,18 @@ BLACK = (0, 0, 0)
 DOOR = (0, 160, 60)
 WINDOW = (40, 90, 230)
 MOVING = (225, 30, 30)
-OTHERS = ((245, 205, 40), (245, 150, 190), (150, 105, 215), (80, 200, 205), (240, 140, 50), (165, 165, 165))
+YELLOW, PINK, VIOLET, CYAN, ORANGE, GREY = OTHERS = (
+    (245, 205, 40), (245, 150, 190), (150, 105, 215), (80, 200, 205), (240, 140, 50), (165, 165, 165),
+)  # fmt: skip
+# What stands in one room together differs; of other categories the name decides.
+COLOR_OF = {
+    "bathtub": CYAN, "shower": PINK, "toilet": YELLOW, "vanity": VIOLET, "washing_basin": ORANGE,
+    "washing_machine": GREY, "washer": GREY, "bed": PINK, "wardrobe": YELLOW, "nightstand": VIOLET, "tv_unit": CYAN,
+    "bench": ORANGE, "desk": CYAN, "chair": ORANGE, "bookcase": VIOLET, "platform": PINK, "stool": ORANGE,
+    "sofa": PINK, "armchair": YELLOW, "coffee_table": VIOLET, "side_table": GREY, "table": YELLOW,
+    "sideboard": VIOLET, "cooktop": YELLOW, "sink": PINK, "refrigerator": VIOLET, "fridge": VIOLET,
+    "cooking_counter": CYAN, "counter": ORANGE, "laundry_cabinet": YELLOW, "lounge_chair": CYAN, "plant_rack": VIOLET,
+}  # fmt: skip
 DESIGNER = (0, 170, 170)
 PATH = (120, 20, 20)
 
@@ -136,7 +147,8 @@ def _painted_background(room: Room, view: View, outlined: bool) -> np.ndarray:
     for opening in room.openings:
         paint(image, view, opening.shape, DOOR if opening.kind == "door" else WINDOW)
     for item in room.others:
-        paint(image, view, item.footprint, OTHERS[zlib.crc32(item.category.encode()) % len(OTHERS)])
+        by_name = OTHERS[zlib.crc32(item.category.encode()) % len(OTHERS)]
+        paint(image, view, item.footprint, COLOR_OF.get(item.category, by_name))
         if outlined:
             paint(image, view, item.footprint.boundary.buffer(0.75 / view.scale), BLACK)
     return image

@@ -14,11 +14,12 @@ import numpy as np
 import shapely
 
 from layoutrl.env.geometry import CONTACT, GRID, fitting_positions, snap
+from layoutrl.env.render import View
 from layoutrl.env.reward import Reward, RewardTerms
+from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
 
 DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below, up: the paper's order
-IMAGE_SPAN_PX = 120  # the longest side of the envelope in the 128 px picture
 TOUCHING = 1e-4  # metres: a slide ends at the next contact that is further away than this
 
 
@@ -36,11 +37,11 @@ class Moves:
 
     def __post_init__(self) -> None:
         if not self.steps or min(self.steps) <= 0:
-            raise ValueError(f"expected step lengths above zero; got {self.steps}")
+            raise InputError(f"steps: expected lengths above zero; got {self.steps}")
         ratios = np.array(self.steps) / min(self.steps)
         if not np.allclose(ratios, np.round(ratios)):
-            raise ValueError(
-                f"expected multiples of the shortest step, so that moves stay on a lattice; got {self.steps}"
+            raise InputError(
+                f"steps: expected multiples of the shortest step, so that moves stay on a lattice; got {self.steps}"
             )
 
     @property
@@ -55,8 +56,7 @@ class Moves:
 
 def pixel_size(room: Room) -> float:
     """Side of one pixel of the room's picture, in metres."""
-    x0, y0, x1, y1 = room.envelope.bounds
-    return max(x1 - x0, y1 - y0) / IMAGE_SPAN_PX
+    return float(1 / View(room).scale)
 
 
 class Simulator:
@@ -80,7 +80,7 @@ class Simulator:
         )
         for room, region in zip(rooms, self._legal, strict=True):
             if region.is_empty:
-                raise ValueError(f"room {room.id}: the {room.moving.category} does not fit into it")
+                raise InputError(f"room {room.id}: the {room.moving.category} does not fit into it")
         shapely.prepare(self._legal)
         self._convex = shapely.area(shapely.convex_hull(self._legal)) - shapely.area(self._legal) < GRID
         self._legal_bounds = shapely.bounds(self._legal)
@@ -141,7 +141,7 @@ class Simulator:
     def coverage(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
         shares = self._shared_areas(room, position) / self._item_area[room][:, None]
-        return (shares * self._is_other[room]).sum(1), np.clip(1 - shares[:, 0], 0, 1)
+        return np.minimum((shares * self._is_other[room]).sum(1), 1), np.clip(1 - shares[:, 0], 0, 1)
 
     def _shared_areas(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Area that the item shares with every shape of its room, (B, shapes), in square metres."""

@@ -15,13 +15,13 @@ class Score:
 
     mean_iou: float
     std_iou: float  # standard deviation over positions
-    standard_error: float  # of the mean, over rooms: several starts in a room count once
+    standard_error: float | None  # of the mean, over groups of rooms that are not independent
     median_iou: float
     share_090: float  # share of positions with an IoU of at least 0.9
     overlap: float  # mean share of the item that other items cover
     outside: float  # mean share of the item outside the indoor area
 
-    def as_dict(self) -> dict[str, float]:
+    def as_dict(self) -> dict[str, float | None]:
         return asdict(self)
 
 
@@ -29,12 +29,12 @@ def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score
     """Score final positions (B, 2) in rooms (B,)."""
     iou = simulator.reward(room, position).iou
     overlap, outside = simulator.coverage(room, position)
-    by_room = np.array([iou[room == r].mean() for r in np.unique(room)])
-    spread = by_room.std(ddof=1) / np.sqrt(len(by_room)) if len(by_room) > 1 else float("nan")
+    group = np.array([simulator.rooms[r].group for r in room])
+    means = np.array([iou[group == g].mean() for g in np.unique(group)])
     return Score(
         float(iou.mean()),
         float(iou.std()),
-        float(spread),
+        float(means.std(ddof=1) / np.sqrt(len(means))) if len(means) > 1 else None,
         float(np.median(iou)),
         float((iou >= 0.9).mean()),
         float(overlap.mean()),

@@ -46,6 +46,7 @@ def evaluate(
     iou = simulator.reward(room, run.final).iou
     return {
         "rooms": len(simulator.rooms),
+        "groups": len({room.group for room in simulator.rooms}),
         "starts_a_room": starts_a_room,
         "rows": {name: score(simulator, room, position).as_dict() for name, position in places.items()},
         "lattice_ceiling": float(ceiling.mean()),
@@ -65,16 +66,17 @@ def evaluate(
 
 
 def table(evaluation: dict[str, Any]) -> str:
-    """The evaluation as text: IoU is mean ± standard deviation, and the standard error of the mean over rooms."""
+    """The evaluation as text: IoU is mean ± standard deviation, and the standard error of the mean over groups."""
     lines = [f"{'':28} {'IoU ± sd':>15} {'s.e.':>6} {'median':>7} {'>= 0.9':>7} {'overlap':>8} {'outside':>8}"]
     for name, row in evaluation["rows"].items():
+        error = "     -" if row["standard_error"] is None else f"{row['standard_error']:6.3f}"
         lines.append(
-            f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {row['standard_error']:6.3f} "
+            f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {error} "
             f"{row['median_iou']:7.3f} {row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f}"
         )
     lines.append(f"{'lattice ceiling':28} {evaluation['lattice_ceiling']:7.3f}")
     lines.append(
-        f"{evaluation['rooms']} rooms, {evaluation['starts_a_room']} start(s) each; "
+        f"{evaluation['rooms']} rooms in {evaluation['groups']} groups, {evaluation['starts_a_room']} start(s) each; "
         f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a room"
     )
     return "\n".join(lines)

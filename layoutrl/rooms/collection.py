@@ -40,7 +40,8 @@ def choose_item(collection: Collection, category: str) -> Collection:
         if category == "main":
             indices = [] if room.target is None else [room.target]
         if len(indices) != 1:
-            chosen.left_out.append((room.id, f"holds {'no' if not indices else 'several'} {category} item"))
+            several = "several" if indices else "none or several" if category == "main" else "no"
+            chosen.left_out.append((room.id, f"holds {several} {category} item"))
             continue
         room = replace(room, target=indices[0])
         if room.moving.center is None:

@@ -21,15 +21,17 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+import shapely
 from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
+from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, InputError, Item, Opening, Ring, Room, RoomError, wall_band
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, RoomError, wall_band
 
 REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
-LARGEST = 1e6  # of any number in a room, metres or degrees; no NaN, no infinity
+LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape")
 
@@ -135,6 +137,8 @@ def room_from_dict(document: Any) -> Room:
 
 def _check_places(room: Room) -> None:
     border = room.indoor.boundary
+    corners = shapely.points([point for wall in room.walls for point in wall])
+    thickness = max(WALL_THICKNESS, *shapely.distance(room.indoor, corners), 0.0)
     kinds = {"door": 0, "window": 0}
     for opening in room.openings:
         field = f"{opening.kind}s[{kinds[opening.kind]}]"
@@ -143,6 +147,9 @@ def _check_places(room: Room) -> None:
             raise RoomError(
                 field, f"expected to lie in the walls; it is {opening.shape.distance(border):.2f} m off the outline"
             )
+        reach = shapely.distance(room.indoor, shapely.points(opening.polygon)).max()
+        if reach > thickness + TOLERANCE:
+            raise RoomError(field, f"expected to lie in the walls ({thickness:.2f} m); it reaches {reach:.2f} m out")
         inside = opening.shape.intersection(room.indoor).area / opening.shape.area
         if inside > 0.5:
             raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
@@ -258,7 +265,7 @@ def _pair(value: Any, field: str) -> tuple[float, float]:
 
 def _number(value: Any, field: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
-        raise RoomError(field, f"expected a finite number of at most {LARGEST:g}; got {_show(value)}")
+        raise RoomError(field, f"expected a finite number of at most {LARGEST:g} (metres); got {_show(value)}")
     return float(value)
 
 

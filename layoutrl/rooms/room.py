@@ -16,6 +16,8 @@ import shapely
 from shapely.affinity import rotate, translate
 from shapely.geometry import MultiPolygon, Polygon, box
 
+from layoutrl.errors import InputError
+
 Point = tuple[float, float]
 Ring = tuple[Point, ...]
 
@@ -36,10 +38,6 @@ MAIN_ITEM = {
     "kitchen": "cooktop",
     "balcony": "laundry_cabinet",
 }
-
-
-class InputError(ValueError):
-    """What the user gave cannot be used; the message says what, where, and how to mend it."""
 
 
 class RoomError(InputError):

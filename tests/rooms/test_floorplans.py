@@ -10,8 +10,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import TOLERANCE, InputError, Item, Room
+from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sources.floorplans import MAIN_ITEM, _snapped, read
 from layoutrl.rooms.sources.plans import HALF_WALL
 

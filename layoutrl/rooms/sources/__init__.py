@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import read_rooms
-from layoutrl.rooms.room import InputError
 from layoutrl.rooms.sources import designer_rooms, floorplans
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 from shapely.geometry import Polygon
 
+from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import InputError, Item, Opening, Ring, Room, wall_band
+from layoutrl.rooms.room import Item, Opening, Ring, Room, wall_band
 from layoutrl.rooms.sources.plans import (
     BASIN,
     DASHED,

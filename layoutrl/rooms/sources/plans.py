@@ -19,7 +19,7 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.polygon import orient
 
-from layoutrl.rooms.room import InputError
+from layoutrl.errors import InputError
 
 # Of rooms, as labelled.
 WET_ROOMS = ("bathroom", "restroom", "washing_room")
