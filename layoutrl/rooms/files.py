@@ -137,8 +137,8 @@ def room_from_dict(document: Any) -> Room:
 
 def _check_places(room: Room) -> None:
     border = room.indoor.boundary
-    corners = shapely.points([point for wall in room.walls for point in wall])
-    thickness = max(WALL_THICKNESS, *shapely.distance(room.indoor, corners), 0.0)
+    corners = [point for wall in room.walls for point in wall]
+    thickness = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
     kinds = {"door": 0, "window": 0}
     for opening in room.openings:
         field = f"{opening.kind}s[{kinds[opening.kind]}]"

@@ -190,13 +190,13 @@ def test_returns_and_ious_are_means_over_the_episodes_that_ended_since_the_last_
         returns = [100 * (steps[k - 1].reward + steps[k].reward) for k in ended]
         ious = [run.simulator.reward(steps[k].room.numpy(), steps[k].next_position.numpy()).iou for k in ended]
         assert report.episode_return == pytest.approx(float(torch.cat(returns).mean()))
-        assert report.iou == pytest.approx(np.concatenate(ious).mean())
+        assert report.episode_iou == pytest.approx(np.concatenate(ious).mean())
 
 
 def test_where_no_episode_ended_there_is_no_return():
     report = run_of(max_moves=1000).reports[0]
     assert math.isnan(report.episode_return)
-    assert math.isnan(report.iou)
+    assert math.isnan(report.episode_iou)
 
 
 def test_epsilon_follows_the_schedule_by_updates():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -45,7 +47,8 @@ def test_a_score_is_as_worked_out_by_hand():
 
 def test_the_standard_error_is_over_rooms_and_more_starts_in_a_room_do_not_lower_it():
     rng = np.random.default_rng(0)
-    rooms = [rectangular_room(4, 3, Item("bed", (1, 1), tuple(rng.uniform((0.5, 0.5), (3.5, 2.5))))) for _ in range(5)]
+    beds = [Item("bed", (1, 1), tuple(rng.uniform((0.5, 0.5), (3.5, 2.5)))) for _ in range(5)]
+    rooms = [replace(rectangular_room(4, 3, bed), id=f"r{k}", group=f"r{k}") for k, bed in enumerate(beds)]
     simulator, room = simulator_of(*rooms), np.arange(5)
     position = simulator.starts(room, rng)
     once = score(simulator, room, position)
@@ -58,7 +61,7 @@ def test_the_standard_error_is_over_rooms_and_more_starts_in_a_room_do_not_lower
 
 def test_one_room_has_no_standard_error():
     result = score(simulator_of(rectangular_room()), np.zeros(3, dtype=int), np.full((3, 2), 1.5))
-    assert np.isnan(result.standard_error)
+    assert result.standard_error is None
 
 
 def test_an_iou_of_090_counts_as_good():
@@ -179,3 +182,12 @@ def test_the_ceiling_of_a_batch_is_that_of_each_start_in_its_room():
         for b, k in enumerate(room)
     ]
     np.testing.assert_allclose(lattice_ceiling(together, room, starts), alone, atol=1e-12)
+
+
+def test_layouts_of_one_room_count_once_in_the_standard_error():
+    rooms = [replace(rectangular_room(4, 3), id=f"r{k}", group=f"g{k // 2}") for k in range(4)]
+    simulator, room = simulator_of(*rooms), np.arange(4)
+    position = simulator.starts(room, np.random.default_rng(3))
+    iou = simulator.reward(room, position).iou
+    means = [iou[:2].mean(), iou[2:].mean()]
+    assert score(simulator, room, position).standard_error == pytest.approx(np.std(means, ddof=1) / np.sqrt(2))

@@ -380,3 +380,14 @@ def test_a_line_separator_inside_a_name_does_not_cut_the_line(separator: str, tm
     path = tmp_path / "rooms.jsonl"
     path.write_text(json.dumps(document(id=f"a{separator}b"), ensure_ascii=False), encoding="utf-8")
     assert [room.id for room in read_rooms(path).rooms] == [f"a{separator}b"]
+
+
+def test_an_opening_that_reaches_beyond_the_walls_is_refused() -> None:
+    doors = [{"polygon": [[1, -5], [2, -5], [2, 0], [1, 0]]}]
+    with pytest.raises(RoomError, match=r"doors\[0\]: expected to lie in the walls"):
+        room_from_dict(document(doors=doors))
+
+
+def test_a_room_in_millimetres_is_refused() -> None:
+    with pytest.raises(RoomError, match="metres"):
+        room_from_dict(document(outline=[[0, 0], [3600, 0], [3600, 4200], [0, 4200]]))
