@@ -15,6 +15,7 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.env.simulator import Simulator
+from layoutrl.errors import InputError
 
 REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
@@ -130,7 +131,9 @@ def train(
                 )
             )
         if not replay.size:
-            raise ValueError("no item can move in any of the rooms drawn: expected shorter steps or larger rooms")
+            raise InputError(
+                "steps: no item can move in any of the rooms drawn; expected shorter steps or larger rooms"
+            )
         position, reached, legal = next_position, next_reached, next_legal
         ended = np.nonzero(terminated | truncated)[0]
         if len(ended):
