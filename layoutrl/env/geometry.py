@@ -15,12 +15,6 @@ GRID = 1e-6  # metres: positions are kept on this grid, so that a move and its o
 CONTACT = 2e-6  # metres: a place that touches a border, rounded to the grid, still fits
 
 
-def iou(a: shapely.Geometry, b: shapely.Geometry) -> float:
-    """Intersection over union of two shapes: 0 to 1."""
-    shared = a.intersection(b).area
-    return shared / (a.area + b.area - shared)
-
-
 def snap(position: np.ndarray) -> np.ndarray:
     """Positions on the grid of one micrometre."""
     return np.round(position / GRID) * GRID

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely.affinity import translate
 from shapely.geometry import Point, Polygon, box
 
-from layoutrl.env.geometry import FIT, GRID, fitting_positions, iou, snap
+from layoutrl.env.geometry import FIT, GRID, fitting_positions, snap
 from layoutrl.rooms.room import Item, Room
 from tests.builders import L_OUTLINE, random_item, random_room
 
@@ -99,22 +99,6 @@ def test_two_rooms_joined_by_a_door_too_narrow_give_two_regions() -> None:
         pytest.approx((0.5, 0.5, 1.5, 1.5), abs=1e-5),
         pytest.approx((3.5, 0.5, 4.5, 1.5), abs=1e-5),
     ]
-
-
-@pytest.mark.parametrize(
-    ("other", "expected"),
-    [
-        (box(0, 0, 2, 1), 1.0),
-        (box(1, 0, 3, 1), 1 / 3),  # 1 shared of 2 + 2 - 1
-        (box(0.5, 0.25, 1.5, 0.75), 0.25),  # 0.5 inside 2
-        (box(0, 0.5, 2, 2.5), 0.2),  # 1 shared of 2 + 4 - 1
-        (box(2, 0, 4, 1), 0.0),  # touches
-        (box(5, 5, 6, 6), 0.0),
-    ],
-)
-def test_iou_by_hand(other: Polygon, expected: float) -> None:
-    assert iou(box(0, 0, 2, 1), other) == pytest.approx(expected)
-    assert iou(other, box(0, 0, 2, 1)) == pytest.approx(expected)
 
 
 @given(st.lists(st.floats(-100, 100), min_size=1, max_size=5))
