@@ -1,4 +1,7 @@
-"""The configuration's shape: what `conf/` may say. Only entry points read it."""
+"""The configuration's shape: what `conf/` may say. Entry points, build.py and runs.py read it, nothing else.
+
+A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__` checks it.
+"""
 
 from __future__ import annotations
 
