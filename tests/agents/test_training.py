@@ -30,15 +30,6 @@ SETTINGS = {
 }  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
-def _one_thread():
-    """Networks this small are slower on several threads, by far on a busy machine."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
-
-
 class RecordedReplay(Replay):
     def __init__(self, capacity: int, actions: int, tape: list):
         super().__init__(capacity, actions)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,15 +21,6 @@ from tests.builders import l_room, random_room, rectangular_room
 
 STEPS = Moves((0.5,), slide=False)
 RIGHT, LEFT, BELOW, UP = range(4)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread():
-    """Networks this small are slower on several threads, by far on a busy machine."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 class Scripted:
