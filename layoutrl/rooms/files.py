@@ -10,7 +10,7 @@
      "target": 0}
 
 May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed),
-`rotation` and `shape`, `target` where the type's main item is there once, and `group`.
+`rotation`, `shape` and `tucked`, `target` where the type's main item is there once, and `group`.
 What is wrong is answered with the file, the line, the room, the field and what is expected.
 """
 
@@ -33,7 +33,7 @@ REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
 ITEM_REQUIRED = ("category", "size")
-ITEM_OPTIONAL = ("center", "rotation", "shape")
+ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
 
 
 def read_rooms(path: Path, strict: bool = False) -> Collection:
@@ -74,7 +74,8 @@ def room_to_dict(room: Room) -> dict[str, Any]:
             entry["shape"] = "circle"
         if item.center is not None:
             entry["center"] = list(item.center)
-        furniture.append(entry | {"size": list(item.size), "rotation": item.rotation})
+        entry |= {"size": list(item.size), "rotation": item.rotation}
+        furniture.append(entry | {"tucked": True} if item.tucked else entry)
     document: dict[str, Any] = {"id": room.id, "room_type": room.room_type, "outline": _lists(room.outline)}
     if room.holes:
         document["holes"] = [_lists(hole) for hole in room.holes]
@@ -214,6 +215,9 @@ def _item(entry: Any, field: str) -> Item:
         raise RoomError(f"{field}.shape", f"expected rectangle or circle; got {_show(form)}")
     if form == "circle" and width != depth:
         raise RoomError(f"{field}.size", f"expected the diameter twice for a circle; got {_show(entry['size'])}")
+    tucked = entry.get("tucked", False)
+    if not isinstance(tucked, bool):
+        raise RoomError(f"{field}.tucked", f"expected true or false; got {_show(tucked)}")
     center = entry.get("center")
     return Item(
         category=_text(entry["category"], f"{field}.category"),
@@ -221,6 +225,7 @@ def _item(entry: Any, field: str) -> Item:
         center=None if center is None else _pair(center, f"{field}.center"),
         rotation=_number(entry.get("rotation", 0.0), f"{field}.rotation"),
         form=form,
+        tucked=tucked,
     )
 
 

@@ -67,7 +67,8 @@ class Item:
 
     `size` is (width, depth) in metres along the item's own x and y axis; `rotation` turns these
     axes, in degrees counter-clockwise. `center` is None for an item that is still to be placed.
-    A circle's width and depth are both its diameter.
+    A circle's width and depth are both its diameter. A `tucked` item (a chair) stands partly under
+    another by intent.
     """
 
     category: str
@@ -75,6 +76,7 @@ class Item:
     center: Point | None = None
     rotation: float = 0.0
     form: Literal["rectangle", "circle"] = "rectangle"
+    tucked: bool = False
 
     def footprint_at(self, center: Point) -> Polygon:
         """The item's outline when its centre stands at `center`."""

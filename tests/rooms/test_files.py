@@ -54,6 +54,11 @@ def test_written_rooms_are_read_back_equal(tmp_path_factory: pytest.TempPathFact
     assert collection.left_out == []
 
 
+def test_a_tucked_chair_survives() -> None:
+    chair = Item("chair", (0.45, 0.45), (1.0, 1.5), 90.0, tucked=True)
+    assert room_from_dict(json.loads(json.dumps(room_to_dict(rectangular_room(4, 3, chair))))).furniture == (chair,)
+
+
 @given(rooms(group="plan 7", target=None))
 def test_the_group_and_a_target_that_was_not_chosen_survive(room: Room) -> None:
     read = room_from_dict(json.loads(json.dumps(room_to_dict(room))))
@@ -210,6 +215,7 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     "size text": (put_item("size", ["2", 1]), "furniture[0].size", "finite number"),
     "size boolean": (put_item("size", [True, 1]), "furniture[0].size", "finite number"),
     "circle with unequal sizes": (put_item("size", [0.5, 0.6], 1), "furniture[1].size", "diameter twice"),
+    "tucked of text": (put_item("tucked", "yes"), "furniture[0].tucked", "true or false"),
     "unknown shape": (put_item("shape", "oval"), "furniture[0].shape", "rectangle or circle"),
     "centre of one number": (put_item("center", [1]), "furniture[0].center", "two numbers"),
     "centre as object": (put_item("center", {"x": 1, "y": 1}), "furniture[0].center", "two numbers"),
