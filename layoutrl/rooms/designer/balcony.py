@@ -1,0 +1,197 @@
+"""Balconies: all glass on one long side, a sliding door on the other; laundry at one end, a seat at the other.
+
+Sizes after designer_rules.md (1.1-1.8 m deep, 2.4-4.5 m long, 3-6.5 square metres); shares are unsourced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from layoutrl.rooms.designer.places import LEFT, RIGHT, beside, ends
+from layoutrl.rooms.designer.rules import NO, YES, far_from, in_corner
+from layoutrl.rooms.designer.search import Piece, Place, Plan, Step, Where
+from layoutrl.rooms.designer.shell import Box, Dice, Gap, Shell, Wall
+from layoutrl.rooms.designer.template import RoomType, Template
+
+PASSAGE = 70  # before a door
+POST = 15  # solid at either end of the glass; unsourced
+CORNER = 65  # of house wall at either end of most doors, room for the laundry or a chair; unsourced
+OFF_CENTRE = 20  # at least, of a door from the middle, so that one end is the far one; unsourced
+
+
+def shell(dice: Dice) -> Shell:
+    """The first window is the glass; most have one short side glazed too, some a column in a corner by the house."""
+    while True:
+        depth, length = dice.between(110, 180, 5), dice.spread(240, 300, 360, 425, 450)
+        if not 30000 <= depth * length <= 65000:
+            continue
+        house = dice.between(0, 3)  # the direction from the house to the glass
+        width, height = (length, depth) if house % 2 else (depth, length)
+        column = _column(dice, width, height, house) if dice.chance(30) else ()
+        bare = Shell(width, height, column, dice.pick({20: 65, 12: 20, 10: 15}))
+        wall = next(wall for wall in bare.walls if wall.normal == house and wall.length > 100)
+        door_width = dice.pick({160: 50, 180: 30, 210: 15, 240: 5})
+        off = dice.pick({CORNER: 95, 10: 5})
+        if wall.length < door_width + 2 * off:
+            continue
+        low, high = wall.lo + off, wall.hi - off - door_width
+        lo = dice.pick({low: 35, high: 35, dice.between(low, high): 30})
+        if abs(2 * lo + door_width - length) < 2 * OFF_CENTRE:
+            continue
+        front = next(wall for wall in bare.walls if wall.normal == (house + 2) % 4)
+        windows = [Gap(front, POST, length - POST)]
+        if dice.chance(85):
+            side = dice.pick({w: 1 for w in bare.walls if w.normal % 2 != house % 2 and bare.is_outer(w)})
+            windows.append(Gap(side, side.lo + POST, side.hi - POST))
+        door = Gap(wall, lo, lo + door_width, sliding=True)
+        return Shell(width, height, column, bare.thickness, (door,), tuple(windows))
+
+
+def _column(dice: Dice, width: int, height: int, house: int) -> tuple[Box]:
+    """In one of the two corners by the house."""
+    a, b = dice.between(25, 45, 5), dice.between(25, 45, 5)
+    low, right = (dice.chance(50), house == 2) if house % 2 == 0 else (house == 1, dice.chance(50))
+    x, y = width - a if right else 0, 0 if low else height - b
+    return (Box(x, y, x + a, y + b),)
+
+
+def sizes(shell: Shell) -> tuple[int, int]:
+    """(depth, length)"""
+    return min(shell.width, shell.height), max(shell.width, shell.height)
+
+
+def off_the_way(where: Where, allowed: Callable[[Shell, Wall], bool]) -> Where:
+    """Those places at an allowed wall that leave the passage before the doors."""
+
+    def places(plan: Plan, piece: Piece) -> Iterator[Place]:
+        for place in where(plan, piece):
+            if place.wall is not None and allowed(plan.shell, place.wall) and not in_the_way(plan.shell, place.box):
+                yield place
+
+    return places
+
+
+def in_the_way(shell: Shell, box: Box) -> bool:
+    return any(box.overlaps(door.strip(PASSAGE)) for door in shell.doors)
+
+
+def any_wall(shell: Shell, wall: Wall) -> bool:
+    return True
+
+
+def is_end(shell: Shell, wall: Wall) -> bool:
+    return wall.normal % 2 != shell.entrance.wall.normal % 2
+
+
+def is_house(shell: Shell, wall: Wall) -> bool:
+    return wall == shell.entrance.wall
+
+
+def is_front(shell: Shell, wall: Wall) -> bool:
+    return wall == shell.windows[0].wall
+
+
+def solid_end(plan: Plan, place: Place) -> int:
+    """It touches no glazed short side."""
+    return NO if any(place.box.gap(window.strip(1)) == 0 for window in plan.shell.windows[1:]) else YES
+
+
+def at(place: Place, wall: Wall) -> bool:
+    """Whether a side of it lies on the line of a wall."""
+    return place.box.side((wall.normal + 2) % 4) == wall.at
+
+
+def looks_out(plan: Plan, place: Place) -> int:
+    """Through the glass."""
+    return YES if place.facing == plan.shell.entrance.wall.normal else NO
+
+
+def other_end(plan: Plan, piece: Piece) -> Iterator[Place]:
+    """In a corner of the end without the laundry, but not with its back to the glass."""
+    _, length = sizes(plan.shell)
+    for place in off_the_way(ends, lambda shell, wall: not is_front(shell, wall))(plan, piece):
+        at_end = any(is_end(plan.shell, wall) and at(place, wall) for wall in plan.shell.walls)
+        if at_end and place.box.gap(plan["laundry_cabinet"].box) > length // 4:
+            yield place
+
+
+def opposite_door(plan: Plan, piece: Piece) -> Iterator[Place]:
+    """Against the glass, in view from the house, flush with either jamb."""
+    door, front = plan.shell.entrance, plan.shell.windows[0].wall
+    for lo in (door.lo, door.hi - piece.width):
+        yield Place(piece, front.box(lo, lo + piece.width, piece.depth), front.normal, front)
+
+
+def either_side(category: str) -> Where:
+    """Beside what is placed already, left or right."""
+
+    def where(plan: Plan, piece: Piece) -> Iterator[Place]:
+        yield from beside(category, LEFT)(plan, piece)
+        yield from beside(category, RIGHT)(plan, piece)
+
+    return where
+
+
+def across(dice: Dice, shell: Shell) -> list[Step]:
+    """A laundry counter across one end, with a sink by the house where it leaves room; a seat at the other end."""
+    depth, _ = sizes(shell)
+    deep = depth > 160
+    cabinet = Piece("laundry_cabinet", depth - 45 if deep else depth, dice.pick({60: 70, 65: 30}), front=60)
+    sink = Step(Piece("sink", 45, cabinet.depth, front=50), off_the_way(either_side("laundry_cabinet"), is_end))
+    return [
+        Step(cabinet, off_the_way(ends, is_end), (solid_end, far_from("door"))),
+        *([sink] if deep else []),
+        *seat(dice),
+    ]
+
+
+def along(dice: Dice, shell: Shell) -> list[Step]:
+    """Washer in the corner and the cabinet beside it, both along the house wall; a seat at the other end."""
+    washer = Piece("washer", 60, 60, front=60)
+    cabinet = Piece("laundry_cabinet", min(dice.between(120, 150, 5), beside_door(shell) // 5 * 5 - 60), 60, front=60)
+    return [
+        Step(washer, off_the_way(ends, is_house), (in_corner, solid_end, far_from("door"))),
+        Step(cabinet, off_the_way(either_side("washer"), is_house)),
+        *seat(dice),
+    ]
+
+
+def counter(dice: Dice, shell: Shell) -> list[Step]:
+    """The cabinet in the corner along the house wall, a sink towards the door; a seat at the other end."""
+    cabinet = Piece("laundry_cabinet", min(dice.between(120, 150, 5), beside_door(shell) // 5 * 5 - 60), 60, front=60)
+    sink = Piece("sink", 45, 50, front=60)
+    return [
+        Step(cabinet, off_the_way(ends, is_house), (in_corner, solid_end, far_from("door"))),
+        Step(sink, off_the_way(either_side("laundry_cabinet"), is_house)),
+        *seat(dice),
+    ]
+
+
+def seat(dice: Dice) -> list[Step]:
+    """At the other end a lounge chair, looking out where it can, and a round table; plants along the glass."""
+    side = dice.pick({60: 40, 65: 40, 70: 20})
+    chair = Piece("lounge_chair", side, side, front=40)
+    table = Piece("side_table", 40, 40, circle=True)
+    plants = Piece("plant_rack", 90, 30, front=PASSAGE)
+    return [
+        Step(chair, other_end, (looks_out,), optional=True),
+        Step(table, off_the_way(either_side("lounge_chair"), any_wall), (far_from("laundry_cabinet"),), optional=True),
+        Step(plants, opposite_door, (far_from("laundry_cabinet"),)),
+    ]
+
+
+def beside_door(shell: Shell) -> int:
+    """The length of house wall at the longer side of the door."""
+    door = shell.entrance
+    return max(door.lo - door.wall.lo, door.wall.hi - door.hi)
+
+
+BALCONY = RoomType(
+    "balcony",
+    shell,
+    {
+        "across": Template(across, 12, lambda shell: beside_door(shell) >= 65),
+        "along": Template(along, 40, lambda shell: sizes(shell)[0] >= 130 and beside_door(shell) >= 180),
+        "counter": Template(counter, 35, lambda shell: sizes(shell)[0] >= 130 and beside_door(shell) >= 180),
+    },
+)

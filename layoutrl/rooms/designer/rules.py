@@ -1,0 +1,120 @@
+"""By what a designer prefers one place to another. A rule is a number, more is better: centimetres, or YES and NO."""
+
+from __future__ import annotations
+
+from layoutrl.rooms.designer.search import Place, Plan, Rule
+from layoutrl.rooms.designer.shell import Box
+
+YES, NO = 100, 0
+
+
+def solid_behind(plan: Plan, place: Place) -> int:
+    """No window and no door in the wall behind it."""
+    behind = place.box.beyond((place.facing + 2) % 4, 1)
+    gaps = [gap.strip(-1) for gap in (*plan.shell.doors, *plan.shell.windows)]
+    return NO if any(behind.overlaps(gap) for gap in gaps) else YES
+
+
+def across_daylight(plan: Plan, place: Place) -> int:
+    """Its back to a wall at right angles to that of the largest window, so that light falls in from the side."""
+    if not plan.shell.windows:
+        return YES
+    largest = max(plan.shell.windows, key=lambda window: window.width)
+    return YES if (place.facing - largest.wall.normal) % 2 else NO
+
+
+def light_from_left(plan: Plan, place: Place) -> int:
+    """Who sits at it, looking at its back, has the largest window on the left."""
+    if not plan.shell.windows:
+        return NO
+    largest = max(plan.shell.windows, key=lambda window: window.width)
+    # Who sits at it looks against its facing; what comes from the left moves to that person's right.
+    return YES if (largest.wall.normal - place.facing) % 4 == 1 else NO
+
+
+def in_corner(plan: Plan, place: Place) -> int:
+    """One of its sides touches a wall as well as its back."""
+    return YES if any(not plan.shell.holds(place.box.beyond((place.facing + s) % 4, 1)) for s in (1, 3)) else NO
+
+
+def looks_at_door(plan: Plan, place: Place) -> int:
+    """The entrance lies on the side that it faces."""
+    return YES if _ahead(place, plan.shell.entrance.strip(1)) else NO
+
+
+def looks_past_door(plan: Plan, place: Place) -> int:
+    """Who comes in does not stand right before it."""
+    lo, hi = place.box.span(place.facing)
+    door = plan.shell.entrance.strip(1)
+    start, end = door.span(place.facing)
+    return NO if _ahead(place, door) and start < hi and lo < end else YES
+
+
+def touches(category: str) -> Rule:
+    """Side by side with it, without a gap."""
+    return lambda plan, place: YES if any(place.box.gap(other.box) == 0 for other in plan.all(category)) else NO
+
+
+def far_from(what: str) -> Rule:
+    """Distance from the nearest door, window or placed piece of a category."""
+    return lambda plan, place: min((place.box.gap(box) for box in _boxes(plan, what)), default=0)
+
+
+def near(what: str) -> Rule:
+    """How little distance there is to the nearest door, window or placed piece of a category."""
+    return lambda plan, place: -far_from(what)(plan, place)
+
+
+def away_from(what: str) -> Rule:
+    """Distance of its middle from that of the nearest door, window or placed piece, along x plus along y."""
+
+    def rule(plan: Plan, place: Place) -> int:
+        x, y = place.middle
+        boxes = _boxes(plan, what)
+        return min((abs(x - box.x0 - box.x1) + abs(y - box.y0 - box.y1) for box in boxes), default=0) // 2
+
+    return rule
+
+
+def no_slit(plan: Plan, place: Place) -> int:
+    """What stands beside it, wall or piece, touches it or leaves a hand's breadth (15 cm, unsourced) to clean."""
+    if any(0 < place.box.gap(other.box) < 15 for other in plan.places):
+        return NO
+    for side in (1, 3):
+        direction = (place.facing + side) % 4
+        if plan.shell.holds(place.box.beyond(direction, 1)) and not plan.shell.holds(place.box.beyond(direction, 15)):
+            return NO
+    return YES
+
+
+def centred_on(category: str) -> Rule:
+    """How little it stands off the axis of a placed piece."""
+
+    def rule(plan: Plan, place: Place) -> int:
+        if not plan.has(category):
+            return 0
+        axis = plan[category]
+        across = (axis.facing + 1) % 2
+        return -abs(place.middle[across] - axis.middle[across]) // 2
+
+    return rule
+
+
+def long_wall(plan: Plan, place: Place) -> int:
+    """How long the wall behind it is."""
+    return place.wall.length if place.wall else 0
+
+
+def _boxes(plan: Plan, what: str) -> list[Box]:
+    if what == "entrance":
+        return [plan.shell.entrance.strip(1)]
+    if what == "door":
+        return [door.strip(1) for door in plan.shell.doors]
+    if what == "window":
+        return [window.strip(1) for window in plan.shell.windows]
+    return [place.box for place in plan.all(what)]
+
+
+def _ahead(place: Place, box: Box) -> bool:
+    front = place.box.side(place.facing)
+    return box.side(place.facing) > front if place.facing < 2 else box.side(place.facing) < front
