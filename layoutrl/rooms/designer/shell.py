@@ -17,6 +17,7 @@ import shapely
 T = TypeVar("T")
 
 LEAF_OFF_CORNER = 5  # at least, from a door to a convex corner
+LANDING = 90  # unsourced: clear outside a door, beyond the wall
 WINDOW_OFF_CORNER = 20
 WINDOW_DEPTH = 50  # in front of a window nothing tall may stand (SceneEval)
 SLIDING_DEPTH = 10  # kept free before a sliding door, which swings nowhere
@@ -169,6 +170,12 @@ class Shell:
             return False
         return not any(box.overlaps(notch) for notch in self.notches)
 
+    def leads_out(self, door: Gap) -> bool:
+        """Whether who leaves by the door stands outside, not in another part of this room beyond a narrow recess."""
+        beyond = door.strip(-self.thickness - LANDING)
+        indoors = beyond.shared(Box(0, 0, self.width, self.height))
+        return indoors == sum(beyond.shared(notch) for notch in self.notches)
+
     def is_outer(self, wall: Wall) -> bool:
         """Whether the wall lies on the border of the bounding box, as facades do."""
         return wall.at == (0, 0, self.width, self.height)[wall.normal]
@@ -274,6 +281,8 @@ class Shells:
             doors.append(Gap(wall, lo, lo + width))
             swing = doors[-1].swing
             if not shell.holds(swing) or any(swing.overlaps(door.swing) for door in doors[:-1]):
+                return None
+            if not shell.leads_out(doors[-1]):
                 return None
         return tuple(doors)
 

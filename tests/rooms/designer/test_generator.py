@@ -38,13 +38,14 @@ def threshold(room: Room, opening: Opening) -> np.ndarray:
     return np.array([line.bounds[:2], line.bounds[2:]])
 
 
-def strip_inside(room: Room, opening: Opening, depth: float) -> shapely.Polygon:
-    """What reaches `depth` metres from an opening into the room."""
+def strips(room: Room, opening: Opening, depth: float) -> tuple[shapely.Polygon, shapely.Polygon]:
+    """What reaches `depth` metres from an opening's side on the outline outwards, and into the room."""
     (x0, y0), (x1, y1) = threshold(room, opening)
     across = np.array([0, depth]) if y0 == y1 else np.array([depth, 0])
     sides = [shapely.box(*np.minimum(a, b), *np.maximum(a, b)) for a, b in _corners((x0, y0), (x1, y1), across)]
     outside = np.array(opening.shape.centroid.coords[0])
-    return max(sides, key=lambda side: side.distance(shapely.Point(outside)))
+    outward, inward = sorted(sides, key=lambda side: side.distance(shapely.Point(outside)))
+    return outward, inward
 
 
 def _corners(start: tuple, end: tuple, across: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -53,7 +54,7 @@ def _corners(start: tuple, end: tuple, across: np.ndarray) -> list[tuple[np.ndar
 
 def swing(room: Room, door: Opening) -> shapely.Polygon:
     width = float(np.abs(np.subtract(*threshold(room, door))).max())
-    return strip_inside(room, door, width if width < 1.2 else 0.1)  # wider doors slide
+    return strips(room, door, width if width < 1.2 else 0.1)[1]  # wider doors slide
 
 
 def overlap(shape: shapely.Geometry, item: Item) -> float:
@@ -86,7 +87,7 @@ def test_no_item_blocks_a_door_or_stands_tall_before_a_window(design: Design) ->
             assert overlap(leaf, item) < EPSILON, (door, item)
     for window in room.windows:
         for item in room.furniture:
-            assert item.category not in TALL or overlap(strip_inside(room, window, 0.5), item) < EPSILON, item
+            assert item.category not in TALL or overlap(strips(room, window, 0.5)[1], item) < EPSILON, item
 
 
 @settings(max_examples=400)
@@ -101,6 +102,8 @@ def test_openings_lie_apart_in_the_walls_and_the_room_is_as_large_as_its_type(de
     for opening in room.openings:
         assert shapely.intersection(opening.shape, room.indoor).area < EPSILON
         assert all(shapely.intersection(opening.shape, wall).area < EPSILON for wall in room.wall_shapes)
+    for door in room.doors:  # it leads out of the room, not into another part of it
+        assert shapely.intersection(strips(room, door, 1.0)[0], room.indoor).area < EPSILON
     low, high = AREA[room.room_type]
     assert low <= room.indoor.area <= high
 

@@ -221,3 +221,12 @@ def test_the_first_window_is_in_the_asked_wall_and_wide_enough_for_the_floor(whe
     for shell in lit:
         width = shell.windows[0].width
         assert width == 220 or width * WINDOW_HEIGHT * GLAZING >= shell.area
+
+
+def test_a_door_in_a_narrow_recess_leads_nowhere() -> None:
+    for width, leads_out in ((40, False), (109, False), (110, True)):
+        shell = Shell(400, 300, (Box(100, 0, 100 + width, 200),))
+        for normal in (0, 2):
+            (wall,) = (w for w in shell.walls if w.normal == normal and not shell.is_outer(w))
+            assert shell.leads_out(Gap(wall, 50, 140)) == leads_out
+    assert all(shell.leads_out(Gap(wall, 50, 140)) for wall in shell.walls if shell.is_outer(wall))
