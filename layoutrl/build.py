@@ -20,9 +20,10 @@ from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservat
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.errors import InputError
-from layoutrl.rooms.collection import choose_item
+from layoutrl.rooms.collection import Collection, choose_item, split
+from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources import read_source
+from layoutrl.rooms.sources import designer, read_files
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -41,18 +42,35 @@ def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
     return answering
 
 
-def rooms(room: RoomConfig, data: DataConfig) -> list[Room]:
-    """All rooms of the type with their target chosen; prints what was read, kept and left out, and why."""
+def rooms(room: RoomConfig, data: DataConfig, fold: int) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms with their target chosen; prints what was read, kept and left out, and why.
+
+    Designed rooms of the two parts come from different seeds; all others are split by the hash of their group.
+    """
     assert data.source is not None
+    if data.source == "designer":
+        return designed_rooms(room, data, "train"), designed_rooms(room, data, "test")
     root = None if data.root is None else Path(data.root).expanduser()
-    collection = read_source(data.source, room.type, root, data.labels, data.strict)
+    return split(_with_item(read_files(data.source, room.type, root, data.labels, data.strict), room), fold)
+
+
+def designed_rooms(room: RoomConfig, data: DataConfig, part: Part) -> list[Room]:
+    """One part of the designer's rooms with their target chosen; prints how each template fared."""
+    cache = None if data.root is None else Path(data.root).expanduser()
+    count = {"train": data.train_rooms, "test": data.test_rooms}[part]
+    designs = designer.read(cache, room.type, part, data.seed, count)
+    print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
+    return _with_item(Collection(f"designer, {part}", designs.rooms), room)
+
+
+def _with_item(collection: Collection, room: RoomConfig) -> list[Room]:
     chosen = choose_item(collection, room.item)
     print(chosen)
     if not chosen.rooms:
         held = sorted({item.category for r in collection.rooms for item in r.furniture})
         raise InputError(
-            f"room.item: no {room.type} of {data.source} can be used with item {room.item}; "
-            f"expected main or one of {', '.join(held)}"
+            f"room.item: no {room.type} of {collection.source} can be used with item {room.item}; "
+            f"expected main, all or one of {', '.join(held)}"
         )
     return chosen.rooms
 

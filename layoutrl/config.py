@@ -26,13 +26,16 @@ def config_directory() -> Path:
 @dataclass
 class RoomConfig:
     type: str = MISSING
-    item: str = "main"  # category of the item that moves; main: the source's choice for the type
+    item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
 
 
 @dataclass
 class DataConfig:
     source: str | None = MISSING
-    root: str | None = None  # folder or file of the source's original data
+    root: str | None = None  # folder or file of the source's original data; designer: of its cache
+    train_rooms: int = 5000  # designer: rooms to train on
+    test_rooms: int = 1000  # designer: held-out rooms, from a seed of their own
+    seed: int = 0  # designer: of the rooms
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
     strict: bool = False  # json: stop at the first room that cannot be used
     copies: bool = True  # train on the eight mirrored and turned copies of every room
@@ -108,6 +111,10 @@ class TrainConfig:
         for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
             share = getattr(method, name)
             _within(f"method.{name}", share, 0 <= share <= 1, "0 to 1")
+        for name in ("train_rooms", "test_rooms"):
+            value = getattr(self.data, name)
+            _within(f"data.{name}", value, value >= 1, "1 or more")
+        _within("data.seed", self.data.seed, self.data.seed >= 0, "0 or more")
         for name in ("reports", "evaluations", "evaluation_rooms"):
             value = getattr(self.budget, name)
             _within(f"budget.{name}", value, value >= 1, "1 or more")
@@ -139,6 +146,19 @@ class EvaluateConfig:
             _one_of("on_illegal", self.on_illegal, "stop", "mask")
 
 
+@dataclass
+class GalleryConfig:
+    room: RoomConfig = field(default_factory=RoomConfig)
+    data: DataConfig = field(default_factory=DataConfig)
+    rooms: int = 24
+    all_types: bool = False
+    out: str = "gallery"
+
+    def __post_init__(self) -> None:
+        _one_of("room.type", self.room.type, *MAIN_ITEM)
+        _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
+
+
 def _one_of(name: str, value: str, *allowed: str) -> None:
     _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
 
@@ -153,3 +173,4 @@ def register() -> None:
     store = ConfigStore.instance()
     store.store(name="train_schema", node=TrainConfig)
     store.store(name="evaluate_schema", node=EvaluateConfig)
+    store.store(name="gallery_schema", node=GalleryConfig)

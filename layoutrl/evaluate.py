@@ -14,7 +14,7 @@ from layoutrl import build
 from layoutrl.config import EvaluateConfig, config_directory, register
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
-from layoutrl.rooms.collection import split, with_copies
+from layoutrl.rooms.collection import with_copies
 from layoutrl.runs import load_checkpoint, load_config, write_json
 
 
@@ -30,12 +30,13 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     own, data = trained.data, config.data
     if data.source is None:  # the run's own, perhaps from another folder or with other labels
         data = replace(own, root=data.root or own.root, labels=data.labels or own.labels)
-    same = (data.source, data.root) == (own.source, own.root)
-    parts = split(build.rooms(trained.room, own), trained.fold)
+    designed = data.source == own.source == "designer"  # wherever their cache lies
+    same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
+    parts = build.rooms(trained.room, own, trained.fold)
     training = parts[0]
     if data != own:
-        parts = split(build.rooms(trained.room, data), trained.fold)
-    part = config.part or ("held_out" if same else "all")
+        parts = build.rooms(trained.room, data, trained.fold)
+    part = config.part or ("held_out" if same or data.source == "designer" else "all")
     rooms = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
     if not same:
         trained_on = {room.group for room in training}

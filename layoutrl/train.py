@@ -19,7 +19,7 @@ from layoutrl.env.observation import categories_of
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import Probe, watched
-from layoutrl.rooms.collection import split, with_copies
+from layoutrl.rooms.collection import with_copies
 from layoutrl.rooms.room import Room
 from layoutrl.runs import new_folder, save_checkpoint, write_json
 
@@ -33,7 +33,7 @@ def run(config: TrainConfig) -> Path:
         config.data.root = str(Path(config.data.root).expanduser().absolute())
     network_seed, training_seed, probe_seed, evaluation_seed = np.random.SeedSequence(config.seed).spawn(4)
 
-    training, held_out = split(build.rooms(config.room, config.data), config.fold)
+    training, held_out = build.rooms(config.room, config.data, config.fold)
     if not training or not held_out:
         raise InputError(
             f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "

@@ -16,8 +16,8 @@ from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.errors import InputError
+from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources import read_source
 
 
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -51,7 +51,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         render_mode: str | None = None,
     ):
         if rooms is None:
-            rooms = read_source("examples", "bedroom", None).rooms
+            rooms = design_rooms("bedroom", "train", seed=0, count=10).rooms
         if not rooms:
             raise InputError("rooms: expected at least one room")
         if observation not in ("geometry", "image") or on_illegal not in ("drop", "stop"):

@@ -44,11 +44,13 @@ def evaluate(
         NEAREST: nearest_room_place(simulator, room, training),
     }
     iou = simulator.reward(room, run.final).iou
+    category = np.array([r.moving.category for r in simulator.rooms])[room]
     return {
         "rooms": len(simulator.rooms),
         "groups": len({room.group for room in simulator.rooms}),
         "starts_a_room": starts_a_room,
         "rows": {name: score(simulator, room, position).as_dict() for name, position in places.items()},
+        "items": {str(c): float(iou[category == c].mean()) for c in sorted(set(category))},  # the agent's mean IoU
         "lattice_ceiling": float(ceiling.mean()),
         "moves": float(run.moves.mean()),
         "ms_a_room": 1000 * run.seconds / len(room),
@@ -56,6 +58,7 @@ def evaluate(
         "positions": [
             {
                 "room": simulator.rooms[k].id,
+                "item": str(category[b]),
                 "iou": float(iou[b]),
                 "center": run.final[b].tolist(),
                 "moves": int(run.moves[b]),
@@ -75,6 +78,8 @@ def table(evaluation: dict[str, Any]) -> str:
             f"{row['median_iou']:7.3f} {row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f}"
         )
     lines.append(f"{'lattice ceiling':28} {evaluation['lattice_ceiling']:7.3f}")
+    if len(evaluation["items"]) > 1:
+        lines.append("agent, by item: " + ", ".join(f"{name} {iou:.3f}" for name, iou in evaluation["items"].items()))
     lines.append(
         f"{evaluation['rooms']} rooms in {evaluation['groups']} groups, {evaluation['starts_a_room']} start(s) each; "
         f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a room"

@@ -33,23 +33,30 @@ class Collection:
 
 
 def choose_item(collection: Collection, category: str) -> Collection:
-    """The rooms in which one item of `category` can move, as their target; `main` keeps the source's choice."""
+    """The rooms in which one item of `category` can move, as their target.
+
+    `main` keeps the source's choice; `all` gives every room once for each of its items.
+    """
     chosen = Collection(f"{collection.source}, item {category}", left_out=list(collection.left_out))
     for room in collection.rooms:
-        indices = [k for k, item in enumerate(room.furniture) if item.category == category]
         if category == "main":
             indices = [] if room.target is None else [room.target]
-        if len(indices) != 1:
-            several = "several" if indices else "none or several" if category == "main" else "no"
-            chosen.left_out.append((room.id, f"holds {several} {category} item"))
-            continue
-        room = replace(room, target=indices[0])
-        if room.moving.center is None:
-            chosen.left_out.append((room.id, f"the {category} item has no center, so the designer's place is unknown"))
-        elif not room.holds(room.moving, FIT):
-            chosen.left_out.append((room.id, f"the {category} item reaches beyond the outer walls"))
         else:
-            chosen.rooms.append(room)
+            indices = [k for k, item in enumerate(room.furniture) if category in (item.category, "all")]
+        if not indices or (len(indices) > 1 and category != "all"):
+            several = "several" if indices else "none or several" if category == "main" else "no"
+            what = "item" if category == "all" else f"{category} item"
+            chosen.left_out.append((room.id, f"holds {several} {what}"))
+            continue
+        for target in indices:
+            candidate = replace(room, target=target)
+            name = candidate.moving.category
+            if candidate.moving.center is None:
+                chosen.left_out.append((room.id, f"the {name} item has no center, so the designer's place is unknown"))
+            elif not candidate.holds(candidate.moving, FIT):
+                chosen.left_out.append((room.id, f"the {name} item reaches beyond the outer walls"))
+            else:
+                chosen.rooms.append(candidate)
     return chosen
 
 

@@ -62,6 +62,18 @@ def test_an_item_that_reaches_beyond_the_walls_is_left_out_and_one_over_a_wall_i
     assert reasons(chosen) == {"beyond": "the bed item reaches beyond the outer walls"}
 
 
+def test_all_gives_a_room_once_for_each_item_that_can_move() -> None:
+    lost = replace(CHAIR, center=None)
+    chosen = choose_item(Collection("files", [room("a", BED, CHAIR, lost), room("b", CHAIR, CHAIR)]), "all")
+    assert [(r.id, r.target) for r in chosen.rooms] == [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
+    assert reasons(chosen) == {"a": "the chair item has no center, so the designer's place is unknown"}
+
+
+def test_all_leaves_out_rooms_without_furniture() -> None:
+    chosen = choose_item(Collection("files", [replace(room("a"), furniture=(), target=None)]), "all")
+    assert reasons(chosen) == {"a": "holds no item"}
+
+
 def test_choosing_keeps_what_the_source_left_out_and_does_not_change_the_source() -> None:
     source = Collection("files", [room("a")], [("x", "broken")])
     chosen = choose_item(source, "chair")
