@@ -1,27 +1,33 @@
-"""The entry points as a user runs them: python -m layoutrl.train and python -m layoutrl.evaluate."""
+"""The entry points as a user runs them: python -m layoutrl.train, .evaluate and .gallery."""
 
 from __future__ import annotations
 
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 from omegaconf import OmegaConf
+from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from layoutrl.config import config_directory
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
 
 PROJECT = Path(__file__).resolve().parents[1]
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
+CACHE = tempfile.TemporaryDirectory()  # of designed rooms, for all tests here
 TIMES = ("seconds", "ms_a_room", "training_seconds")
 
 
 def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT), "XDG_CACHE_HOME": CACHE.name}
     return subprocess.run(
         [sys.executable, "-m", f"layoutrl.{command}", *arguments],
         cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False,
@@ -56,14 +62,14 @@ def test_the_eight_room_types_of_the_paper_have_a_config() -> None:
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, tmp_path: Path) -> None:
     run = trained(tmp_path, f"room={room}")
-    assert run == tmp_path / "runs" / room / "examples-main-geometric-smoke-seed0"
+    assert run == tmp_path / "runs" / room / "designer-main-geometric-smoke-seed0"
     assert OmegaConf.load(run / "config.yaml").room.type == room
     assert (run / "checkpoint.pt").stat().st_size > 10_000
     rows = metrics(run)
     assert int(rows[-1]["updates"]) == 40
     assert 0 <= float(rows[-1]["iou_held_out"]) <= 1
     result = evaluation(run)
-    assert result["rooms"] == 2
+    assert result["rooms"] == 8
     assert result["rows"].keys() == {
         "agent", "random start", "random wall or corner place", "nearest training room",
     }  # fmt: skip
@@ -104,19 +110,52 @@ def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: 
     done = layoutrl("evaluate", f"run={bedroom_run}", "starts=3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "lattice ceiling" in done.stdout
-    stored = json.loads((bedroom_run / "evaluation-examples-held_out-3-mask-seed0.json").read_text())
-    assert len(stored["positions"]) == 6
+    stored = json.loads((bedroom_run / "evaluation-designer-held_out-3-mask-seed0.json").read_text())
+    assert len(stored["positions"]) == 24
 
 
 def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Path) -> None:
-    rooms = (PROJECT / "layoutrl/rooms/examples/bedroom.jsonl").read_text().splitlines()
-    mine = [room.replace('"id": "bedroom', '"id": "mine') for room in rooms[:3]]
-    (tmp_path / "mine.jsonl").write_text("\n".join([mine[0], mine[1][:100], mine[2], rooms[4]]))
+    known, *others = (
+        design_rooms("bedroom", "train", seed=0, count=1).rooms + design_rooms("bedroom", "test", 7, 3).rooms
+    )
+    lines = [json.dumps(room_to_dict(room)) for room in (*others, known)]
+    (tmp_path / "mine.jsonl").write_text("\n".join([lines[0], lines[1][:100], *lines[2:]]))
     done = layoutrl("evaluate", f"run={bedroom_run}", "data=json", "data.root=mine.jsonl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "mine.jsonl:2" in done.stdout
     assert "left out 1 rooms that the agent was trained on" in done.stdout
     assert "scoring 2 rooms of json (all)" in done.stdout
+
+
+def test_one_agent_learns_to_place_every_item_of_the_type(tmp_path: Path) -> None:
+    result = evaluation(trained(tmp_path, "room=bathroom", "room.item=all"))
+    assert result["groups"] == 8
+    assert result["rooms"] == len(result["positions"]) > 16
+    assert {"toilet", "vanity"} <= result["items"].keys()
+
+
+def test_evaluate_scores_designed_rooms_of_another_seed(bedroom_run: Path, tmp_path: Path) -> None:
+    few = ("data=designer", "data.seed=1", "data.train_rooms=4", "data.test_rooms=3")
+    done = layoutrl("evaluate", f"run={bedroom_run}", *few, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "scoring 3 rooms of designer (held_out)" in done.stdout
+
+
+def test_the_gallery_draws_rooms_as_png_and_svg(tmp_path: Path) -> None:
+    done = layoutrl("gallery", "room=balcony", "rooms=7", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    png, svg = (tmp_path / "gallery" / f"balcony-designer-seed0.{suffix}" for suffix in ("png", "svg"))
+    assert Image.open(png).size == (1728, 576)  # two rows of six
+    names = re.findall(r"balcony-\w+-train0-(\d)", svg.read_text())
+    assert sorted(set(names)) == list("0123456")
+    assert "laundry" in svg.read_text()
+
+
+def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
+    done = layoutrl("gallery", "all_types=true", "rooms=8", "out=sheets", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "sheets" / "all_types-designer-seed0.svg").read_text()
+    assert all(f"{room}-" in text for room in ROOMS)
 
 
 @pytest.mark.parametrize(
@@ -129,16 +168,20 @@ def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Pat
         ("train", ["sed=1"], ["sed"]),
         ("train", ["seed=one"], ["seed", "Integer"]),
         ("train", ["fold=5"], ["fold", "0 to 4"]),
-        ("train", ["room.item=sofa"], ["room.item", "sofa", "bed", "wardrobe"]),
+        ("train", ["room.item=sofa", "budget=smoke"], ["room.item", "sofa", "bed", "wardrobe"]),
         ("train", ["data=floorplans", "data.labels=snap"], ["data.labels", "snapped", "raw"]),
         ("train", ["room=tatami", "data=floorplans"], ["tatami", "bathroom", "kitchen"]),
         ("train", ["room=bathroom", "data=floorplans", "data.root=nowhere"], ["nowhere", "data.root"]),
         ("train", ["data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
         ("train", ["device=cuda:99"], ["device", "cuda:99"]),
-        ("train", ["method.steps=[0.3,0.2]"], ["steps", "multiples"]),
+        ("train", ["method.steps=[0.3,0.2]", "budget=smoke"], ["steps", "multiples"]),
         ("train", ["method.batch=0"], ["method.batch", "1 or more"]),
+        ("train", ["data.train_rooms=0"], ["data.train_rooms", "1 or more"]),
         ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),
         ("train", ["budget.name=foo"], ["budget.name", "smoke"]),
+        ("gallery", ["room=bedrom"], ["bedrom", "tatami"]),
+        ("gallery", ["rooms=0"], ["rooms", "1 or more"]),
+        ("gallery", ["out=/dev/null/here"], ["out", "/dev/null/here"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),
         ("evaluate", [], ["run"]),
         ("evaluate", ["run=nowhere", "data.root=elsewhere"], ["nowhere"]),

@@ -39,6 +39,11 @@ DESIGNER = (0, 170, 170)
 PATH = (120, 20, 20)
 
 
+def color_of(category: str) -> tuple[int, int, int]:
+    """The colour of furniture that stands still."""
+    return COLOR_OF.get(category) or OTHERS[zlib.crc32(category.encode()) % len(OTHERS)]
+
+
 class View:
     """How metres of one room become pixels of a square picture: centred, y up, row 0 on top."""
 
@@ -147,8 +152,7 @@ def _painted_background(room: Room, view: View, outlined: bool) -> np.ndarray:
     for opening in room.openings:
         paint(image, view, opening.shape, DOOR if opening.kind == "door" else WINDOW)
     for item in room.others:
-        by_name = OTHERS[zlib.crc32(item.category.encode()) % len(OTHERS)]
-        paint(image, view, item.footprint, COLOR_OF.get(item.category, by_name))
+        paint(image, view, item.footprint, color_of(item.category))
         if outlined:
             paint(image, view, item.footprint.boundary.buffer(0.75 / view.scale), BLACK)
     return image
