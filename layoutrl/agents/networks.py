@@ -89,11 +89,11 @@ def _gaps(moving: Tensor, others: Tensor) -> Tensor:
 
     Negative where the element begins before the side ends; between the boxes around both.
     """
-    (mx, my, mhx, mhy), (x, y, hx, hy) = _box(moving[:, None]), _box(others)
+    (mx, my, mhx, mhy), (x, y, hx, hy) = upright_box(moving[:, None]), upright_box(others)
     return torch.stack([x - hx - mx - mhx, mx - mhx - x - hx, my - mhy - y - hy, y - hy - my - mhy], -1)
 
 
-def _box(element: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def upright_box(element: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Centre and half extents, along x and y, of the upright box around each element."""
     x, y, width, depth, cos2 = (element[..., COLUMNS.index(n)] for n in ("x", "y", "width", "depth", "cos2"))
     circle = element[..., COLUMNS.index("circle")] > 0

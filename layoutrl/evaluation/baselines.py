@@ -32,17 +32,29 @@ def random_wall_place(
     return chosen
 
 
+def nearest_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """For each of B starts the item moved straight to the nearest side of the outline's bounding box."""
+    nearest = []
+    for k, start in zip(room, starts, strict=True):
+        low, high = _play(simulator.rooms[k])
+        ways = np.array([(low[0], start[1]), (high[0], start[1]), (start[0], low[1]), (start[0], high[1])])
+        nearest.append(ways[np.argmin(np.abs(ways - start).sum(1))])
+    return np.array(nearest)
+
+
 def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequence[Room]) -> np.ndarray:
     """The designer's relative place in the training room that is most like each of B rooms.
 
     Likeness is the distance between size of the outline, size of the item and centre of the first
-    door. The place is relative to the bounding box of the outline, kept inside it.
+    door, among rooms in which the same category moves (any, if none). The place is relative to the
+    bounding box of the outline, kept inside it.
     """
     features = np.array([_features(r) for r in training])
+    category = np.array([r.moving.category for r in training])
     places = []
-    for k in range(len(simulator.rooms)):
-        like = training[int(np.argmin(((features - _features(simulator.rooms[k])) ** 2).sum(1)))]
-        places.append(_from_relative(simulator.rooms[k], _relative_place(like)))
+    for r in simulator.rooms:
+        unlike = ((features - _features(r)) ** 2).sum(1) + 1e6 * (category != r.moving.category)
+        places.append(_from_relative(r, _relative_place(training[int(np.argmin(unlike))])))
     return np.array(places)[room]
 
 

@@ -9,7 +9,12 @@ from hypothesis import strategies as st
 
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.baselines import nearest_room_place, random_wall_place, wall_places
+from layoutrl.evaluation.baselines import (
+    nearest_room_place,
+    nearest_wall_place,
+    random_wall_place,
+    wall_places,
+)
 from layoutrl.rooms.room import Item, Opening
 from tests.builders import l_room, random_room, rectangle, rectangular_room, room_of
 
@@ -75,6 +80,22 @@ def test_wall_places_lie_within_the_box_around_the_outline_and_drawn_ones_are_le
     simulator, index = simulator_of(room), np.zeros(5, dtype=int)
     chosen = random_wall_place(simulator, index, simulator.starts(index, rng), rng)
     assert simulator.is_legal(index, chosen).all()
+
+
+def test_the_nearest_wall_is_reached_by_the_shortest_straight_way():
+    simulator = simulator_of(
+        rectangular_room(4, 3, Item("bed", (1.0, 0.6), (2, 1.5))), l_room(Item("bed", (1, 1), (1, 1)))
+    )
+    starts = np.array([(0.9, 1.5), (2.0, 2.4), (1.2, 2.0), (3.6, 1.0)])
+    places = nearest_wall_place(simulator, np.array([0, 0, 1, 1]), starts)
+    np.testing.assert_allclose(places, [(0.5, 1.5), (2.0, 2.7), (0.5, 2.0), (3.5, 1.0)])
+
+
+def test_likeness_counts_rooms_in_which_the_same_category_moves():
+    bed, desk = (rectangular_room(4, 3, Item(name, (1, 1), (x, 1.5))) for name, x in (("bed", 0.6), ("desk", 3.4)))
+    here = rectangular_room(5, 3.5, Item("desk", (1, 1), (2, 1.5)))
+    assert nearest_room_place(simulator_of(here), np.array([0]), [bed, desk])[0, 0] > 3
+    assert nearest_room_place(simulator_of(here), np.array([0]), [bed])[0, 0] < 3  # any room, if there is no other
 
 
 def designed_room(seed: int):
