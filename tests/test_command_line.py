@@ -145,7 +145,8 @@ def test_the_gallery_draws_rooms_as_png_and_svg(tmp_path: Path) -> None:
     done = layoutrl("gallery", "room=balcony", "rooms=7", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     png, svg = (tmp_path / "gallery" / f"balcony-designer-seed0.{suffix}" for suffix in ("png", "svg"))
-    assert Image.open(png).size == (1728, 576)  # two rows of six
+    with Image.open(png) as picture:
+        assert picture.size == (1728, 576)  # two rows of six
     names = re.findall(r"balcony-\w+-train0-(\d)", svg.read_text())
     assert sorted(set(names)) == list("0123456")
     assert "laundry" in svg.read_text()

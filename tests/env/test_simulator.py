@@ -116,7 +116,7 @@ def test_the_coverage_agrees_with_the_direct_one_on_random_poses(seed: int) -> N
     for k, (r, p) in enumerate(zip(index, position, strict=True)):
         item = rooms[r].moving.footprint_at(tuple(p))
         shared = sum(item.intersection(other.footprint).area for other in rooms[r].furniture[1:])
-        assert covered[k] == pytest.approx(shared / item.area, abs=1e-9)
+        assert covered[k] == pytest.approx(min(shared / item.area, 1), abs=1e-9)  # others may overlap there
         assert outside[k] == pytest.approx(item.difference(rooms[r].indoor).area / item.area, abs=1e-9)
 
 
