@@ -23,7 +23,7 @@ from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources import designer, read_files
+from layoutrl.rooms.sources import designer_cache, read_files
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -58,9 +58,11 @@ def designed_rooms(room: RoomConfig, data: DataConfig, part: Part) -> list[Room]
     """One part of the designer's rooms with their target chosen; prints how each template fared."""
     cache = None if data.root is None else Path(data.root).expanduser()
     count = {"train": data.train_rooms, "test": data.test_rooms}[part]
-    designs = designer.read(cache, room.type, part, data.seed, count)
+    if count is None or data.seed is None:
+        raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
+    designs = designer_cache.read(cache, room.type, part, data.seed, count)
     print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
-    return _with_item(Collection(f"designer, {part}", designs.rooms), room)
+    return _with_item(Collection(f"designer, {part}", designs.rooms, inside=True), room)
 
 
 def _with_item(collection: Collection, room: RoomConfig) -> list[Room]:

@@ -33,12 +33,17 @@ class RoomConfig:
 class DataConfig:
     source: str | None = MISSING
     root: str | None = None  # folder or file of the source's original data; designer: of its cache
-    train_rooms: int = 5000  # designer: rooms to train on
-    test_rooms: int = 1000  # designer: held-out rooms, from a seed of their own
-    seed: int = 0  # designer: of the rooms
+    train_rooms: int | None = 5000  # designer: rooms to train on
+    test_rooms: int | None = 1000  # designer: held-out rooms, from a seed of their own
+    seed: int | None = 0  # designer: of the rooms
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
     strict: bool = False  # json: stop at the first room that cannot be used
     copies: bool = True  # train on the eight mirrored and turned copies of every room
+
+    def __post_init__(self) -> None:
+        for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
+            value = getattr(self, name)
+            _within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
 
 
 @dataclass
@@ -111,10 +116,6 @@ class TrainConfig:
         for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
             share = getattr(method, name)
             _within(f"method.{name}", share, 0 <= share <= 1, "0 to 1")
-        for name in ("train_rooms", "test_rooms"):
-            value = getattr(self.data, name)
-            _within(f"data.{name}", value, value >= 1, "1 or more")
-        _within("data.seed", self.data.seed, self.data.seed >= 0, "0 or more")
         for name in ("reports", "evaluations", "evaluation_rooms"):
             value = getattr(self.budget, name)
             _within(f"budget.{name}", value, value >= 1, "1 or more")
@@ -130,7 +131,9 @@ class TrainConfig:
 @dataclass
 class EvaluateConfig:
     run: str = MISSING
-    data: DataConfig = field(default_factory=lambda: DataConfig(source=None, labels=None))  # null: as in the run
+    data: DataConfig = field(  # null: as in the run
+        default_factory=lambda: DataConfig(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
+    )
     part: Any = None
     starts: int = 1
     seed: int = 0

@@ -28,10 +28,13 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     agent.network.load_state_dict(checkpoint["network"])
 
     own, data = trained.data, config.data
-    if data.source is None:  # the run's own, perhaps from another folder or with other labels
-        data = replace(own, root=data.root or own.root, labels=data.labels or own.labels)
+    if data.source is None:  # the run's own, but for what is given
+        given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}
+        data = replace(own, **{name: value for name, value in given.items() if value is not None})
     designed = data.source == own.source == "designer"  # wherever their cache lies
     same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
+    if designed and same:
+        data = replace(data, train_rooms=own.train_rooms)  # the agent was trained on no more of them
     parts = build.rooms(trained.room, own, trained.fold)
     training = parts[0]
     if data != own:
@@ -61,7 +64,11 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         seed=np.random.SeedSequence(config.seed),
     )
     print(table(result))
-    which = {"floorplans": f"-{data.labels}", "json": f"-{Path(data.root or '').stem}"}.get(data.source or "", "")
+    which = {
+        "designer": f"-rooms{data.seed}",
+        "floorplans": f"-{data.labels}",
+        "json": f"-{Path(data.root or '').stem}",
+    }.get(data.source or "", "")
     name = f"evaluation-{data.source}{which}-{part}-{config.starts}-{on_illegal}-seed{config.seed}.json"
     write_json(folder / name, {"data": asdict(data), "part": part, "seed": config.seed} | result)
     print(f"wrote {folder / name}")

@@ -73,8 +73,8 @@ def run(config: GalleryConfig) -> list[Path]:
     try:
         Path(config.out).mkdir(parents=True, exist_ok=True)
         with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):  # small, and the same every time
-            for file in files:
-                figure.savefig(file, dpi=120)
+            figure.savefig(files[0], dpi=120)
+            figure.savefig(files[1], metadata={"Date": None})
     except OSError as error:
         raise InputError(f"out: cannot write {files[0]} ({error.strerror}); expected a folder to write to") from None
     for file in files:

@@ -110,7 +110,7 @@ def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: 
     done = layoutrl("evaluate", f"run={bedroom_run}", "starts=3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "lattice ceiling" in done.stdout
-    stored = json.loads((bedroom_run / "evaluation-designer-held_out-3-mask-seed0.json").read_text())
+    stored = json.loads((bedroom_run / "evaluation-designer-rooms0-held_out-3-mask-seed0.json").read_text())
     assert len(stored["positions"]) == 24
 
 
@@ -139,6 +139,15 @@ def test_evaluate_scores_designed_rooms_of_another_seed(bedroom_run: Path, tmp_p
     done = layoutrl("evaluate", f"run={bedroom_run}", *few, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "scoring 3 rooms of designer (held_out)" in done.stdout
+    assert (bedroom_run / "evaluation-designer-rooms1-held_out-1-mask-seed0.json").exists()
+
+
+def test_evaluate_takes_the_runs_own_data_but_for_what_is_given(bedroom_run: Path, tmp_path: Path) -> None:
+    done = layoutrl("evaluate", f"run={bedroom_run}", "data.test_rooms=3", "starts=2", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "scoring 3 rooms of designer (held_out)" in done.stdout
+    done = layoutrl("evaluate", f"run={bedroom_run}", "data=designer", "part=training", "starts=2", cwd=tmp_path)
+    assert "scoring 32 rooms of designer (training)" in done.stdout  # as many as it was trained on
 
 
 def test_the_gallery_draws_rooms_as_png_and_svg(tmp_path: Path) -> None:
@@ -150,6 +159,9 @@ def test_the_gallery_draws_rooms_as_png_and_svg(tmp_path: Path) -> None:
     names = re.findall(r"balcony-\w+-train0-(\d)", svg.read_text())
     assert sorted(set(names)) == list("0123456")
     assert "laundry" in svg.read_text()
+    first = svg.read_bytes()
+    layoutrl("gallery", "room=balcony", "rooms=7", cwd=tmp_path)
+    assert svg.read_bytes() == first
 
 
 def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
@@ -181,6 +193,9 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),
         ("train", ["budget.name=foo"], ["budget.name", "smoke"]),
         ("gallery", ["room=bedrom"], ["bedrom", "tatami"]),
+        ("gallery", ["data.seed=-1"], ["data.seed", "0 or more"]),
+        ("train", ["data.seed=null", "budget=smoke"], ["data.seed", "null"]),
+        ("evaluate", ["run=nowhere", "data=designer", "data.test_rooms=0"], ["data.test_rooms", "1 or more"]),
         ("gallery", ["rooms=0"], ["rooms", "1 or more"]),
         ("gallery", ["out=/dev/null/here"], ["out", "/dev/null/here"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),

@@ -15,14 +15,21 @@ NAMED = 3  # examples named for each reason in a summary
 
 @dataclass
 class Collection:
-    """What a source read: the rooms it kept, and (id, reason) of each that it left out."""
+    """What a source read: the rooms it kept, and (id, reason) of each that it left out.
+
+    `inside` says that no item reaches beyond the outer walls, which spares the check.
+    """
 
     source: str
     rooms: list[Room] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
+    inside: bool = False
 
     def __str__(self) -> str:
-        lines = [f"{self.source}: read {len(self.rooms) + len(self.left_out)} rooms, kept {len(self.rooms)}"]
+        kept = {room.id for room in self.rooms}
+        read = kept | {room_id for room_id, _ in self.left_out}
+        items = f", {len(self.rooms)} items to move" if len(self.rooms) > len(kept) else ""
+        lines = [f"{self.source}: read {len(read)} rooms, kept {len(kept)}{items}"]
         by_reason: dict[str, list[str]] = defaultdict(list)
         for room_id, reason in self.left_out:
             by_reason[reason].append(room_id)
@@ -33,9 +40,9 @@ class Collection:
 
 
 def choose_item(collection: Collection, category: str) -> Collection:
-    """The rooms in which one item of `category` can move, as their target.
+    """The rooms in which an item of `category` can move, as their target: a room once for each such item.
 
-    `main` keeps the source's choice; `all` gives every room once for each of its items.
+    `main` keeps the source's choice; `all` takes every item.
     """
     chosen = Collection(f"{collection.source}, item {category}", left_out=list(collection.left_out))
     for room in collection.rooms:
@@ -43,20 +50,18 @@ def choose_item(collection: Collection, category: str) -> Collection:
             indices = [] if room.target is None else [room.target]
         else:
             indices = [k for k, item in enumerate(room.furniture) if category in (item.category, "all")]
-        if not indices or (len(indices) > 1 and category != "all"):
-            several = "several" if indices else "none or several" if category == "main" else "no"
-            what = "item" if category == "all" else f"{category} item"
-            chosen.left_out.append((room.id, f"holds {several} {what}"))
-            continue
-        for target in indices:
-            candidate = replace(room, target=target)
-            name = candidate.moving.category
-            if candidate.moving.center is None:
-                chosen.left_out.append((room.id, f"the {name} item has no center, so the designer's place is unknown"))
-            elif not candidate.holds(candidate.moving, FIT):
-                chosen.left_out.append((room.id, f"the {name} item reaches beyond the outer walls"))
+        if not indices:
+            what = {"main": "none or several main items", "all": "no furniture"}.get(category, f"no {category}")
+            chosen.left_out.append((room.id, f"holds {what}"))
+        for index in indices:
+            item = room.furniture[index]
+            if item.center is None:
+                reason = f"the {item.category} has no center, so the designer's place is unknown"
+                chosen.left_out.append((room.id, reason))
+            elif not (collection.inside or room.holds(item, FIT)):
+                chosen.left_out.append((room.id, f"the {item.category} reaches beyond the outer walls"))
             else:
-                chosen.rooms.append(candidate)
+                chosen.rooms.append(replace(room, target=index))
     return chosen
 
 

@@ -65,7 +65,7 @@ def test_gymnasium_finds_nothing_to_complain_about(observation, on_illegal):
 
 
 @pytest.mark.filterwarnings("error")
-def test_without_rooms_the_examples_are_taken():
+def test_without_rooms_designed_bedrooms_are_taken():
     env = gymnasium.make("layoutrl/Layout-v0")
     assert {room.room_type for room in env.unwrapped.simulator.rooms} == {"bedroom"}
     play(env, 0, 5)

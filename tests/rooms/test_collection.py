@@ -36,14 +36,15 @@ def test_the_one_item_of_the_category_becomes_the_target() -> None:
 def test_main_keeps_the_choice_of_the_source() -> None:
     chosen = choose_item(Collection("files", [room("a", CHAIR, BED, target=1), room("b", target=None)]), "main")
     assert [r.moving for r in chosen.rooms] == [BED]
-    assert reasons(chosen) == {"b": "holds none or several main item"}
+    assert reasons(chosen) == {"b": "holds none or several main items"}
 
 
-def test_rooms_without_or_with_several_items_of_the_category_are_left_out() -> None:
+def test_rooms_without_the_category_are_left_out_and_those_with_several_count_once_for_each() -> None:
     source = Collection("files", [room("none"), room("two", BED, CHAIR, CHAIR), room("one", BED, CHAIR)])
     chosen = choose_item(source, "chair")
-    assert [r.id for r in chosen.rooms] == ["one"]
-    assert reasons(chosen) == {"none": "holds no chair item", "two": "holds several chair item"}
+    assert [(r.id, r.target) for r in chosen.rooms] == [("two", 1), ("two", 2), ("one", 1)]
+    assert reasons(chosen) == {"none": "holds no chair"}
+    assert "read 3 rooms, kept 2, 3 items to move" in str(chosen)
 
 
 @pytest.mark.parametrize("category", ["main", "bed"])
@@ -59,25 +60,26 @@ def test_an_item_that_reaches_beyond_the_walls_is_left_out_and_one_over_a_wall_i
     over = room("over", replace(BED, center=(0.85, 1.5)))  # from -0.15
     chosen = choose_item(Collection("files", [beyond, over]), "bed")
     assert [r.id for r in chosen.rooms] == ["over"]
-    assert reasons(chosen) == {"beyond": "the bed item reaches beyond the outer walls"}
+    assert reasons(chosen) == {"beyond": "the bed reaches beyond the outer walls"}
+    assert len(choose_item(Collection("designer", [beyond, over], inside=True), "bed").rooms) == 2  # not looked at
 
 
 def test_all_gives_a_room_once_for_each_item_that_can_move() -> None:
     lost = replace(CHAIR, center=None)
     chosen = choose_item(Collection("files", [room("a", BED, CHAIR, lost), room("b", CHAIR, CHAIR)]), "all")
     assert [(r.id, r.target) for r in chosen.rooms] == [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
-    assert reasons(chosen) == {"a": "the chair item has no center, so the designer's place is unknown"}
+    assert reasons(chosen) == {"a": "the chair has no center, so the designer's place is unknown"}
 
 
 def test_all_leaves_out_rooms_without_furniture() -> None:
     chosen = choose_item(Collection("files", [replace(room("a"), furniture=(), target=None)]), "all")
-    assert reasons(chosen) == {"a": "holds no item"}
+    assert reasons(chosen) == {"a": "holds no furniture"}
 
 
 def test_choosing_keeps_what_the_source_left_out_and_does_not_change_the_source() -> None:
     source = Collection("files", [room("a")], [("x", "broken")])
     chosen = choose_item(source, "chair")
-    assert chosen.left_out == [("x", "broken"), ("a", "holds no chair item")]
+    assert chosen.left_out == [("x", "broken"), ("a", "holds no chair")]
     assert source.left_out == [("x", "broken")]
     assert source.rooms == [room("a")]
 

@@ -1,19 +1,19 @@
 """Balconies: all glass on one long side, a sliding door on the other; laundry at one end, a seat at the other.
 
-Sizes after designer_rules.md (1.1-1.8 m deep, 2.4-4.5 m long, 3-6.5 square metres); shares are unsourced.
+1.1-1.8 m deep, 2.4-4.5 m long, 3-6.5 square metres: sizes and shares are unsourced conventions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
-from layoutrl.rooms.designer.places import LEFT, RIGHT, beside, ends
-from layoutrl.rooms.designer.rules import NO, YES, far_from, in_corner
-from layoutrl.rooms.designer.search import Piece, Place, Plan, Step, Where
-from layoutrl.rooms.designer.shell import Box, Dice, Gap, Shell, Wall
+from layoutrl.rooms.designer.places import against, either_side, ends, only
+from layoutrl.rooms.designer.rules import NO, YES, across_door, far_from, in_corner
+from layoutrl.rooms.designer.search import Piece, Place, Plan, Step
+from layoutrl.rooms.designer.shell import Box, Dice, Gap, Shell
 from layoutrl.rooms.designer.template import RoomType, Template
 
-PASSAGE = 70  # before a door
+DOOR_STRIP = 70  # kept empty along the door
 POST = 15  # solid at either end of the glass; unsourced
 CORNER = 65  # of house wall at either end of most doors, room for the laundry or a chair; unsourced
 OFF_CENTRE = 20  # at least, of a door from the middle, so that one end is the far one; unsourced
@@ -55,40 +55,14 @@ def _column(dice: Dice, width: int, height: int, house: int) -> tuple[Box]:
     return (Box(x, y, x + a, y + b),)
 
 
-def sizes(shell: Shell) -> tuple[int, int]:
-    """(depth, length)"""
-    return min(shell.width, shell.height), max(shell.width, shell.height)
+def off_the_way(plan: Plan, place: Place) -> int:
+    """It leaves the strip before the doors."""
+    return NO if any(place.box.overlaps(door.strip(DOOR_STRIP)) for door in plan.shell.doors) else YES
 
 
-def off_the_way(where: Where, allowed: Callable[[Shell, Wall], bool]) -> Where:
-    """Those places at an allowed wall that leave the passage before the doors."""
-
-    def places(plan: Plan, piece: Piece) -> Iterator[Place]:
-        for place in where(plan, piece):
-            if place.wall is not None and allowed(plan.shell, place.wall) and not in_the_way(plan.shell, place.box):
-                yield place
-
-    return places
-
-
-def in_the_way(shell: Shell, box: Box) -> bool:
-    return any(box.overlaps(door.strip(PASSAGE)) for door in shell.doors)
-
-
-def any_wall(shell: Shell, wall: Wall) -> bool:
-    return True
-
-
-def is_end(shell: Shell, wall: Wall) -> bool:
-    return wall.normal % 2 != shell.entrance.wall.normal % 2
-
-
-def is_house(shell: Shell, wall: Wall) -> bool:
-    return wall == shell.entrance.wall
-
-
-def is_front(shell: Shell, wall: Wall) -> bool:
-    return wall == shell.windows[0].wall
+def at_house(plan: Plan, place: Place) -> int:
+    """Its back to the wall with the door."""
+    return YES if place.wall == plan.shell.entrance.wall else NO
 
 
 def solid_end(plan: Plan, place: Place) -> int:
@@ -96,73 +70,62 @@ def solid_end(plan: Plan, place: Place) -> int:
     return NO if any(place.box.gap(window.strip(1)) == 0 for window in plan.shell.windows[1:]) else YES
 
 
-def at(place: Place, wall: Wall) -> bool:
-    """Whether a side of it lies on the line of a wall."""
-    return place.box.side((wall.normal + 2) % 4) == wall.at
-
-
 def looks_out(plan: Plan, place: Place) -> int:
     """Through the glass."""
     return YES if place.facing == plan.shell.entrance.wall.normal else NO
 
 
-def other_end(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """In a corner of the end without the laundry, but not with its back to the glass."""
-    _, length = sizes(plan.shell)
-    for place in off_the_way(ends, lambda shell, wall: not is_front(shell, wall))(plan, piece):
-        at_end = any(is_end(plan.shell, wall) and at(place, wall) for wall in plan.shell.walls)
-        if at_end and place.box.gap(plan["laundry_cabinet"].box) > length // 4:
-            yield place
+def other_end(plan: Plan, place: Place) -> int:
+    """It touches the end without the laundry, but not with its back to the glass."""
+    ends = [w for w in plan.shell.walls if (w.normal - plan.shell.entrance.wall.normal) % 2]
+    at_end = any(place.box.side((wall.normal + 2) % 4) == wall.at for wall in ends)
+    away = place.box.gap(plan["laundry_cabinet"].box) > plan.shell.long // 4
+    return YES if at_end and away and place.wall != plan.shell.windows[0].wall else NO
 
 
 def opposite_door(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Against the glass, in view from the house, flush with either jamb."""
     door, front = plan.shell.entrance, plan.shell.windows[0].wall
     for lo in (door.lo, door.hi - piece.width):
-        yield Place(piece, front.box(lo, lo + piece.width, piece.depth), front.normal, front)
-
-
-def either_side(category: str) -> Where:
-    """Beside what is placed already, left or right."""
-
-    def where(plan: Plan, piece: Piece) -> Iterator[Place]:
-        yield from beside(category, LEFT)(plan, piece)
-        yield from beside(category, RIGHT)(plan, piece)
-
-    return where
+        yield against(piece, front, lo)
 
 
 def across(dice: Dice, shell: Shell) -> list[Step]:
     """A laundry counter across one end, with a sink by the house where it leaves room; a seat at the other end."""
-    depth, _ = sizes(shell)
-    deep = depth > 160
-    cabinet = Piece("laundry_cabinet", depth - 45 if deep else depth, dice.pick({60: 70, 65: 30}), front=60)
-    sink = Step(Piece("sink", 45, cabinet.depth, front=50), off_the_way(either_side("laundry_cabinet"), is_end))
+    deep = shell.short > 160
+    cabinet = Piece("laundry_cabinet", shell.short - 45 if deep else shell.short, dice.pick({60: 70, 65: 30}), front=60)
+    sink = Piece("sink", 45, cabinet.depth, front=50)
     return [
-        Step(cabinet, off_the_way(ends, is_end), (solid_end, far_from("door"))),
-        *([sink] if deep else []),
+        Step(cabinet, only(off_the_way, only(across_door, ends)), (solid_end, far_from("door"))),
+        *([Step(sink, only(off_the_way, either_side("laundry_cabinet")))] if deep else []),
         *seat(dice),
     ]
+
+
+def long_cabinet(dice: Dice, shell: Shell) -> Piece:
+    """Along the house wall, as long as leaves room for what stands between it and the corner or the door."""
+    width = min(dice.between(120, 150, 5), beside_door(shell) // 5 * 5 - 60)
+    return Piece("laundry_cabinet", width, 60, front=60)
 
 
 def along(dice: Dice, shell: Shell) -> list[Step]:
     """Washer in the corner and the cabinet beside it, both along the house wall; a seat at the other end."""
     washer = Piece("washer", 60, 60, front=60)
-    cabinet = Piece("laundry_cabinet", min(dice.between(120, 150, 5), beside_door(shell) // 5 * 5 - 60), 60, front=60)
     return [
-        Step(washer, off_the_way(ends, is_house), (in_corner, solid_end, far_from("door"))),
-        Step(cabinet, off_the_way(either_side("washer"), is_house)),
+        Step(washer, only(off_the_way, only(at_house, ends)), (in_corner, solid_end, far_from("door"))),
+        Step(long_cabinet(dice, shell), only(off_the_way, either_side("washer"))),
         *seat(dice),
     ]
 
 
 def counter(dice: Dice, shell: Shell) -> list[Step]:
     """The cabinet in the corner along the house wall, a sink towards the door; a seat at the other end."""
-    cabinet = Piece("laundry_cabinet", min(dice.between(120, 150, 5), beside_door(shell) // 5 * 5 - 60), 60, front=60)
     sink = Piece("sink", 45, 50, front=60)
     return [
-        Step(cabinet, off_the_way(ends, is_house), (in_corner, solid_end, far_from("door"))),
-        Step(sink, off_the_way(either_side("laundry_cabinet"), is_house)),
+        Step(
+            long_cabinet(dice, shell), only(off_the_way, only(at_house, ends)), (in_corner, solid_end, far_from("door"))
+        ),
+        Step(sink, only(off_the_way, either_side("laundry_cabinet"))),
         *seat(dice),
     ]
 
@@ -172,10 +135,10 @@ def seat(dice: Dice) -> list[Step]:
     side = dice.pick({60: 40, 65: 40, 70: 20})
     chair = Piece("lounge_chair", side, side, front=40)
     table = Piece("side_table", 40, 40, circle=True)
-    plants = Piece("plant_rack", 90, 30, front=PASSAGE)
+    plants = Piece("plant_rack", 90, 30, front=DOOR_STRIP)
     return [
-        Step(chair, other_end, (looks_out,), optional=True),
-        Step(table, off_the_way(either_side("lounge_chair"), any_wall), (far_from("laundry_cabinet"),), optional=True),
+        Step(chair, only(off_the_way, only(other_end, ends)), (looks_out,), optional=True),
+        Step(table, only(off_the_way, either_side("lounge_chair")), (far_from("laundry_cabinet"),), optional=True),
         Step(plants, opposite_door, (far_from("laundry_cabinet"),)),
     ]
 
@@ -191,7 +154,7 @@ BALCONY = RoomType(
     shell,
     {
         "across": Template(across, 12, lambda shell: beside_door(shell) >= 65),
-        "along": Template(along, 40, lambda shell: sizes(shell)[0] >= 130 and beside_door(shell) >= 180),
-        "counter": Template(counter, 35, lambda shell: sizes(shell)[0] >= 130 and beside_door(shell) >= 180),
+        "along": Template(along, 40, lambda shell: shell.short >= 130 and beside_door(shell) >= 180),
+        "counter": Template(counter, 35, lambda shell: shell.short >= 130 and beside_door(shell) >= 180),
     },
 )

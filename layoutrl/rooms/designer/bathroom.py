@@ -1,6 +1,7 @@
 """Bathrooms: the vanity by the door, the shower or bathtub at the far end, the toilet between them.
 
 Sizes and clearances after the NKBA's guidelines and Chinese practice; floors as in GB 50096-2011.
+Shares, and sizes without a source, are unsourced conventions.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from layoutrl.rooms.designer.rules import (
     NO,
     YES,
     away_from,
+    faces_door,
     far_from,
     in_corner,
     looks_past_door,
@@ -76,7 +78,7 @@ def on_wall_of(category: str) -> Rule:
 def on_long_wall(plan: Plan, place: Place) -> int:
     """Its back to a wall as long as the room, but for a shaft."""
     assert place.wall is not None
-    return YES if place.wall.length >= max(plan.shell.width, plan.shell.height) - SHELLS.notch[1] else NO
+    return YES if place.wall.length >= plan.shell.long - SHELLS.notch[1] else NO
 
 
 def fills_wall(plan: Plan, place: Place) -> int:
@@ -92,11 +94,6 @@ def deeper_than_vanity(plan: Plan, place: Place) -> int:
 def before_bathing(plan: Plan, place: Place) -> int:
     """Nearer to the door than the shower or bathtub, which stands already."""
     return YES if near("entrance")(plan, place) > near("entrance")(plan, plan.places[0]) else NO
-
-
-def faces_door(plan: Plan, place: Place) -> int:
-    """Its back to a wall opposite that of the door."""
-    return YES if (place.facing - plan.shell.entrance.wall.normal) % 4 == 2 else NO
 
 
 def beside_something(plan: Plan, place: Place) -> int:
@@ -116,7 +113,7 @@ def wet_wall(plan: Plan, place: Place) -> int:
 
 def row(shell: Shell) -> int:
     """How long a row of fixtures may be: the shortest long wall without the door."""
-    lowest = max(shell.width, shell.height) - SHELLS.notch[1]
+    lowest = shell.long - SHELLS.notch[1]
     return min((w.length for w in shell.walls if w.length >= lowest and w != shell.entrance.wall), default=0)
 
 
@@ -135,7 +132,7 @@ def line(dice: Dice, shell: Shell) -> list[Step]:
         taken = last.piece.depth
     else:
         last = Step(
-            shower(dice, min(shell.width, shell.height) - 60),
+            shower(dice, shell.short - 60),
             only(deeper_than_vanity, only(in_corner, only(on_wall_of("vanity"), ends))),
             (far_from("entrance"),),
         )
@@ -153,7 +150,7 @@ def line(dice: Dice, shell: Shell) -> list[Step]:
 
 def square(dice: Dice, shell: Shell) -> list[Step]:
     """Shower or bathtub in the corner farthest from the door, the vanity near the door, the toilet out of its sight."""
-    bath = max(shell.width, shell.height) >= 230 and dice.chance(40)
+    bath = shell.long >= 230 and dice.chance(40)
     fixture = bathtub(dice, dice.between(150, 170, 10)) if bath else shower(dice, 100)
     steps = [
         Step(fixture, only(no_slit, only(in_corner, ends)), (faces_door, away_from("entrance"))),
@@ -172,7 +169,7 @@ def square(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def is_squarish(shell: Shell) -> bool:
-    return min(shell.width, shell.height) >= 165 and abs(shell.width - shell.height) <= 80 and shell.area >= 33000
+    return shell.short >= 165 and shell.long - shell.short <= 80 and shell.area >= 33000
 
 
 BATHROOM = RoomType(

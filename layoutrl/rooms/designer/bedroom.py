@@ -1,6 +1,7 @@
 """Bedrooms: the headboard on a solid wall at right angles to the window, the wardrobe by the door.
 
-Sides, doors and windows as in the authors' 41 real bedrooms; clearances after HUD 1973 and Neufert.
+Sides of rooms, widths of doors and windows as in the authors' 41 real bedrooms; clearances after HUD 1973 and Neufert.
+Shares, and sizes without a source, are unsourced conventions.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ SHELLS = Shells(
 
 
 def is_roomy(shell: Shell) -> bool:
-    return min(shell.width, shell.height) >= 300
+    return shell.short >= 300
 
 
 def longest_solid_wall(shell: Shell) -> int:
@@ -73,6 +74,12 @@ def nightstands(dice: Dice) -> list[Step]:
     return [Step(stand, beside("bed", side), optional=True) for side in (LEFT, RIGHT)]
 
 
+def tv_unit(dice: Dice, longest: int) -> Step:
+    """At a solid wall opposite the bed, where there is room."""
+    piece = Piece("tv_unit", dice.between(120, longest, 5), 40)
+    return Step(piece, only(solid_behind, opposite("bed")), (centred_on("bed"),), optional=True)
+
+
 BED_RULES = (across_daylight, far_from("entrance"))
 WARDROBE_RULES = (in_corner, near("entrance"), far_from("window"))
 
@@ -83,12 +90,7 @@ def typical(dice: Dice, shell: Shell) -> list[Step]:
         Step(wardrobe(dice, shell), ends, WARDROBE_RULES),
         Step(double_bed(dice, shell), only(solid_behind, middles), BED_RULES),
         *nightstands(dice),
-        Step(
-            Piece("tv_unit", dice.between(120, 150, 5), 40),
-            only(solid_behind, opposite("bed")),
-            (centred_on("bed"),),
-            optional=True,
-        ),
+        tv_unit(dice, 150),
     ]
 
 
@@ -113,12 +115,7 @@ def u_shaped(dice: Dice, shell: Shell) -> list[Step]:
         Step(double_bed(dice, shell), only(solid_behind, middles), BED_RULES),
         *(Step(closet, beside("bed", side, gap=50)) for side in (LEFT, RIGHT)),
         *(Step(Piece("nightstand", 50, 50), beside("bed", side)) for side in (LEFT, RIGHT)),
-        Step(
-            Piece("tv_unit", dice.between(120, 180, 5), 40),
-            only(solid_behind, opposite("bed")),
-            (centred_on("bed"),),
-            optional=True,
-        ),
+        tv_unit(dice, 180),
     ]
 
 
@@ -153,7 +150,7 @@ BEDROOM = RoomType(
         "typical": Template(typical, 45),
         "l_shaped": Template(l_shaped, 15, lambda shell: shell.area > 140000 and is_roomy(shell)),
         "u_shaped": Template(u_shaped, 10, lambda shell: longest_solid_wall(shell) >= 430),
-        "two_line": Template(two_line, 15, lambda shell: max(shell.width, shell.height) >= 430 and is_roomy(shell)),
+        "two_line": Template(two_line, 15, lambda shell: shell.long >= 430 and is_roomy(shell)),
         "child": Template(child, 20, lambda shell: shell.area < 160000),
     },
 )

@@ -1,6 +1,7 @@
 """Dining rooms: the table in the middle of the free floor, chairs around it, the sideboard away from the door.
 
-Sizes and clearances after the sources in shared/designer_rules.md (NKBA); what it leaves open is marked unsourced.
+Clearances before the table after the NKBA's guidelines, floors without a window after GB 50096; other sizes and
+shares are unsourced conventions.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from layoutrl.rooms.designer.places import LEFT, RIGHT, around, before, ends, in_the_middle, middles, only
-from layoutrl.rooms.designer.rules import NO, YES, far_from, in_corner, long_wall, solid_behind
+from layoutrl.rooms.designer.rules import NO, YES, apart, far_from, in_corner, long_wall, solid_behind
 from layoutrl.rooms.designer.search import Piece, Place, Plan, Step, Where
 from layoutrl.rooms.designer.shell import Dice, Shell, Shells
 from layoutrl.rooms.designer.template import RoomType, Template
@@ -60,11 +61,6 @@ def off_door_walls(plan: Plan, place: Place) -> int:
     return NO if any(door.wall == place.wall for door in plan.shell.doors) else YES
 
 
-def apart(plan: Plan, place: Place) -> int:
-    """At least CLEAR from everything that is placed."""
-    return NO if any(place.box.gap(other.box) < CLEAR for other in plan.places) else YES
-
-
 def seat(percent: int, *sides: int) -> Where:
     """A chair at one of these sides of the table, looking at it."""
 
@@ -82,7 +78,7 @@ def chairs(*seats: tuple[int, int]) -> list[Step]:
 
 def sideboard(dice: Dice, shell: Shell) -> list[Step]:
     """At a solid wall away from the doors; only where it leaves room for the table."""
-    if min(shell.width, shell.height) < 270 or not dice.chance(90):
+    if shell.short < 270 or not dice.chance(90):
         return []
     piece = Piece("sideboard", dice.between(100, 180, 10), dice.pick({40: 60, 45: 40}), front=SIDEBOARD_FRONT)
     return [Step(piece, only(solid_behind, middles), (far_from("door"),), optional=True)]
@@ -91,7 +87,7 @@ def sideboard(dice: Dice, shell: Shell) -> list[Step]:
 def centred(dice: Dice, shell: Shell) -> list[Step]:
     """A rectangular table in the middle of the largest free floor, four or six chairs along its long sides."""
     board = sideboard(dice, shell)
-    six = max(shell.width, shell.height) >= (400 if board else 330) and dice.chance(50)
+    six = shell.long >= (400 if board else 330) and dice.chance(50)
     width, depth = (dice.between(160, 180, 5), 90) if six else (dice.between(120, 140, 5), dice.between(80, 90, 5))
     table = Piece("table", width, depth, front=SEATED, sides=((END, END),), back=SEATED)
     along = (18, 50, 82) if six else (27, 73)
@@ -114,7 +110,7 @@ def heads(dice: Dice, shell: Shell) -> list[Step]:
 
 def round_table(dice: Dice, shell: Shell) -> list[Step]:
     """A round table in the middle of the largest free floor, four chairs around it."""
-    size = dice.between(100, max(100, min(130, min(shell.width, shell.height) - 2 * SEATED - 40)), 5)
+    size = dice.between(100, max(100, min(130, shell.short - 2 * SEATED - 40)), 5)
     table = Piece("table", size, size, front=SEATED, sides=((SEATED, SEATED),), back=SEATED, circle=True)
     return [
         *sideboard(dice, shell),
@@ -130,7 +126,7 @@ def small(shell: Shell) -> bool:
 def at_wall(dice: Dice, shell: Shell) -> list[Step]:
     """In a small room: the table with its end or a long side to the wall far from the door, chairs at the others."""
     long = dice.between(110, 125, 5)  # unsourced below 120: small rooms have small tables
-    if max(shell.width, shell.height) < 310 or dice.chance(50):
+    if shell.long < 310 or dice.chance(50):
         table = Piece("table", 80, long, END, ((SEATED, SEATED),))
         seats = ((1, 27), (1, 73), (3, 27), (3, 73))
     else:
@@ -163,7 +159,7 @@ def bench(dice: Dice, _: Shell) -> list[Step]:
 def cabinet(dice: Dice) -> Step:
     """A short sideboard in another corner, where there is room."""
     piece = Piece("sideboard", dice.between(80, 120, 10), 40, front=SIDEBOARD_FRONT)
-    return Step(piece, only(apart, only(in_corner, ends)), (solid_behind, far_from("door")), optional=True)
+    return Step(piece, only(apart(CLEAR), only(in_corner, ends)), (solid_behind, far_from("door")), optional=True)
 
 
 DINING_ROOM = RoomType(

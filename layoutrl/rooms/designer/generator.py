@@ -1,4 +1,7 @@
-"""Designed rooms by type, part, seed and index: the same on any machine, in any order, by any number of processes."""
+"""Designed rooms by type, part, seed and index: the same in any order, by any number of processes, on any machine.
+
+NumPy may change its streams of random numbers from one version to another; a test would tell.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,7 @@ ROOM_TYPES = {
 }
 Part = Literal["train", "test"]
 PARTS: tuple[Part, ...] = ("train", "test")  # their seeds differ
+NAMED = 3  # reasons named for each template in a summary
 CHUNK = 100  # rooms a process designs at a time
 
 
@@ -76,14 +80,13 @@ class Designs:
         return failed / (failed + self.made[template])
 
     def __str__(self) -> str:
-        """A line a template: rooms, reject rate, and its reasons, the most frequent first."""
+        """A line a template: rooms, reject rate, and the most frequent reasons."""
         lines = []
-        for name in dict.fromkeys(
-            [*(name for name, _ in self.made.most_common()), *(name for name, _ in self.rejected)]
-        ):
-            reasons = [f"{reason} ({n})" for (template, reason), n in self.rejected.most_common() if template == name]
+        for name in dict.fromkeys([*self.made, *(template for template, _ in self.rejected)]):
             line = f"  {name}: {self.made[name]} rooms, {self.reject_rate(name):.0%} of its tries rejected"
-            lines.append(": ".join([line, "; ".join(reasons)] if reasons else [line]))
+            reasons = [f"{reason} ({n})" for (template, reason), n in self.rejected.most_common() if template == name]
+            more = ["..."] if len(reasons) > NAMED else []
+            lines.append(": ".join([line, "; ".join(reasons[:NAMED] + more)] if reasons else [line]))
         return "\n".join(lines)
 
 
@@ -92,7 +95,8 @@ def design_rooms(room_type: str, part: Part, seed: int, count: int) -> Designs:
     one = partial(_chunk, room_type, part, seed)
     chunks = [range(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
     if len(chunks) > 1:
-        with ProcessPoolExecutor(os.cpu_count()) as pool:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        with ProcessPoolExecutor(min(cores, len(chunks))) as pool:
             results = list(pool.map(one, chunks))
     else:
         results = [one(chunk) for chunk in chunks]
@@ -121,9 +125,9 @@ def _room(room_id: str, room_type: str, shell: Shell, places: Sequence[Place]) -
         *(Opening("window", _band(shell, window)) for window in shell.windows),
     )
     furniture = tuple(_item(place) for place in places)
-    main = [k for k, item in enumerate(furniture) if item.category == MAIN_ITEM[room_type]]
+    (main,) = [k for k, item in enumerate(furniture) if item.category == MAIN_ITEM[room_type]]
     walls = wall_band(outline, (), openings, shell.thickness / 100)
-    return Room(room_id, room_type, outline, walls, openings, furniture, main[0] if len(main) == 1 else None)
+    return Room(room_id, room_type, outline, walls, openings, furniture, main)
 
 
 def _band(shell: Shell, gap: Gap) -> tuple[tuple[float, float], ...]:
@@ -134,6 +138,6 @@ def _band(shell: Shell, gap: Gap) -> tuple[tuple[float, float], ...]:
 
 def _item(place: Place) -> Item:
     piece = place.piece
-    center = (place.middle[0] / 200, place.middle[1] / 200)
+    center = (place.twice_center[0] / 200, place.twice_center[1] / 200)
     form: Literal["rectangle", "circle"] = "circle" if piece.circle else "rectangle"
     return Item(piece.category, (piece.depth / 100, piece.width / 100), center, 90.0 * place.facing, form, piece.tucked)

@@ -1,18 +1,20 @@
 """Kitchens: from the fridge by the door over the sink at the window and a counter to prepare on, to the cooktop.
 
-The order, the counters and the distances are those of the NKBA's guidelines; floors as in GB 50096-2011.
+The order, with counters between and beside, is that of the NKBA's guidelines, but the legs of their work triangle are
+not enforced; floors as in GB 50096-2011. Shares, and sizes without a source, are unsourced conventions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from layoutrl.rooms.designer.places import (
     LEFT,
     RIGHT,
+    against,
     at_window,
     beside,
+    either_side,
     filling,
     free_spans,
     middles,
@@ -58,7 +60,7 @@ def widest(shell: Shell) -> int:
 
 
 def fridge(dice: Dice, shell: Shell) -> Piece:
-    depth = 65 if min(shell.width, shell.height) >= 65 + AISLE else 60
+    depth = 65 if shell.short >= 65 + AISLE else 60
     return Piece("fridge", dice.between(60, widest(shell), 5), depth, front=AISLE, tall=True)
 
 
@@ -74,17 +76,12 @@ def counter(least: int) -> Piece:
     return Piece("counter", least, DEPTH)
 
 
-def either_side(category: str) -> Where:
-    """In line with what is placed already, touching it."""
-    return lambda plan, piece: (p for side in (LEFT, RIGHT) for p in beside(category, side)(plan, piece))
-
-
 def run_ends(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Where a run of counters may begin: at a wall's end, or where a door's swing cuts it short."""
     for wall in plan.shell.walls:
         for lo, hi in free_spans(plan, wall, piece.depth):
             for start in (lo, hi - piece.width):
-                yield Place(piece, wall.box(start, start + piece.width, piece.depth), wall.normal, wall)
+                yield against(piece, wall, start)
 
 
 def under_window(after: int, beyond: int) -> Where:
@@ -113,7 +110,7 @@ def under_window(after: int, beyond: int) -> Where:
                     start = start if hi - start - piece.width >= after else hi - piece.width
                 else:
                     start = max(low, min(start, high))
-                yield replace(place, box=place.wall.box(start, start + piece.width, piece.depth))
+                yield against(piece, place.wall, start)
 
     return where
 
@@ -130,7 +127,7 @@ def past_sink(preparation: int) -> Where:
                 for window in plan.shell.windows:
                     if window.wall == place.wall and window.lo - OFF_WINDOW < hi and lo < window.hi + OFF_WINDOW:
                         lo = window.hi + OFF_WINDOW if upward else window.lo - OFF_WINDOW - piece.width
-                yield replace(place, box=place.wall.box(lo, lo + piece.width, piece.depth))
+                yield against(piece, place.wall, lo, host=place.host)
 
     return where
 
@@ -179,7 +176,7 @@ def one_line(dice: Dice, shell: Shell) -> list[Step]:
 
 def l_shaped(dice: Dice, shell: Shell) -> list[Step]:
     """Fridge by the door and sink under the window on one wall, the cooktop round the corner."""
-    free = min(shell.width, shell.height) - DEPTH - 2 * LANDING
+    free = shell.short - DEPTH - 2 * LANDING
     preparation = dice.between(LANDING, min(PREPARATION, free - 30), 5)
     return [
         Step(fridge(dice, shell), only(on_window_wall, run_ends), (near("entrance"),)),
@@ -240,9 +237,7 @@ def clear_width(shell: Shell) -> int:
 def suits_one_line(shell: Shell) -> bool:
     """Too narrow for two runs; a window within the run takes some of its length."""
     needed = SHORTEST_RUN + (30 if any(window.wall.length > SHORTEST_RUN - 60 for window in shell.windows) else 0)
-    return (
-        min(shell.width, shell.height) <= 200 and clear_width(shell) >= DEPTH + AISLE and longest_run(shell) >= needed
-    )
+    return shell.short <= 200 and clear_width(shell) >= DEPTH + AISLE and longest_run(shell) >= needed
 
 
 def suits_l(shell: Shell) -> bool:
@@ -258,7 +253,7 @@ def suits_u(shell: Shell) -> bool:
 
 
 def suits_two_line(shell: Shell) -> bool:
-    return min(shell.width, shell.height) >= 65 + AISLE + DEPTH
+    return shell.short >= 65 + AISLE + DEPTH
 
 
 KITCHEN = RoomType(

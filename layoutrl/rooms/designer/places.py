@@ -16,7 +16,10 @@ LEFT, RIGHT = 1, -1  # quarters from the direction that a piece faces
 
 
 def free_spans(plan: Plan, wall: Wall, depth: int, tall: bool = False) -> list[tuple[int, int]]:
-    """The stretches of a wall before which `depth` centimetres are empty."""
+    """The stretches of a wall before which `depth` centimetres are empty, and no window's daylight if `tall`.
+
+    A stretch may still be too shallow, as the room may end sooner: Plan.fits decides.
+    """
     strip = wall.box(wall.lo, wall.hi, depth)
     blocks = [place.box for place in plan.places] + list(plan.shell.swings) + list(plan.shell.notches)
     if tall:
@@ -30,18 +33,24 @@ def free_spans(plan: Plan, wall: Wall, depth: int, tall: bool = False) -> list[t
     return spans
 
 
+def against(piece: Piece, wall: Wall, lo: int, sides: tuple[int, int] = (0, 0), host: Place | None = None) -> Place:
+    """Its back to a wall, from `lo` along it on."""
+    box = wall.box(lo, lo + piece.width, piece.depth)
+    return Place(piece, box, wall.normal, wall, sides, host)
+
+
 def ends(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Against any wall, at either end of what is free there."""
     for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
         at_lo, at_hi = _along(wall, sides)
-        yield _against(piece, wall, lo + at_lo, sides)
-        yield _against(piece, wall, hi - at_hi - piece.width, sides)
+        yield against(piece, wall, lo + at_lo, sides)
+        yield against(piece, wall, hi - at_hi - piece.width, sides)
 
 
 def middles(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Against any wall, in the middle of what is free there."""
     for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
-        yield _against(piece, wall, (lo + hi - piece.width) // 2, sides)
+        yield against(piece, wall, (lo + hi - piece.width) // 2, sides)
 
 
 def walls(plan: Plan, piece: Piece) -> Iterator[Place]:
@@ -58,7 +67,7 @@ def only(rule: Rule, where: Where) -> Where:
 def at_window(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Under a window, centred on it."""
     for window in plan.shell.windows:
-        yield _against(piece, window.wall, (window.lo + window.hi - piece.width) // 2)
+        yield against(piece, window.wall, (window.lo + window.hi - piece.width) // 2)
 
 
 def beside(category: str, side: int, gap: int = 0) -> Where:
@@ -70,9 +79,14 @@ def beside(category: str, side: int, gap: int = 0) -> Where:
                 continue
             lo, hi = host.box.span(host.facing)
             increasing = (host.facing + side) % 4 < 2
-            yield _against(piece, host.wall, hi + gap if increasing else lo - gap - piece.width, host=host)
+            yield against(piece, host.wall, hi + gap if increasing else lo - gap - piece.width, host=host)
 
     return where
+
+
+def either_side(category: str, gap: int = 0) -> Where:
+    """Beside what is placed already, left or right."""
+    return lambda plan, piece: (p for side in (LEFT, RIGHT) for p in beside(category, side, gap)(plan, piece))
 
 
 def round_corner(category: str) -> Where:
@@ -86,7 +100,7 @@ def round_corner(category: str) -> Where:
                 direction = (host.facing + side) % 4
                 for wall in plan.shell.walls:
                     if (wall.normal - direction) % 4 == 2 and wall.at == host.box.side(direction):
-                        yield _against(piece, wall, start, host=host)
+                        yield against(piece, wall, start, host=host)
 
     return where
 
@@ -101,7 +115,7 @@ def filling(category: str) -> Where:
             start, end = host.box.span(host.facing)
             for lo, hi in free_spans(plan, host.wall, piece.depth, piece.tall):
                 if hi - lo >= piece.width and (hi == start or lo == end):
-                    yield _against(replace(piece, width=hi - lo), host.wall, lo)
+                    yield against(replace(piece, width=hi - lo), host.wall, lo)
 
     return where
 
@@ -147,7 +161,7 @@ def opposite(category: str) -> Where:
                     continue
                 at_lo, at_hi = _along(wall, sides)
                 start = min(max(axis - piece.width // 2, lo + at_lo), hi - at_hi - piece.width)
-                yield _against(piece, wall, start, sides)
+                yield against(piece, wall, start, sides)
 
     return where
 
@@ -167,7 +181,7 @@ def face_to_face(other: Piece, low: int, high: int) -> Where:
                 for start, end in free_spans(plan, ahead, other.depth, other.tall):
                     start, end = max(start, lo), min(end, hi)
                     if end - start >= max(piece.width, other.width):
-                        yield _against(piece, wall, (start + end - piece.width) // 2)
+                        yield against(piece, wall, (start + end - piece.width) // 2)
 
     return where
 
@@ -221,11 +235,6 @@ def _along(wall: Wall, sides: Sequence[int]) -> tuple[int, int]:
     """(left, right) of who looks away from the wall, as (at lo, at hi) along it."""
     left, right = sides
     return (right, left) if wall.normal in (0, 3) else (left, right)
-
-
-def _against(piece: Piece, wall: Wall, lo: int, sides: tuple[int, int] = (0, 0), host: Place | None = None) -> Place:
-    box = wall.box(lo, lo + piece.width, piece.depth)
-    return Place(piece, box, wall.normal, wall, sides, host)
 
 
 def _lies_ahead(host: Place, wall: Wall) -> bool:

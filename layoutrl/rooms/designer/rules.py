@@ -19,22 +19,30 @@ def across_daylight(plan: Plan, place: Place) -> int:
     """Its back to a wall at right angles to that of the largest window, so that light falls in from the side."""
     if not plan.shell.windows:
         return YES
-    largest = max(plan.shell.windows, key=lambda window: window.width)
-    return YES if (place.facing - largest.wall.normal) % 2 else NO
+    return YES if (place.facing - plan.shell.largest_window.wall.normal) % 2 else NO
 
 
 def light_from_left(plan: Plan, place: Place) -> int:
     """Who sits at it, looking at its back, has the largest window on the left."""
     if not plan.shell.windows:
         return NO
-    largest = max(plan.shell.windows, key=lambda window: window.width)
     # Who sits at it looks against its facing; what comes from the left moves to that person's right.
-    return YES if (largest.wall.normal - place.facing) % 4 == 1 else NO
+    return YES if (plan.shell.largest_window.wall.normal - place.facing) % 4 == 1 else NO
 
 
 def in_corner(plan: Plan, place: Place) -> int:
     """One of its sides touches a wall as well as its back."""
     return YES if any(not plan.shell.holds(place.box.beyond((place.facing + s) % 4, 1)) for s in (1, 3)) else NO
+
+
+def faces_door(plan: Plan, place: Place) -> int:
+    """Its back to a wall opposite that of the entrance."""
+    return YES if (place.facing - plan.shell.entrance.wall.normal) % 4 == 2 else NO
+
+
+def across_door(plan: Plan, place: Place) -> int:
+    """Its back to a wall at right angles to that of the entrance."""
+    return YES if (place.facing - plan.shell.entrance.wall.normal) % 2 else NO
 
 
 def looks_at_door(plan: Plan, place: Place) -> int:
@@ -55,6 +63,11 @@ def touches(category: str) -> Rule:
     return lambda plan, place: YES if any(place.box.gap(other.box) == 0 for other in plan.all(category)) else NO
 
 
+def apart(clear: int) -> Rule:
+    """At least `clear` centimetres, along x plus along y, from everything that is placed."""
+    return lambda plan, place: NO if any(place.box.gap(other.box) < clear for other in plan.places) else YES
+
+
 def far_from(what: str) -> Rule:
     """Distance from the nearest door, window or placed piece of a category."""
     return lambda plan, place: min((place.box.gap(box) for box in _boxes(plan, what)), default=0)
@@ -69,7 +82,7 @@ def away_from(what: str) -> Rule:
     """Distance of its middle from that of the nearest door, window or placed piece, along x plus along y."""
 
     def rule(plan: Plan, place: Place) -> int:
-        x, y = place.middle
+        x, y = place.twice_center
         boxes = _boxes(plan, what)
         return min((abs(x - box.x0 - box.x1) + abs(y - box.y0 - box.y1) for box in boxes), default=0) // 2
 
@@ -91,11 +104,12 @@ def centred_on(category: str) -> Rule:
     """How little it stands off the axis of a placed piece."""
 
     def rule(plan: Plan, place: Place) -> int:
-        if not plan.has(category):
+        hosts = plan.all(category)
+        if not hosts:
             return 0
-        axis = plan[category]
+        axis = hosts[0]
         across = (axis.facing + 1) % 2
-        return -abs(place.middle[across] - axis.middle[across]) // 2
+        return -abs(place.twice_center[across] - axis.twice_center[across]) // 2
 
     return rule
 

@@ -28,7 +28,8 @@ class Piece:
     `width` runs along the wall behind it, `depth` away from it. `front` is kept free before it.
     `sides` are kept free on its left and right, seen by someone who sits on it: alternatives, of
     which the first that fits is taken. Nothing `tall` stands before a window. A `tucked` piece stands under its host.
-    A `raised` one is floor to walk on, as a platform.
+    A `raised` one is floor to walk on, as a platform. `back` is kept free behind one that stands off the walls.
+    A `circle` is as deep as wide; no other piece may enter its square, but who walks past it may.
     """
 
     category: str
@@ -45,9 +46,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class Place:
-    """A piece at a place: `facing` is a direction, `wall` what it stands against, `host` what it belongs to.
+    """A piece at a place: `facing` is a direction, `host` what it belongs to.
 
-    It may stand in the floor that its host keeps free.
+    It may stand in the floor that its host keeps free. `wall` is the wall whose strip it stands in: its back touches
+    it, but for a desk that stands off it and faces it, its user between the two. None for what stands in the
+    middle of the floor or is placed round its host, even with a wall behind it.
     """
 
     piece: Piece
@@ -74,8 +77,8 @@ class Place:
         return shared / (self.box.area + other.box.area - shared)
 
     @property
-    def middle(self) -> tuple[int, int]:
-        """Twice the centre, a whole number of centimetres."""
+    def twice_center(self) -> tuple[int, int]:
+        """Of its box: whole centimetres."""
         return self.box.x0 + self.box.x1, self.box.y0 + self.box.y1
 
 
@@ -95,9 +98,6 @@ class Plan:
 
     def all(self, category: str) -> list[Place]:
         return [place for place in self.places if place.piece.category == category]
-
-    def has(self, category: str) -> bool:
-        return bool(self.all(category))
 
     def fits(self, place: Place) -> bool:
         """Whether the place breaks no hard rule."""
@@ -129,7 +129,10 @@ Rule = Callable[[Plan, Place], int]  # centimetres, or 100 for yes and 0 for no;
 
 @dataclass(frozen=True)
 class Step:
-    """Place `piece` at the best place of `where` by `rules`; leave it out if it is `optional` and fits nowhere."""
+    """Place `piece` at the best place of `where` by `rules`.
+
+    An `optional` one is left out where it fits nowhere, or where the rest would not fit beside it.
+    """
 
     piece: Piece
     where: Where
@@ -158,8 +161,9 @@ class NoDesign(Exception):
 
 
 def design(shell: Shell, steps: Sequence[Step], passage: int) -> list[Choice]:
-    """The best layout of a template, one choice a piece. `passage` is the diameter of who walks there, in centimetres.
+    """The first complete layout in the order of the rules, within TRIES and NODES; one choice a piece.
 
+    `passage` is the diameter of who walks there, in centimetres.
     Raises NoDesign with the reason: a piece without a place, one that cannot be reached, a tie.
     """
     search = _Search(passage)
@@ -255,5 +259,5 @@ def unreached(plan: Plan, passage: int) -> str:
 def _footprint(place: Place) -> shapely.Polygon:
     if not place.piece.circle:
         return shapely.box(*place.box)
-    x, y = place.middle
+    x, y = place.twice_center
     return shapely.Point(x / 2, y / 2).buffer(place.piece.width / 2)

@@ -17,7 +17,7 @@ import shapely
 T = TypeVar("T")
 
 LEAF_OFF_CORNER = 5  # at least, from a door to a convex corner
-LANDING = 90  # unsourced: clear outside a door, beyond the wall
+CLEAR_OUTSIDE = 90  # unsourced: clear outside a door, beyond the wall
 WINDOW_OFF_CORNER = 20
 WINDOW_DEPTH = 50  # in front of a window nothing tall may stand (SceneEval)
 SLIDING_DEPTH = 10  # kept free before a sliding door, which swings nowhere
@@ -151,6 +151,16 @@ class Shell:
         """Square centimetres."""
         return self.width * self.height - sum(notch.area for notch in self.notches)
 
+    @property
+    def short(self) -> int:
+        """The shorter side of its bounding box, centimetres."""
+        return min(self.width, self.height)
+
+    @property
+    def long(self) -> int:
+        """The longer side of its bounding box, centimetres."""
+        return max(self.width, self.height)
+
     @cached_property
     def swings(self) -> tuple[Box, ...]:
         return tuple(door.swing for door in self.doors)
@@ -164,6 +174,11 @@ class Shell:
     def entrance(self) -> Gap:
         return self.doors[0]
 
+    @property
+    def largest_window(self) -> Gap:
+        """Raises ValueError where there is none."""
+        return max(self.windows, key=lambda window: window.width)
+
     def holds(self, box: Box) -> bool:
         """Whether the box lies indoors."""
         if box.x0 < 0 or box.y0 < 0 or box.x1 > self.width or box.y1 > self.height:
@@ -172,7 +187,7 @@ class Shell:
 
     def leads_out(self, door: Gap) -> bool:
         """Whether who leaves by the door stands outside, not in another part of this room beyond a narrow recess."""
-        beyond = door.strip(-self.thickness - LANDING)
+        beyond = door.strip(-self.thickness - CLEAR_OUTSIDE)
         indoors = beyond.shared(Box(0, 0, self.width, self.height))
         return indoors == sum(beyond.shared(notch) for notch in self.notches)
 

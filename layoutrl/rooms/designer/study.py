@@ -1,13 +1,13 @@
 """Studies: the desk where daylight falls in from the side, its user's back to a wall of books or facing it.
 
-Sizes and clearances after Time-Saver Standards and measured tables (designer_rules.md); shares are unsourced.
+Sizes and clearances after Time-Saver Standards and measured tables of furniture; shares are unsourced conventions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from layoutrl.rooms.designer.places import LEFT, RIGHT, before, beside, ends, free_spans, opposite
+from layoutrl.rooms.designer.places import LEFT, RIGHT, before, beside, ends, free_spans, only, opposite
 from layoutrl.rooms.designer.rules import (
     NO,
     YES,
@@ -51,6 +51,7 @@ def bookcase(width: int) -> Piece:
     return Piece("bookcase", width, BOOKS, front=60, tall=True)
 
 
+SIDE_TABLE = Piece("side_table", 45, 45, circle=True)
 CHAIR = Step(Piece("chair", 50, 50, tucked=True), before("desk", -20))
 
 
@@ -66,9 +67,9 @@ def into_the_room(plan: Plan, piece: Piece) -> Iterator[Place]:
                 yield Place(piece, box, (wall.normal + 2) % 4, wall)
 
 
-def away_from_desk(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Against any wall, not squeezed in beside the desk."""
-    yield from (place for place in ends(plan, piece) if place.box.gap(plan["desk"].box) >= BESIDE)
+def off_desk(plan: Plan, place: Place) -> int:
+    """Not squeezed in beside the desk."""
+    return YES if place.box.gap(plan["desk"].box) >= BESIDE else NO
 
 
 def user_sees_door(plan: Plan, place: Place) -> int:
@@ -116,10 +117,14 @@ def with_sofa_bed(dice: Dice, shell: Shell) -> list[Step]:
     return [
         Step(desk(dice.between(100, 140, 10), 60, front=TO_BED), ends, BY_THE_WINDOW),
         CHAIR,
-        Step(sofa_bed, away_from_desk, (solid_behind, in_corner, far_from("desk"), far_from("entrance"), long_wall)),
+        Step(
+            sofa_bed,
+            only(off_desk, ends),
+            (solid_behind, in_corner, far_from("desk"), far_from("entrance"), long_wall),
+        ),
         Step(bookcase(dice.between(80, 120, 10)), ends, BOOKS_AT_HAND, optional=True),
-        Step(Piece("side_table", 45, 45, circle=True), beside("sofa_bed", LEFT), optional=True),
-        Step(Piece("side_table", 45, 45, circle=True), beside("sofa_bed", RIGHT), optional=True),
+        Step(SIDE_TABLE, beside("sofa_bed", LEFT), optional=True),
+        Step(SIDE_TABLE, beside("sofa_bed", RIGHT), optional=True),
     ]
 
 
@@ -133,7 +138,7 @@ def guest(dice: Dice) -> list[Step]:
     armchair = Piece("armchair", side, side, front=50, sides=((40, 0), (0, 40)))
     return [
         Step(armchair, ends, (in_corner, near("window"), far_from("desk"), long_wall), optional=True),
-        Step(Piece("side_table", 45, 45, circle=True), beside("armchair", LEFT), optional=True),
+        Step(SIDE_TABLE, beside("armchair", LEFT), optional=True),
     ]
 
 

@@ -1,7 +1,7 @@
 """Tatami rooms: a raised platform built in between walls and wardrobe, a desk on the strip of floor that is left.
 
-Sides, door, window, platform, wardrobe, desk and stool as in the authors' 85 real rooms (designer_rules.md), where the
-wardrobe stands on the platform's end; here it stands beside it. Shares are unsourced.
+Sides, door, window, platform, wardrobe, desk and stool as in the authors' 85 real rooms, where the wardrobe stands on
+the platform's end; here it stands beside it. Shares are unsourced.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from layoutrl.rooms.designer.places import LEFT, RIGHT, around, before, beside, ends
-from layoutrl.rooms.designer.rules import far_from, near, solid_behind
+from layoutrl.rooms.designer.places import LEFT, RIGHT, around, before, either_side, ends, only
+from layoutrl.rooms.designer.rules import NO, YES, across_door, faces_door, far_from, near, solid_behind
 from layoutrl.rooms.designer.search import Piece, Place, Plan, Step
 from layoutrl.rooms.designer.shell import Dice, Shell, Shells
 from layoutrl.rooms.designer.template import RoomType, Template
@@ -48,39 +48,21 @@ def platform(dice: Dice, length: int, across: int) -> Piece:
     return Piece("platform", length, depth, raised=True)
 
 
-def straight_on(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Along a wall that runs from the door wall to the one opposite."""
-    yield from (place for place in ends(plan, piece) if place.facing % 2 != plan.shell.entrance.wall.normal % 2)
-
-
-def facing_door(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Along the wall opposite the door."""
-    yield from (place for place in ends(plan, piece) if place.facing == (plan.shell.entrance.wall.normal + 2) % 4)
-
-
 def at_its_end(plan: Plan, piece: Piece) -> Iterator[Place]:
     """At either end of the platform, looking along it."""
     for side in (LEFT, RIGHT):
         yield around(plan["platform"], piece, side, 50, 0)
 
 
-def in_its_line(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Against the wall behind the platform, at either end of it."""
-    for side in (LEFT, RIGHT):
-        yield from beside("platform", side)(plan, piece)
-
-
-def across_strip(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """From the platform or the wardrobe to the wall, at an end of the strip."""
-    for place in ends(plan, piece):
-        if (place.facing - plan["platform"].facing) % 2:
-            yield place
+def across_strip(plan: Plan, place: Place) -> int:
+    """At an end of the strip, its back to a wall at right angles to the one behind the platform."""
+    return YES if (place.facing - plan["platform"].facing) % 2 else NO
 
 
 def work(width: int) -> list[Step]:
     """Desk and stool at the end of the strip that is far from the door."""
     return [
-        Step(Piece("desk", width, 60, front=60), across_strip, (far_from("entrance"),)),
+        Step(Piece("desk", width, 60, front=60), only(across_strip, ends), (far_from("entrance"),)),
         Step(Piece("stool", 45, 45), before("desk", 0)),
     ]
 
@@ -90,7 +72,7 @@ def l_shape(dice: Dice, shell: Shell) -> list[Step]:
     deep, across = extents(shell)
     bed = platform(dice, deep - WARDROBE, across)
     return [
-        Step(bed, straight_on, (solid_behind, near("entrance"))),
+        Step(bed, only(across_door, ends), (solid_behind, near("entrance"))),
         Step(Piece("wardrobe", bed.depth, WARDROBE, tall=True), at_its_end),
         *work(across - bed.depth),
     ]
@@ -101,7 +83,7 @@ def across(dice: Dice, shell: Shell) -> list[Step]:
     deep, across = extents(shell)
     bed = platform(dice, across - WARDROBE, deep)
     return [
-        Step(bed, facing_door, (near("window"), near("entrance"))),
+        Step(bed, only(faces_door, ends), (near("window"), near("entrance"))),
         Step(Piece("wardrobe", bed.depth, WARDROBE, tall=True), at_its_end),
         *work(deep - bed.depth),
     ]
@@ -113,8 +95,8 @@ def beside_wardrobe(dice: Dice, shell: Shell) -> list[Step]:
     length = dice.between(180, min(200, across - 90), 5)  # two mats of 0.9 x 1.8 m and a border
     bed = platform(dice, length, deep)
     return [
-        Step(bed, facing_door, (near("window"), near("entrance"))),
-        Step(Piece("wardrobe", across - length, WARDROBE, front=60, tall=True), in_its_line),
+        Step(bed, only(faces_door, ends), (near("window"), near("entrance"))),
+        Step(Piece("wardrobe", across - length, WARDROBE, front=60, tall=True), either_side("platform")),
         *work(deep - bed.depth),
     ]
 

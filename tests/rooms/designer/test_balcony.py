@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from layoutrl.rooms.designer.balcony import PASSAGE, is_end, sizes
+from layoutrl.rooms.designer.balcony import DOOR_STRIP
 from layoutrl.rooms.designer.generator import Design, design_room
 from layoutrl.rooms.designer.search import Plan
 
@@ -25,7 +25,7 @@ def test_every_template_occurs(designs: list[Design]) -> None:
 def test_glass_lies_opposite_an_off_centre_sliding_door(designs: list[Design]) -> None:
     for design in designs:
         shell, door = design.shell, design.shell.entrance
-        depth, length = sizes(shell)
+        depth, length = shell.short, shell.long
         assert 110 <= depth <= 180
         assert 240 <= length <= 450
         assert door.sliding
@@ -37,7 +37,7 @@ def test_glass_lies_opposite_an_off_centre_sliding_door(designs: list[Design]) -
 
 def test_nothing_stands_before_the_door(designs: list[Design]) -> None:
     for design in designs:
-        way = design.shell.entrance.strip(PASSAGE)
+        way = design.shell.entrance.strip(DOOR_STRIP)
         assert not any(choice.place.box.overlaps(way) for choice in design.choices)
 
 
@@ -46,11 +46,10 @@ def test_laundry_stands_at_a_solid_end_where_it_can_else_far_from_the_door(desig
         if design.template != "across":
             continue
         room, shell = plan(design), design.shell
-        cabinet, (_, length) = room["laundry_cabinet"], sizes(shell)
-        assert cabinet.wall is not None
-        assert is_end(shell, cabinet.wall)
+        cabinet, length = room["laundry_cabinet"], shell.long
+        assert (cabinet.facing - shell.entrance.wall.normal) % 2
         along = 0 if shell.width > shell.height else 1
-        door_low, cabinet_low = shell.entrance.lo + shell.entrance.hi < length, cabinet.middle[along] < length
+        door_low, cabinet_low = shell.entrance.lo + shell.entrance.hi < length, cabinet.twice_center[along] < length
         glazed = {window.wall for window in shell.windows[1:]}
         if not glazed and not shell.notches:
             assert door_low != cabinet_low

@@ -38,7 +38,7 @@ def test_chairs_stand_under_the_table_and_look_at_its_middle(designs: list[Desig
             along = chair.facing % 2
             assert chair.piece.tucked
             assert chair.box.beyond(chair.facing, 1).overlaps(table.box)
-            assert (table.middle[along] > chair.middle[along]) == (chair.facing < 2)
+            assert (table.twice_center[along] > chair.twice_center[along]) == (chair.facing < 2)
             assert chair.box.shared(table.box) == UNDER * chair.piece.width
 
 

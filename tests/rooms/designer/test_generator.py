@@ -16,11 +16,12 @@ from layoutrl.rooms.designer.generator import Design, design_room, design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 
-TALL = {"wardrobe", "bookcase", "fridge", "tall_cabinet"}
+TALL = {"wardrobe", "bookcase", "fridge"}
+TALL_IN = {"living_room": {"tv_unit", "plant_rack"}}  # with the screen above it; with plants on a stand
 WALKED_ON = {"platform"}  # of tatami
 HOSTS = {"chair": {"desk", "table"}}  # what may stand under what
 PASSAGE = {"bathroom": 0.5, "kitchen": 0.5}  # metres; 0.6 elsewhere
-AREA = {  # square metres, designer_rules.md
+AREA = {  # square metres; GB 50096 and the authors' rooms (tatami), else unsourced
     "bathroom": (2.5, 6), "bedroom": (9, 27), "study": (6, 15), "tatami": (6.8, 11.9), "living_room": (10, 30),
     "dining_room": (6, 15), "kitchen": (4, 9), "balcony": (3, 6.5),
 }  # fmt: skip
@@ -87,7 +88,8 @@ def test_no_item_blocks_a_door_or_stands_tall_before_a_window(design: Design) ->
             assert overlap(leaf, item) < EPSILON, (door, item)
     for window in room.windows:
         for item in room.furniture:
-            assert item.category not in TALL or overlap(strips(room, window, 0.5)[1], item) < EPSILON, item
+            tall = item.category in TALL | TALL_IN.get(room.room_type, set())
+            assert not tall or overlap(strips(room, window, 0.5)[1], item) < EPSILON, item
 
 
 @settings(max_examples=400)

@@ -24,7 +24,7 @@ AT_WALLS = [
 ]  # fmt: skip
 ANYWHERE = [
     *AT_WALLS, beside("a", LEFT, 10), beside("a", RIGHT), places.round_corner("a"), before("b", 20), before("b", -6, 0),
-    lambda plan, piece: (around(host, piece, 1, 50, 10, 1) for host in plan.places),
+    places.either_side("b", 5), lambda plan, piece: (around(host, piece, 1, 50, 10, 1) for host in plan.places),
 ]  # fmt: skip
 
 

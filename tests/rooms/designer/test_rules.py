@@ -32,6 +32,9 @@ AGREE = {  # rule: (shell, places for which it says yes, places for which it say
         [put(1, 0, 100, 50, 1), put(0, 199, 50, 299, 0)],
     ),
     rules.looks_at_door: (ROOM, [put(0, 0, 50, 100, 0), put(0, 250, 100, 300, 3)], [put(0, 0, 100, 50, 1)]),
+    rules.faces_door: (ROOM, [put(0, 0, 50, 100, 3)], [put(0, 0, 50, 100, 0), put(0, 0, 50, 100, 1)]),
+    rules.across_door: (ROOM, [put(0, 0, 50, 100, 0), put(0, 0, 50, 100, 2)], [put(0, 0, 50, 100, 1)]),
+    rules.apart(45): (ROOM, [put(245, 0, 300, 50), put(220, 175, 260, 200)], [put(244, 0, 300, 50)]),
     rules.looks_past_door: (
         ROOM, [put(210, 250, 300, 300, 3), put(300, 9, 390, 30, 1)], [put(299, 200, 390, 250, 3), put(0, 0, 9, 9, 0)],
     ),

@@ -1,6 +1,6 @@
 """Are tatami rooms and bedrooms as large, their doors and windows as wide, as those that the authors published?
 
-The bands are the 10%, 50% and 90% quantiles in designer_rules.md (OWN), in metres and square metres.
+The bands are the 10%, 50% and 90% quantiles of the authors' rooms, in metres and square metres.
 """
 
 from __future__ import annotations
