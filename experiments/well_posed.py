@@ -2,8 +2,9 @@
 
     python experiments/well_posed.py bedroom [--steps 12000] [--train 5000] [--test 1000] [--seed 0]
 
-(a) Ambiguity: how good another place would have been to the designer. A room with a near tie is not used, so their share
-    is 0 by construction; what counts is how often a try was thrown away for one, and how small margins are beyond.
+(a) Ambiguity: how good another place would have been to the designer. A room with a near tie is not used, so
+    their share is 0 by construction; what counts is how many tries were thrown away for one, and how small margins
+    are beyond.
 (b) Yardsticks: places that need no learning.
 (c) A supervised regressor on the geometry observation: can the place be inferred from what is seen?
 
