@@ -59,7 +59,8 @@ def main() -> None:
             values = {"real": real[name], "designed": designed[name]}
             for label, value in values.items():
                 print(f"  {name:15} {label:9} " + " ".join(f"{q:6.2f}" for q in np.quantile(value, QUANTILES)))
-            bins = np.linspace(*np.quantile(np.concatenate(list(values.values())), (0, 1)), 25)
+            all_values = np.concatenate(list(values.values()))
+            bins = np.linspace(all_values.min() - 0.01, all_values.max() + 0.01, 26)  # wider than one single width
             for label, value in values.items():
                 axes.hist(value, bins=bins, weights=np.full(len(value), 1 / len(value)), alpha=0.6, label=label)
             axes.set_title(f"{room_type}: {name}", fontsize=9)
