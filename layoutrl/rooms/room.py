@@ -7,14 +7,17 @@ centre and a size. Everything geometric is derived from polygons, with shapely.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Literal
 
 import numpy as np
 import shapely
+from shapely import box
 from shapely.affinity import rotate, translate
-from shapely.geometry import MultiPolygon, Polygon, box
+from shapely.geometry import Polygon
 
 from layoutrl.errors import InputError
 
@@ -145,15 +148,7 @@ class Room:
     @cached_property
     def envelope(self) -> Polygon:
         """Outline, walls and openings together: the outermost border, columns filled in."""
-        parts = [Polygon(self.outline), *self.wall_shapes, *(o.shape for o in self.openings)]
-        # Grown and shrunk by the tolerance, so that a hairline between two walls is no way out.
-        with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
-            # On a grid, since a plain union can lose a part whose side nearly coincides with another's.
-            grown = shapely.union_all(parts, grid_size=1e-6).buffer(TOLERANCE, join_style="mitre")
-            joined = grown.buffer(-TOLERANCE, join_style="mitre")
-        if isinstance(joined, MultiPolygon):
-            joined = max(joined.geoms, key=lambda part: part.area)
-        return Polygon(joined.exterior)
+        return _envelopes([self])[0]
 
     def holds(self, item: Item, slack: float = TOLERANCE) -> bool:
         """Whether a placed item lies within the envelope, give or take `slack` metres."""
@@ -176,11 +171,11 @@ class Room:
 
         The eight results are the symmetries of the square: designs are as good in each.
         """
-        cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
+        (a, b), (c, d) = symmetry(quarters, mirror).tolist()
 
         def move(point: Point) -> Point:
-            x, y = (-point[0] if mirror else point[0]), point[1]
-            return (cosine * x - sine * y, sine * x + cosine * y)
+            x, y = point
+            return (a * x + b * y, c * x + d * y)
 
         def ring(points: Ring) -> Ring:
             moved = tuple(move(p) for p in points)
@@ -202,6 +197,12 @@ class Room:
                 for item in self.furniture
             ),
         )
+
+
+def symmetry(quarters: int, mirror: bool) -> np.ndarray:
+    """The matrix (2, 2) that mirrors points in the y axis if asked, then turns them by quarters of a circle."""
+    cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
+    return np.array([[-cosine if mirror else cosine, -sine], [-sine if mirror else sine, cosine]])
 
 
 def wall_band(
@@ -231,6 +232,44 @@ def _without_films(wall: shapely.Geometry) -> shapely.Geometry:
     """A wall without what is thinner than FILM: where rounding leaves an opening not quite as deep as the wall."""
     shrunk = wall.buffer(-FILM / 2, join_style="mitre")
     return shapely.set_precision(shrunk.buffer(FILM / 2, join_style="mitre"), 1e-9)
+
+
+def polygons(rings: Sequence[Ring]) -> np.ndarray:
+    """Rings as polygons (n,) without holes: all at once, since one by one they take many times as long."""
+    corners = np.array([corner for ring in rings for corner in ring]).reshape(-1, 2)
+    index = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    return shapely.polygons(shapely.linearrings(corners, indices=index))
+
+
+def envelopes(rooms: Sequence[Room]) -> np.ndarray:
+    """The envelopes (B,) of rooms. Those not known yet are worked out all at once, and their rooms keep them."""
+    new = [room for room in rooms if "envelope" not in vars(room)]
+    for room, envelope in zip(new, _envelopes(new), strict=True):
+        vars(room)["envelope"] = envelope  # where the cached property looks for it
+    return np.array([room.envelope for room in rooms])
+
+
+def _envelopes(rooms: Sequence[Room]) -> np.ndarray:
+    rings = [[room.outline, *room.walls, *(o.polygon for o in room.openings)] for room in rooms]
+    room_of = np.repeat(np.arange(len(rooms)), [len(those) for those in rings])
+    parts = polygons(list(chain(*rings)))
+    rounded = shapely.transform(parts, lambda corners: np.round(corners, 6))
+    corners, part = shapely.get_coordinates(rounded, return_index=True)
+    slants = np.diff(corners, axis=0).all(1) & (part[1:] == part[:-1])
+    slanting = np.bincount(room_of[part[1:]], slants, len(rooms)) > 0
+    # On a grid, since a plain union can lose a part whose side nearly coincides with another's. Upright
+    # sides between corners on the grid coincide or do not: their plain union, several times as fast, is safe.
+    collections = shapely.geometrycollections(np.where(slanting[room_of], parts, rounded), indices=room_of)[:, None]
+    unions = np.empty(len(rooms), dtype=object)
+    unions[slanting] = shapely.union_all(collections[slanting], grid_size=1e-6, axis=1)
+    unions[~slanting] = shapely.union_all(collections[~slanting], axis=1)
+    # Grown and shrunk by the tolerance, so that a hairline between two walls is no way out.
+    with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
+        grown = shapely.buffer(unions, TOLERANCE, join_style="mitre")
+        joined = shapely.buffer(grown, -TOLERANCE, join_style="mitre")
+    for k in np.flatnonzero(shapely.get_num_geometries(joined) > 1):
+        joined[k] = max(joined[k].geoms, key=lambda part: part.area)
+    return shapely.polygons(shapely.get_exterior_ring(joined))
 
 
 def rings(shape: shapely.Geometry) -> list[Ring]:
