@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from torch import Tensor
 
+Array = TypeVar("Array", np.ndarray, Tensor)
 REWARD_RANGE = (-200.0, 100.0)
 
 
-class RewardTerms(NamedTuple):
+class RewardTerms(NamedTuple, Generic[Array]):
     """The three terms for B poses, each of shape (B,), and the areas that they come from."""
 
-    r1: np.ndarray  # towards the designer's place
-    r2: np.ndarray  # off walls, doors, windows and other items
-    r3: np.ndarray  # inside the room
-    iou: np.ndarray  # with the designer's footprint, 0 to 1
+    r1: Array  # towards the designer's place
+    r2: Array  # off walls, doors, windows and other items
+    r3: Array  # inside the room
+    iou: Array  # with the designer's footprint, 0 to 1
 
     @property
-    def total(self) -> np.ndarray:
-        return np.clip(self.r1 + self.r2 + self.r3, *REWARD_RANGE)
+    def total(self) -> Array:
+        return (self.r1 + self.r2 + self.r3).clip(*REWARD_RANGE)
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,9 @@ class Reward:
     theta3: float = -100.0
     inside: Literal["share", "iou"] = "share"
 
-    def __call__(self, target_iou: np.ndarray, element_ious: np.ndarray, indoor: np.ndarray) -> RewardTerms:
-        """The terms from the IoU with the target (B,), the summed IoU with all elements (B,) and `indoor` (B,)."""
-        return RewardTerms(self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - indoor), target_iou)
+    def __call__(
+        self, target_iou: Array, element_ious: Array, indoor_share: Array, indoor_iou: Array
+    ) -> RewardTerms[Array]:
+        """The terms from the IoU with the target, the summed IoU with all elements, and how much is indoors: (B,)."""
+        inside = indoor_share if self.inside == "share" else indoor_iou
+        return RewardTerms(self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - inside), target_iou)

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal
 
 import numpy as np
 import shapely
 
-from layoutrl.env.geometry import CONTACT, GRID, fitting_positions, snap
+from layoutrl.env.geometry import CONTACT, GRID, edges, fitting_positions, padded, snap
 from layoutrl.env.render import View
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.errors import InputError
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Room, envelopes, polygons
 
 DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below, up: the paper's order
 TOUCHING = 1e-4  # metres: a slide ends at the next contact that is further away than this
@@ -27,7 +28,8 @@ TOUCHING = 1e-4  # metres: a slide ends at the next contact that is further away
 class Moves:
     """The actions: `steps` times four directions, then four slides if asked.
 
-    Action 4 k + d goes k-th step far in direction d; the last four slide until a side touches the outline.
+    Action 4 k + d goes k-th step far in direction d; the last four slide until a side touches the outline or
+    the box around the item that of another.
     Steps are metres, or pixels of the room's picture (1/120 of the envelope's longest side).
     """
 
@@ -68,39 +70,58 @@ class Simulator:
     def __init__(self, rooms: Sequence[Room], moves: Moves, reward: Reward):
         self.rooms = list(rooms)
         self.moves = moves
-        self._reward = reward
-        templates = [room.moving.template for room in rooms]
-        self._corners = [np.asarray(template.exterior.coords) for template in templates]
-        self._item_bounds = np.array([template.bounds for template in templates])
-        self._item_area = np.array([template.area for template in templates])
+        self.weights = reward
+        templates = np.array([room.moving.template for room in rooms])
+        self._corners = [shapely.get_coordinates(template) for template in templates]
+        self._item_bounds = shapely.bounds(templates)
+        self._item_area = shapely.area(templates)
         self.designer_position = np.array([room.moving.center for room in rooms])
 
-        self._legal = np.array(
-            [fitting_positions(room.envelope, t) for room, t in zip(rooms, templates, strict=True)], dtype=object
-        )
-        for room, region in zip(rooms, self._legal, strict=True):
+        self.legal = fitting_positions(envelopes(rooms), templates)
+        for room, region in zip(rooms, self.legal, strict=True):
             if region.is_empty:
                 raise InputError(f"room {room.id}: the {room.moving.category} does not fit into it")
-        shapely.prepare(self._legal)
-        self._convex = shapely.area(shapely.convex_hull(self._legal)) - shapely.area(self._legal) < GRID
-        self._legal_bounds = shapely.bounds(self._legal)
+        shapely.prepare(self.legal)
+        self._legal_bounds = shapely.bounds(self.legal)
         self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
-        inner = [fitting_positions(room.indoor, t, CONTACT) for room, t in zip(rooms, templates, strict=True)]
-        self.contacts = _padded([_segments(region) for region in inner], (4,))  # borders to slide to
+        indoor = np.array([room.indoor for room in rooms])
 
-        # The first two shapes of a room are its indoor area and the designer's footprint; then all elements.
+        # Of each room: its indoor area, the designer's footprint, and all elements, items last.
+        bands = [[*room.walls, *(opening.polygon for opening in room.openings)] for room in rooms]
+        others = [room.others for room in rooms]
+        corners, of = shapely.get_coordinates([item.template for item in chain(*others)], return_index=True)
+        centers = np.array([item.center for item in chain(*others)]).reshape(-1, 2)
         shapes = [
-            [room.indoor, room.moving.footprint, *room.wall_shapes]
-            + [opening.shape for opening in room.openings]
-            + [item.footprint for item in room.others]
-            for room in rooms
+            indoor,
+            np.array([room.moving.footprint for room in rooms]),
+            polygons(list(chain(*bands))),
+            shapely.polygons(shapely.linearrings(centers[of] + corners, indices=of)),
         ]
-        self._bounds = _padded([shapely.bounds(s) for s in shapes], (4,))
-        self._areas = _padded([shapely.area(s) for s in shapes], ())
-        is_other = [np.arange(len(s)) >= len(s) - len(room.others) for s, room in zip(shapes, rooms, strict=True)]
-        self._is_other = np.nan_to_num(_padded(is_other, ()))
-        self._first = np.cumsum([0] + [len(s) for s in shapes])
-        self._shapes = np.array([shape for s in shapes for shape in s], dtype=object)
+        every = np.arange(len(rooms))
+        room_of = np.concatenate(
+            [every, every, np.repeat(every, list(map(len, bands))), np.repeat(every, list(map(len, others)))]
+        )
+        is_other = np.arange(len(room_of)) >= len(room_of) - len(shapes[-1])
+        is_circle = np.zeros(len(room_of), dtype=bool)
+        is_circle[is_other] = [item.form == "circle" for item in chain(*others)]
+        # The borders to slide to: where a side of the item touches the outline from within, or the box around it
+        # that of another item.
+        inner = fitting_positions(indoor, templates, CONTACT)
+        x0, y0, x1, y1 = shapely.bounds(shapes[-1]).T
+        left, below, right, up = self._item_bounds[room_of[is_other]].T
+        around = shapely.box(x0 - right, y0 - up, x1 - left, y1 - below)
+        contacts, region = edges(np.concatenate([inner, around]))
+        of_room = np.concatenate([every, room_of[is_other]])[region]
+        by_room = np.argsort(of_room, kind="stable")
+        self.contacts = padded(contacts[by_room], of_room[by_room], len(rooms))  # (rooms, borders, 4)
+
+        by_room = np.argsort(room_of, kind="stable")
+        self.room_of_shape, self.is_circle = room_of[by_room], is_circle[by_room]
+        self.shapes = np.concatenate(shapes)[by_room]
+        self._first = np.searchsorted(self.room_of_shape, every)
+        self._bounds = padded(shapely.bounds(self.shapes), self.room_of_shape, len(rooms))
+        self._areas = padded(shapely.area(self.shapes), self.room_of_shape, len(rooms))
+        self._is_other = np.nan_to_num(padded(is_other[by_room], self.room_of_shape, len(rooms)))
 
     def starts(self, room: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
@@ -116,7 +137,7 @@ class Simulator:
 
     def is_legal(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
-        return shapely.intersects_xy(self._legal[room], position[..., 0], position[..., 1])
+        return shapely.intersects_xy(self.legal[room], position[..., 0], position[..., 1])
 
     def destinations(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where every action leads (B, A, 2), and whether it is legal (B, A)."""
@@ -130,13 +151,12 @@ class Simulator:
             reached, legal = np.concatenate([reached, slid], 1), np.concatenate([legal, touches], 1)
         return reached, legal
 
-    def reward(self, room: np.ndarray, position: np.ndarray) -> RewardTerms:
+    def reward(self, room: np.ndarray, position: np.ndarray) -> RewardTerms[np.ndarray]:
         """The reward of standing at `position`: terms of shape (B,)."""
         shared = self._shared_areas(room, position)  # (B, shapes)
-        item, areas = self._item_area[room][:, None], self._areas[room]
-        iou = np.nan_to_num(shared / (item + areas - shared))
-        indoor = shared[:, 0] / item[:, 0] if self._reward.inside == "share" else iou[:, 0]
-        return self._reward(iou[:, 1], iou[:, 2:].sum(1), indoor)
+        item, areas = self._item_area[room], self._areas[room]
+        iou = np.nan_to_num(shared / (item[:, None] + areas - shared))
+        return self.weights(iou[:, 1], iou[:, 2:].sum(1), shared[:, 0] / item, iou[:, 0])
 
     def coverage(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
@@ -153,11 +173,11 @@ class Simulator:
         index = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
         items = shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=index))
         shared = np.zeros(near.shape)
-        shared[b, k] = shapely.area(shapely.intersection(items[b], self._shapes[self._first[room[b]] + k]))
+        shared[b, k] = shapely.area(shapely.intersection(items[b], self.shapes[self._first[room[b]] + k]))
         return shared
 
     def _slides(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The next position in each direction at which a side of the item touches the outline from within."""
+        """The next position in each direction at which the item touches the outline from within, or another item."""
         x0, y0, x1, y1 = np.moveaxis(self.contacts[room], -1, 0)  # (B, segments) each
         destinations = np.repeat(position[:, None], 4, 1)
         legal = np.zeros((len(room), 4), dtype=bool)
@@ -175,29 +195,8 @@ class Simulator:
             legal[:, d] = np.isfinite(nearest)
             destinations[:, d, axis] += np.where(legal[:, d], nearest, 0.0) * direction[axis]
         destinations = snap(destinations)
-        # In a room with recesses the next contact may lie beyond the outer walls.
-        b, k = np.nonzero(legal & ~self._convex[room][:, None])
+        # The next contact may lie beyond the outer walls: in a room with recesses, or behind an item.
+        b, k = np.nonzero(legal)
         ways = shapely.linestrings(np.stack([position[b], destinations[b, k]], 1))
-        legal[b, k] = shapely.covers(self._legal[room[b]], ways)
+        legal[b, k] = shapely.covers(self.legal[room[b]], ways)
         return np.where(legal[..., None], destinations, position[:, None]), legal
-
-
-def _segments(region: shapely.Geometry) -> np.ndarray:
-    """The border of a region as segments (x0, y0, x1, y1): (n, 4)."""
-    rings = [
-        np.asarray(ring.coords)
-        for part in shapely.get_parts(region)
-        if part.geom_type == "Polygon"
-        for ring in (part.exterior, *part.interiors)
-    ]
-    if not rings:
-        return np.empty((0, 4))
-    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], 1) for ring in rings])
-
-
-def _padded(rows: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-    """Arrays of different length in one, filled up with NaN: (rows, longest, *shape)."""
-    table = np.full((len(rows), max(map(len, rows), default=0), *shape), np.nan)
-    for entry, row in zip(table, rows, strict=True):
-        entry[: len(row)] = row
-    return table

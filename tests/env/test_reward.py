@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +18,8 @@ shares = st.floats(0, 1)
 
 
 def terms(reward: Reward, target_iou: float, elements: float, indoor: float) -> tuple[float, float, float, float]:
-    got = reward(np.array([target_iou]), np.array([elements]), np.array([indoor]))
+    """r1, r2, r3 and total of one pose; the IoU with the whole room is not read here."""
+    got = reward(np.array([target_iou]), np.array([elements]), np.array([indoor]), np.array([np.nan]))
     return got.r1.item(), got.r2.item(), got.r3.item(), got.total.item()
 
 
@@ -74,7 +79,12 @@ def test_the_indoor_term_reads_the_share_of_the_item_or_the_literal_iou(
     assert r3 == pytest.approx(expected)
 
 
-def test_a_batch_has_one_reward_each() -> None:
-    got = Reward()(np.array([1.0, 0.0, 0.5]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 1.0, 0.5]))
-    assert got.total.tolist() == [100, -100, 0]
-    assert got.iou.tolist() == [1, 0, 0.5]
+@pytest.mark.parametrize("array", [np.array, torch.tensor])
+def test_a_batch_has_one_reward_each_as_arrays_or_tensors(array: Callable[[list[float]], Any]) -> None:
+    ious = array([1.0, 0.0, 0.5]), array([0.0, 3.0, 0.0]), array([1.0, 1.0, 0.5]), array([0.25, 0.75, 0.0])
+    share, literal = Reward()(*ious), Reward(inside="iou")(*ious)
+    assert share.total.tolist() == [100, -200, 0]
+    assert share.iou.tolist() == [1, 0, 0.5]
+    assert literal.r3.tolist() == [-75, -25, -100]
+    assert literal.total.tolist() == [25, -200, -50]
+    assert isinstance(share.total, type(ious[0]))

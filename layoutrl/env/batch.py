@@ -1,0 +1,105 @@
+"""The simulator as tensors: thousands of episodes step at once, exactly, on CPU or GPU.
+
+What a room, a move, the reward and the envelope are, the reference `Simulator` says; areas and crossings follow here in
+closed form, from tables of its shapes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+import torch
+from torch import Tensor
+
+from layoutrl.env.geometry import edges, snap
+from layoutrl.env.packed import Lines, Shapes, Starts
+from layoutrl.env.reward import RewardTerms
+from layoutrl.env.simulator import DIRECTIONS, TOUCHING, Simulator
+
+
+class BatchSimulator:
+    """Moves and rewards of B poses at once in the rooms of a `Simulator`: room int64 (B,), position float64 (B, 2).
+
+    Positions are metres on the grid, as the simulator has them; areas and lengths are computed in `dtype`.
+    Discs are true circles, where shapely has polygons of 256 corners.
+    """
+
+    def __init__(self, simulator: Simulator, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32):
+        self.rooms = simulator.rooms
+        self.moves = simulator.moves
+        self.device = torch.device(device)
+        self._reward = simulator.weights
+        like = torch.empty(0, device=device, dtype=dtype)
+        origin = shapely.bounds(simulator.legal).reshape(-1, 2, 2).mean(1)
+        self._origin = torch.tensor(origin, device=device)
+        self._designer_position = torch.tensor(simulator.designer_position, device=device)
+        self._directions = torch.tensor(DIRECTIONS, device=device).double()
+        self._signs = torch.tensor(DIRECTIONS.sum(1).reshape(2, 2, 1, 1)).to(like)  # (axis, direction, 1, 1)
+        self._steps = torch.tensor(simulator.steps).to(like)
+
+        legal = _shifted(simulator.legal, -origin)
+        shapes = _shifted(simulator.shapes, -origin[simulator.room_of_shape])
+        self._starts = Starts(legal, self.device)
+        self._borders = Lines(*edges(legal), len(origin), 0.0, like)
+        contacts = simulator.contacts - np.tile(origin, 2)[:, None]
+        room, k = np.nonzero(~np.isnan(contacts[..., 0]))
+        self._contacts = Lines(contacts[room, k], room, len(origin), TOUCHING, like)
+        moving = [room.moving for room in self.rooms]
+        self._shapes = Shapes(shapes, simulator.room_of_shape, simulator.is_circle, moving, like)
+
+    def starts(self, room: Tensor, generator: torch.Generator) -> Tensor:
+        """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
+        return snap(self._origin[room] + self._starts.draw(room, generator))
+
+    def is_legal(self, room: Tensor, position: Tensor) -> Tensor:
+        """Whether the item lies within the envelope, walls included: bool (B,)."""
+        along = self._from_origin(room, position)
+        return _inside(self._borders.crossed(room, along.flip(1)), along.T[:, None])[0, 0]
+
+    def reach(self, room: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+        """How far every action leads, in metres, and whether it is legal: (B, A) each."""
+        along = self._from_origin(room, position)
+        borders = self._borders.crossed(room, along.flip(1))
+        contacts = self._contacts.crossed(room, along.flip(1)) if self.moves.slide else None
+        along, steps = along.T.contiguous(), self._steps[room].T  # the batch last from here on: long rows
+        reached = along[:, None, None] + self._signs * steps  # (axis, direction, steps, B)
+        legal = _inside(borders, reached.flatten(1, 2)).unflatten(1, reached.shape[1:3])
+        length, legal = steps.repeat_interleave(4, 0), legal.permute(2, 0, 1, 3).flatten(0, 2)
+        if contacts is not None:
+            slide, end = _ahead(contacts, along, TOUCHING), _ahead(borders, along, 0.0)
+            # The next contact may lie beyond the outer walls: in a room with recesses, or behind an item.
+            touches = slide < end
+            length = torch.cat([length, slide.where(touches, 0.0)])
+            legal = torch.cat([legal, touches])
+        return length.T, legal.T
+
+    def moved(self, position: Tensor, action: Tensor, length: Tensor) -> Tensor:
+        """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far."""
+        return snap(position + self._directions[action % 4] * length[:, None])
+
+    def reward(self, room: Tensor, position: Tensor) -> RewardTerms[Tensor]:
+        """The reward of standing at `position`: terms of shape (B,)."""
+        ious = self._shapes.ious(room, position - self._origin[room], position - self._designer_position[room])
+        return self._reward(*ious)
+
+    def _from_origin(self, room: Tensor, position: Tensor) -> Tensor:
+        return (position - self._origin[room]).to(self._steps.dtype)
+
+
+def _shifted(shapes: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Each shape moved by a vector of its own (n, 2)."""
+    corners, shape = shapely.get_coordinates(shapes, return_index=True)
+    return shapely.set_coordinates(shapes.copy(), corners + by[shape])
+
+
+def _inside(borders: Tensor, places: Tensor) -> Tensor:
+    """Whether places (axis, n, B) on a line lie within borders that cross it at (axis, lines, B): odd ones out are."""
+    return (borders[:, None] < places[:, :, None]).sum(2, dtype=torch.uint8).bitwise_and_(1).bool()
+
+
+def _ahead(crossed: Tensor, along: Tensor, nearest: float) -> Tensor:
+    """How far it is to the first line further than `nearest`, right, left, below and up: (4, B), infinity for none."""
+    distance = crossed - along[:, None]  # (axis, lines, B)
+    forward = distance.where(distance > nearest, torch.inf).amin(1)
+    backward = distance.where(distance < -nearest, -torch.inf).amax(1).neg_()
+    return torch.stack([forward[0], backward[0], backward[1], forward[1]])

@@ -1,0 +1,90 @@
+"""Many episodes at once, each of which begins anew in another room as soon as it ends."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.reward import RewardTerms
+
+
+class Step(NamedTuple):
+    """One move of each of B episodes, before any of them began anew."""
+
+    room: Tensor  # int64 (B,)
+    position: Tensor  # float64 (B, 2), before the move
+    action: Tensor  # int64 (B,)
+    legal: Tensor  # bool (B,): whether the move was; one that was not is dropped, and changes nothing
+    next_position: Tensor  # float64 (B, 2)
+    next_legal: Tensor  # bool (B, A): the moves that are legal from there
+    terms: RewardTerms[Tensor]  # of standing there
+    terminated: Tensor  # bool (B,): at the goal
+    ended: Tensor  # int64 (n,): the episodes that terminated or were truncated
+
+
+class Episodes:
+    """B parallel episodes in rooms drawn at random; `room` (B,), `position` (B, 2) and `legal` (B, A) are their state.
+
+    An episode is truncated after `max_moves` moves and, with `goal_iou`, terminates at that IoU with the
+    designer's footprint. `ages` (B,) are the moves that count as made at the beginning: staggered, not all end at once.
+    """
+
+    def __init__(
+        self,
+        simulator: BatchSimulator,
+        ages: np.ndarray,
+        max_moves: int,
+        generator: torch.Generator,
+        goal_iou: float | None = None,
+    ):
+        self._simulator = simulator
+        self._max_moves = max_moves
+        self._goal_iou = goal_iou
+        self._generator = generator
+        self._age = ages.copy()  # kept on the host: who is truncated is known without waiting for the device
+        self.room, self.position = self._drawn(len(ages))
+        self._length, self.legal = simulator.reach(self.room, self.position)
+
+    def step(self, action: Tensor) -> Step:
+        """Make one move (B,) each."""
+        simulator, index = self._simulator, action[:, None]
+        legal = self.legal.gather(1, index).squeeze(1)
+        moved = simulator.moved(self.position, action, self._length.gather(1, index).squeeze(1))
+        next_position = torch.where(legal[:, None], moved, self.position)
+        terms = simulator.reward(self.room, next_position)
+        length, next_legal = simulator.reach(self.room, next_position)
+        self._age += 1
+        truncated = self._age >= self._max_moves
+        if self._goal_iou is None:
+            terminated = torch.zeros_like(legal)
+            ended = np.flatnonzero(truncated)
+        else:
+            terminated = terms.iou >= self._goal_iou
+            ended = np.flatnonzero(truncated | terminated.cpu().numpy())
+        step = Step(
+            self.room, self.position, action, legal, next_position, next_legal, terms, terminated,
+            torch.as_tensor(ended, device=simulator.device),
+        )  # fmt: skip
+        self.position, self._length, self.legal = next_position, length, next_legal
+        if len(ended):
+            self._begin_anew(step.ended)
+            self._age[ended] = 0
+        return step
+
+    def _begin_anew(self, ended: Tensor) -> None:
+        room, position = self._drawn(len(ended))
+        length, legal = self._simulator.reach(room, position)
+        # New tensors: the step that was made keeps the old ones.
+        self.room = self.room.index_copy(0, ended, room)
+        self.position = self.position.index_copy(0, ended, position)
+        self._length = self._length.index_copy(0, ended, length)
+        self.legal = self.legal.index_copy(0, ended, legal)
+
+    def _drawn(self, count: int) -> tuple[Tensor, Tensor]:
+        rooms, device = len(self._simulator.rooms), self._simulator.device
+        room = torch.randint(rooms, (count,), generator=self._generator, device=device)
+        return room, self._simulator.starts(room, self._generator)

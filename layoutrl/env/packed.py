@@ -1,0 +1,225 @@
+"""Rooms as padded tensors: the borders that a move crosses, the areas that an item shares, places to start from.
+
+A table has a row a room: what a batch needs of it lies together. Positions count from the room's origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+import torch
+from shapely.geometry import Polygon
+from torch import Tensor
+
+from layoutrl.env.areas import box_box, box_polygon, disc_disc, disc_polygon
+from layoutrl.env.geometry import GRID, edges, padded
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import Item
+
+UPRIGHT = 1e-9  # square metres that a rectangle may lack of its bounding box
+
+
+class Lines:
+    """Segments that a move along an axis can cross, in each room."""
+
+    def __init__(self, segments: np.ndarray, room: np.ndarray, rooms: int, margin: float, like: Tensor):
+        """From segments x0, y0, x1, y1 (n, 4) and their rooms (n,); crossed up to `margin` metres beyond their ends."""
+        columns, rows = [], []
+        for axis in (0, 1):
+            u0, v0, u1, v1 = segments[:, [axis, 1 - axis, axis + 2, 3 - axis]].T
+            upright = np.abs(v1 - v0) > (GRID if margin else 0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = (u1 - u0) / (v1 - v0)
+            span = np.minimum(v0, v1) - margin, np.maximum(v0, v1) + margin
+            columns.append(np.stack([*span, u0, v0, slope, np.minimum(u0, u1), np.maximum(u0, u1)], 1)[upright])
+            rows.append(2 * room[upright] + axis)
+        row = np.concatenate(rows)
+        order = np.argsort(row, kind="stable")
+        lines = padded(np.concatenate(columns)[order], row[order], 2 * rooms)
+        if not lines.shape[1]:  # in no room any: one nowhere, since a minimum over none is an error
+            lines = np.full((2 * rooms, 1, 7), np.nan)
+        table = np.moveaxis(lines.reshape(rooms, 2, -1, 7), 3, 1)  # (rooms, columns, axis, lines)
+        # From where to where it stretches across the axis (NaN: nowhere), and its place along it.
+        self._upright = _tensor(table[:, :3], like)
+        self._slant = _tensor(table[:, 3:], like) if np.nan_to_num(table[:, 4]).any() else None
+
+    def crossed(self, room: Tensor, across: Tensor) -> Tensor:
+        """Where the line along each axis through `across` (B, axis) is crossed: (axis, lines, B), infinity for not."""
+        across = across[..., None]
+        low, high, place = self._upright.index_select(0, room).unbind(1)
+        if self._slant is not None:
+            at, slope, least, most = self._slant.index_select(0, room).unbind(1)
+            place = torch.clamp(place + slope * (across - at), least, most)
+        return place.where((low <= across) & (across < high), torch.inf).permute(1, 2, 0).contiguous()
+
+
+class Starts:
+    """Regions (rooms,) cut into triangles, to draw places from."""
+
+    def __init__(self, regions: np.ndarray, device: torch.device):
+        # Shrunk, since a place that is drawn is rounded to the grid.
+        shrunk = shapely.buffer(regions, -GRID, join_style="mitre")
+        none = np.flatnonzero(shapely.is_empty(shrunk)).tolist()
+        if none:
+            raise InputError(f"rooms {none}: the item that moves is a few micrometres too large for the room")
+        triangles, room = shapely.get_parts(shapely.constrained_delaunay_triangles(shrunk), return_index=True)
+        share = padded(shapely.area(triangles), room, len(regions))
+        before = np.cumsum(share, 1) - share
+        corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+        self._before = torch.tensor(before / np.nansum(share, 1, keepdims=True), device=device)  # NaN: never
+        self._corners = torch.tensor(padded(corners, room, len(regions)), device=device)
+
+    def draw(self, room: Tensor, generator: torch.Generator) -> Tensor:
+        """Places (B, 2), float64, each in the region of its room and as likely as any other there."""
+        which, v, w = torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64)
+        triangle = (self._before[room] <= which[:, None]).sum(1) - 1
+        a, b, c = self._corners[room, triangle].unbind(1)
+        beyond = v + w > 1  # in the other half of the parallelogram
+        v, w = (torch.where(beyond, 1 - x, x)[:, None] for x in (v, w))
+        return a + v * (b - a) + w * (c - a)
+
+
+class Shapes:
+    """The areas that the moving item shares with its room's indoor area, its elements and its designer's footprint.
+
+    Computed as the item sees them: turned back by its rotation, so that its own sides are upright. Of `shapes`,
+    ascending by room, the first of each is its indoor area, the second the designer's footprint; all others are
+    elements.
+    """
+
+    def __init__(
+        self, shapes: np.ndarray, room: np.ndarray, is_circle: np.ndarray, items: Sequence[Item], like: Tensor
+    ):
+        disc = np.array([item.form == "circle" for item in items])
+        degrees = np.array([item.rotation for item in items])
+        turn = np.deg2rad(np.where(disc | (degrees % 90 == 0), 0, -degrees))
+        turns = np.stack([np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)], 1).reshape(-1, 2, 2)
+        on_its_side = ~disc & (degrees % 180 == 90)
+        sizes = np.array([item.size for item in items])
+        half = np.where(on_its_side[:, None], sizes[:, ::-1], sizes) / 2
+        self._half = _tensor(half, like)  # half sides, of a disc its radius: (rooms, axis)
+        self._item_area = _tensor(np.where(disc, np.pi, 4) * half.prod(1), like)
+        self._is_disc = torch.tensor(disc, device=like.device)
+        self._any_disc, self._any_box = bool(disc.any()), not disc.all()
+        self._turns = torch.tensor(turns, device=like.device) if turn.any() else None
+
+        corners, shape = shapely.get_coordinates(shapes, return_index=True)
+        turned = np.einsum("nij,nj->ni", turns[room[shape]], corners)
+        diameter = np.ptp(shapely.bounds(shapes)[:, [0, 2]], 1)  # of a disc: its polygon is less wide when turned
+        shapes = shapely.set_coordinates(shapes.copy(), turned)
+        area, bounds = shapely.area(shapes), shapely.bounds(shapes)
+        upright = ~disc[room] & (np.prod(bounds[:, 2:] - bounds[:, :2], 1) - area < UPRIGHT)
+
+        rooms = len(items)
+        first = np.searchsorted(room, np.arange(rooms))
+        element = np.ones(len(shapes), dtype=bool)
+        element[first] = element[first + 1] = False
+
+        def table(entries: np.ndarray, of: np.ndarray) -> Tensor:
+            """(rooms, ..., longest) from entries (n, ...), ascending by the room (n,) of each."""
+            return _tensor(np.nan_to_num(np.moveaxis(padded(entries, of, rooms), 1, -1)), like)
+
+        pieces = [np.empty((0, 4)) if d else _rectangles(shapes[k]) for k, d in zip(first, disc, strict=True)]
+        whole = np.array([not len(p) for p in pieces])
+        self._indoor_boxes = table(np.concatenate(pieces), np.repeat(np.arange(rooms), list(map(len, pieces))))
+        self._indoor_edges = _edges_table(shapes[first[whole]], np.flatnonzero(whole), rooms, like)
+        self._indoor_area = _tensor(area[first], like)
+
+        boxes, polygons = element & upright & ~is_circle, element & ~upright & ~is_circle
+        self._boxes, self._box_area = table(bounds[boxes], room[boxes]), table(area[boxes], room[boxes])
+        self._edges = _edges_table(shapes[polygons], room[polygons], rooms, like)
+        self._polygon_area = table(area[polygons], room[polygons])
+        center = bounds.reshape(-1, 2, 2).mean(1)
+        self._discs = table(np.column_stack([center, diameter / 2])[is_circle], room[is_circle])
+
+    def ious(self, room: Tensor, position: Tensor, off_target: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """IoU with the designer's footprint and, summed, with all elements; share indoors; IoU with the indoor area.
+
+        From positions (B, 2) and their distances (B, 2) from the designer's place, float64; (B,) each.
+        """
+        item, half = self._item_area[room], self._half[room]
+        at = self._seen(room, position)
+        box = torch.cat([at - half, at + half], 1)
+
+        indoor = box_box(box[:, None], _taken(self._indoor_boxes, room)).sum(1)
+        shared = box_box(box[:, None], _taken(self._boxes, room))
+        elements = _iou(shared, self._box_area[room], item[:, None]).sum(1)
+        if self._indoor_edges.numel():
+            indoor += self._in_polygons(_taken(self._indoor_edges, room), room, box, at, half)[:, 0]
+        if self._edges.numel():
+            shared = self._in_polygons(_taken(self._edges, room), room, box, at, half)
+            elements += _iou(shared, self._polygon_area[room], item[:, None]).sum(1)
+        if self._discs.numel():
+            shared, area = self._in_discs(_taken(self._discs, room), room, box, at, half)
+            elements += _iou(shared, area, item[:, None]).sum(1)
+
+        # The designer's footprint is as large as the item, and turned like it.
+        off = self._seen(room, off_target)
+        in_box = (2 * half - off.abs()).clamp_(min=0).prod(1) if self._any_box else None
+        in_disc = disc_disc(off.square().sum(1), half[:, 0], half[:, 0]) if self._any_disc else None
+        target = self._of_its_kind(room, in_box, in_disc)
+        return _iou(target, item, item), elements, indoor / item, _iou(indoor, self._indoor_area[room], item)
+
+    def _seen(self, room: Tensor, vector: Tensor) -> Tensor:
+        """Vectors (B, 2) as the item sees them."""
+        if self._turns is not None:
+            vector = torch.einsum("bij,bj->bi", self._turns[room], vector)
+        return vector.to(self._half.dtype)
+
+    def _in_polygons(self, edges: Tensor, room: Tensor, box: Tensor, at: Tensor, half: Tensor) -> Tensor:
+        """Areas shared with polygons, edges (B, polygons, n, 4): (B, polygons)."""
+        in_box = box_polygon(box[:, None], edges) if self._any_box else None
+        in_disc = disc_polygon(at[:, None], half[:, :1], edges) if self._any_disc else None
+        return self._of_its_kind(room[:, None], in_box, in_disc)
+
+    def _in_discs(self, discs: Tensor, room: Tensor, box: Tensor, at: Tensor, half: Tensor) -> tuple[Tensor, Tensor]:
+        """Areas shared with discs, centre and radius (B, discs, 3), and their areas: (B, discs) each."""
+        center, radius = discs[..., :2], discs[..., 2]
+        sides = box[:, None, [[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]]]  # (B, 1, 4, 4)
+        in_box = disc_polygon(center, radius, sides) if self._any_box else None
+        distance_squared = (center - at[:, None]).square().sum(2)
+        in_disc = disc_disc(distance_squared, radius, half[:, :1]) if self._any_disc else None
+        return self._of_its_kind(room[:, None], in_box, in_disc), torch.pi * radius.square()
+
+    def _of_its_kind(self, room: Tensor, in_box: Tensor | None, in_disc: Tensor | None) -> Tensor:
+        """What holds for the item of each room, a rectangle or a disc."""
+        if in_box is None or in_disc is None:
+            shared = in_disc if in_box is None else in_box
+            assert shared is not None
+            return shared
+        return torch.where(self._is_disc[room], in_disc, in_box)
+
+
+def _taken(table: Tensor, room: Tensor) -> Tensor:
+    """Rows of a table (rooms, columns, ...), columns last: (B, ..., columns)."""
+    return table.index_select(0, room).movedim(1, -1)
+
+
+def _iou(shared: Tensor, area: Tensor, item: Tensor) -> Tensor:
+    return shared / (item + area - shared)
+
+
+def _rectangles(polygon: Polygon) -> np.ndarray:
+    """A polygon of upright and level sides, cut into boxes x0, y0, x1, y1: (n, 4); none of any other."""
+    x0, y0, x1, y1 = edges(np.array([polygon]))[0].T
+    if np.minimum(np.abs(x1 - x0), np.abs(y1 - y0)).max() > GRID / 1000:
+        return np.empty((0, 4))
+    boxes = []
+    for left, right in pairwise(np.unique(x0)):
+        spans = (np.minimum(x0, x1) <= left) & (right <= np.maximum(x0, x1))
+        heights = np.sort(y0[spans])
+        boxes += [(left, low, right, high) for low, high in zip(heights[::2], heights[1::2], strict=True)]
+    return np.array(boxes)
+
+
+def _edges_table(polygons: np.ndarray, room: np.ndarray, rooms: int, like: Tensor) -> Tensor:
+    """The edges of polygons, ascending by room, counter-clockwise around them: (rooms, 4, polygons, edges)."""
+    table = np.nan_to_num(padded(*edges(shapely.orient_polygons(polygons)), len(polygons)))  # (polygons, edges, 4)
+    return _tensor(np.nan_to_num(np.moveaxis(padded(table, room, rooms), 3, 1)), like)
+
+
+def _tensor(values: np.ndarray, like: Tensor) -> Tensor:
+    return torch.tensor(np.ascontiguousarray(values)).to(like)
