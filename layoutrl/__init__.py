@@ -4,4 +4,8 @@ import gymnasium
 
 __version__ = "0.1.0"
 
-gymnasium.register("layoutrl/Layout-v0", entry_point="layoutrl.env.layout_env:LayoutEnv")
+gymnasium.register(
+    "layoutrl/Layout-v0",
+    entry_point="layoutrl.env.layout_env:LayoutEnv",
+    vector_entry_point="layoutrl.env.vector_env:LayoutVectorEnv",
+)
