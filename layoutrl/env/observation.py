@@ -6,6 +6,7 @@ Neither reads the designer's place of the moving item.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,13 +15,16 @@ import torch
 from shapely.geometry import Polygon
 from torch import Tensor
 
-from layoutrl.env.render import MOVING, SIDE_PX, View, background, coverage
+from layoutrl.env.coverage import boxes, discs, polygons
+from layoutrl.env.render import MOVING, SIDE_PX, View, background
+from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.room import Item, Room
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("present", *KINDS, "x", "y", "width", "depth", "cos2", "sin2", "circle")
-X, Y, WIDTH, DEPTH = (COLUMNS.index(name) for name in ("x", "y", "width", "depth"))
+X, Y, WIDTH, DEPTH, SIN2 = (COLUMNS.index(name) for name in ("x", "y", "width", "depth", "sin2"))
+BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
 
 class GeometryObservation:
@@ -47,38 +51,74 @@ class GeometryObservation:
         observation[:, 0, [X, Y]] = (position - self._origin[room]).float()
         return observation
 
+    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
+        """How the same rooms look mirrored and turned."""
+        turned = observation.clone()
+        turned[..., X : Y + 1] = observation[..., X : Y + 1] @ symmetry.matrix.T
+        if symmetry.quarters % 2:
+            turned[..., WIDTH], turned[..., DEPTH] = observation[..., DEPTH], observation[..., WIDTH]
+        if symmetry.mirror:
+            turned[..., SIN2].neg_()
+        return turned
+
 
 class ImageObservation:
-    """The paper's picture of each pose: uint8 (B, 128, 128, 3), the moving item with exact pixel coverage."""
+    """The paper's picture of each pose: uint8 (B, 128, 128, 3), the moving item with exact pixel coverage.
+
+    What does not move is copied; the item is painted into a window of it that holds the largest item of the rooms.
+    """
 
     shape = (SIDE_PX, SIDE_PX, 3)
 
     def __init__(self, rooms: Sequence[Room], device: torch.device | str = "cpu"):
-        self._rooms = list(rooms)
-        self._views = [View(room) for room in rooms]
+        views = [View(room) for room in rooms]
         self._backgrounds = torch.as_tensor(np.stack([background(room) for room in rooms]), device=device)
-        self._scale = torch.tensor([[view.scale, -view.scale] for view in self._views], device=device)
-        self._offset = torch.tensor(np.array([view.offset for view in self._views]), device=device)
-        bounds = np.array([room.moving.template.bounds for room in rooms])
-        self._half = torch.tensor((bounds[:, 2:] - bounds[:, :2]) / 2, device=device)  # metres
-        upright = [shapely.box(*b).equals(room.moving.template) for b, room in zip(bounds, rooms, strict=True)]
-        self._upright = torch.tensor(upright, device=device)
-        self._moving = torch.tensor(MOVING, dtype=torch.float32, device=device)
+        self._scale = torch.tensor([[view.scale, -view.scale] for view in views], dtype=torch.float64, device=device)
+        self._offset = torch.tensor(np.array([view.offset for view in views]), device=device)
+
+        # Pixels. An item has its size in the table of its form, and none in the others.
+        half, corners, radius = np.zeros((len(rooms), 2)), np.zeros((len(rooms), 4, 2)), np.zeros((len(rooms), 1))
+        for k, (room, view) in enumerate(zip(rooms, views, strict=True)):
+            item = room.moving
+            if item.form == "circle":  # a disc as large as the polygon that the reference paints
+                radius[k] = view.scale * math.sqrt(item.template.area / math.pi)
+            elif item.rotation % 90 == 0:
+                half[k] = view.scale * np.array(item.template.bounds[2:])
+            else:
+                corners[k] = np.array(item.template.exterior.coords[:-1]) * (view.scale, -view.scale)
+        forms = ((boxes, half), (polygons, corners), (discs, radius))
+        self._forms = [
+            (cover, torch.tensor(size, dtype=torch.float32, device=device)) for cover, size in forms if size.any()
+        ]
+        self._reach = max(float(np.abs(size).max()) for _, size in forms)
+        self._side = min(SIDE_PX, math.ceil(2 * self._reach) + 1)
+        self._moving = torch.tensor(MOVING, dtype=torch.float32, device=device).repeat(self._side)
 
     def __call__(self, room: Tensor, position: Tensor) -> Tensor:
         """Observe poses: room index (B,), position (B, 2) in metres."""
+        image = self._backgrounds.index_select(0, room)
+        for block in zip(image.split(BLOCK), room.split(BLOCK), position.split(BLOCK), strict=True):
+            self._paint(*block)
+        return image
+
+    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
+        """How the same rooms look mirrored and turned."""
+        mirrored = observation.flip(2) if symmetry.mirror else observation
+        return mirrored.rot90(symmetry.quarters, (1, 2))
+
+    def _paint(self, image: Tensor, room: Tensor, position: Tensor) -> None:
+        """Blend the moving item into backgrounds (B, 128, 128, 3), in place."""
         center = self._offset[room] + position * self._scale[room]
-        half = self._half[room] * self._scale[room].abs()
-        low, high = (center - half)[..., None], (center + half)[..., None]  # (B, 2, 1)
-        pixel = torch.arange(SIDE_PX, device=position.device)
-        # An upright rectangle covers of a pixel what it covers of its column times what it covers of its row.
-        columns, rows = (torch.minimum(high, pixel + 1) - torch.maximum(low, pixel)).clamp(min=0).float().unbind(1)
-        share = rows[:, :, None] * columns[:, None, :]
-        for b in torch.nonzero(~self._upright[room]).flatten().tolist():
-            k = int(room[b])
-            footprint = self._rooms[k].moving.footprint_at(tuple(position[b].tolist()))
-            share[b] = torch.as_tensor(coverage(footprint, self._views[k]))
-        return self._backgrounds[room].float().lerp_(self._moving, share[..., None]).round_().to(torch.uint8)
+        first = (center - self._reach).floor().clamp(0, SIDE_PX - self._side)  # column and row of the window
+        column, row = first.long().unbind(1)
+        # The colours of a row of pixels in one axis: an inner axis of length three would be several times slower.
+        windows = image.flatten(2).unfold(1, self._side, 1).unfold(2, 3 * self._side, 3)
+        at = (torch.arange(len(room), device=room.device), row, column)
+        painted = windows[at].float()
+        for cover, size in self._forms:
+            share = cover((center - first).float(), size[room], self._side)
+            painted.lerp_(self._moving, torch.stack((share, share, share), -1).flatten(2))
+        windows[at] = painted.round_().to(torch.uint8)
 
 
 def categories_of(rooms: Sequence[Room]) -> list[str]:

@@ -12,7 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely.affinity import rotate, translate
 
-from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.coverage import boxes, discs, polygons
+from layoutrl.env.observation import BLOCK, COLUMNS, GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.render import View, picture
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -22,6 +23,7 @@ from tests.builders import random_room, rectangle, rectangular_room, room_of
 # Shapely lets a floating-point flag of its buffer through for one room in some hundreds; its result is right.
 SEEDS = st.integers(0, 2**32 - 1)
 CATEGORIES = ["bed", "chair", "lamp"]
+DEVICES = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
 
 
 def positions_in(room: Room, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -33,6 +35,21 @@ def designed_at(room: Room, center: np.ndarray | None) -> Room:
     """The room as if its designer had put the moving item elsewhere, or nowhere yet."""
     furniture = list(room.furniture)
     furniture[room.target] = replace(room.moving, center=None if center is None else tuple(center.tolist()))
+    return replace(room, furniture=tuple(furniture))
+
+
+def with_moving(room: Room, form: str, rng: np.random.Generator) -> Room:
+    """The room with another moving item: an upright or turned rectangle or a circle, as large as the room or less."""
+    x0, y0, x1, y1 = room.envelope.bounds
+    width, depth = rng.choice([0.05, 0.3, 1.0]) * rng.uniform(0.5, 1, 2) * min(x1 - x0, y1 - y0)
+    angles = {"turned": [rng.uniform(0, 360), 45.0, 89.999, 180 + 1e-7], "upright": [0.0, 90.0, 180.0, 270.0]}
+    item = (
+        Item("bed", (width, width), form="circle")
+        if form == "circle"
+        else Item("bed", (width, depth), rotation=float(rng.choice(angles[form])))
+    )
+    furniture = list(room.furniture)
+    furniture[room.target] = item
     return replace(room, furniture=tuple(furniture))
 
 
@@ -272,6 +289,108 @@ def test_the_image_equals_the_reference_picture_to_a_level(seed):
     for shown, position in zip(observed(ImageObservation([room]), positions).numpy(), positions, strict=True):
         assert shown.dtype == np.uint8
         assert np.abs(shown.astype(int) - picture(room, position)).max() <= 1
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("forms", [("upright",), ("turned",), ("circle",), ("upright", "turned", "circle")])
+@given(seed=SEEDS)
+@settings(max_examples=12)
+def test_items_of_every_form_look_as_in_the_reference_picture(device, forms, seed):
+    rng = np.random.default_rng(seed)
+    several = [with_moving(random_room(rng), form, rng) for form in forms for _ in range(2)]
+    room = rng.integers(len(several), size=6)
+    low, high = np.split(np.array([several[k].envelope.bounds for k in room]), 2, axis=1)
+    positions = rng.uniform(low, high)
+    positions[:2] = np.where(rng.random((2, 2)) < 0.5, low[:2], high[:2])  # partly out of the picture, if large
+    shown = ImageObservation(several, device)(
+        torch.as_tensor(room, device=device), torch.as_tensor(positions, device=device)
+    )
+    assert shown.dtype == torch.uint8
+    for image, k, position in zip(shown.cpu().numpy(), room, positions, strict=True):
+        assert np.abs(image.astype(int) - picture(several[k], position)).max() <= 1
+
+
+@pytest.mark.parametrize("item", [Item("bed", (1.3, 0.7)), Item("bed", (1.3, 0.7), None, 20)])
+def test_blended_colours_are_those_of_the_reference_nearly_everywhere(item):
+    room = rectangular_room(item=item)
+    positions = np.random.default_rng(0).uniform((0.5, 0.5), (3.5, 2.5), (20, 2))
+    reference = np.stack([picture(room, position) for position in positions])
+    assert (observed(ImageObservation([room]), positions).numpy() != reference).mean() < 1e-5
+
+
+@pytest.mark.parametrize("form", ["upright", "turned", "circle"])
+def test_a_room_ten_kilometres_away_looks_the_same(form):
+    rng = np.random.default_rng(0)
+    room = with_moving(small_room(), form, rng)
+    far = np.array([10_000.0, -10_000.0])
+
+    def moved(ring):
+        return tuple((x + far[0], y + far[1]) for x, y in ring)
+
+    away = replace(
+        room,
+        outline=moved(room.outline),
+        walls=tuple(map(moved, room.walls)),
+        openings=tuple(replace(o, polygon=moved(o.polygon)) for o in room.openings),
+        furniture=tuple(replace(i, center=i.center and moved([i.center])[0]) for i in room.furniture),
+    )
+    positions = rng.uniform((0, 0), (4, 3), (20, 2))
+    near, shown = (observed(ImageObservation([r]), p).int() for r, p in ((room, positions), (away, positions + far)))
+    assert (near - shown).abs().max() <= 1
+
+
+def test_a_large_batch_shows_each_pose_as_a_small_one():
+    rng = np.random.default_rng(0)
+    rooms = [with_moving(small_room(), form, rng) for form in ("upright", "turned", "circle")]
+    observation = ImageObservation(rooms)
+    room = torch.as_tensor(rng.integers(3, size=2 * BLOCK + 3))
+    positions = torch.as_tensor(rng.uniform((0, 0), (4, 3), (len(room), 2)))
+    shown = observation(room, positions)
+    assert shown.shape == (len(room), *ImageObservation.shape)
+    for first in range(0, len(room), 100):
+        part = slice(first, first + 100)
+        assert torch.equal(shown[part], observation(room[part], positions[part]))
+    assert observation(room[:0], positions[:0]).shape == (0, *ImageObservation.shape)
+
+
+def test_an_image_is_made_without_waiting_for_any_value_of_the_batch():
+    rng = np.random.default_rng(0)
+    rooms = [with_moving(small_room(), form, rng) for form in ("upright", "turned", "circle")]
+    # On this device tensors have no values: to ask for one, or for as many as a condition picks, raises.
+    room = torch.zeros(5, dtype=torch.long, device="meta")
+    positions = torch.zeros(5, 2, dtype=torch.float64, device="meta")
+    assert ImageObservation(rooms, "meta")(room, positions).shape == (5, *ImageObservation.shape)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@given(seed=SEEDS)
+@settings(max_examples=60)
+def test_shares_of_pixels_are_the_areas_that_shape_and_pixel_have_in_common(device, seed):
+    rng = np.random.default_rng(seed)
+    side, corner_count = int(rng.integers(1, 12)), int(rng.integers(3, 7))
+    center = rng.uniform(-3, side + 3, (3, 2)).astype(np.float32)
+    if rng.random() < 0.3:
+        center = center.round()  # corners on the borders of pixels
+    reach = rng.choice([1e-3, 0.3, 3.0, 20.0])
+    half = (reach * rng.uniform(0.5, 1, 2)).astype(np.float32)
+    # Around the centre in their order, so that no side crosses another.
+    angle = -(np.arange(corner_count) + rng.uniform(0, 0.45, corner_count)) * 2 * np.pi / corner_count
+    corners = reach * rng.uniform(0.3, 1, (corner_count, 1)) * np.stack([np.cos(angle), np.sin(angle)], -1)
+    if rng.random() < 0.3:
+        corners = half * [(1, 1), (1, -1), (-1, -1), (-1, 1)]
+    corners, radius = corners.astype(np.float32), np.float32([reach])
+    disc = shapely.Point(0, 0).buffer(radius[0], quad_segs=4096)
+    left, top = np.meshgrid(np.arange(side), np.arange(side))
+    pixels = shapely.box(left, top, left + 1, top + 1)
+    for cover, size, shape in (
+        (boxes, half, shapely.box(*-half, *half)),
+        (polygons, corners, shapely.Polygon(corners)),
+        (discs, radius, disc),
+    ):
+        sizes = np.stack([size, size, np.zeros_like(size)])  # the third has no size
+        shown = cover(torch.as_tensor(center, device=device), torch.as_tensor(sizes, device=device), side).cpu()
+        exact = [shapely.area(shapely.intersection(translate(shape, *c), pixels)) for c in center[:2].astype(float)]
+        np.testing.assert_allclose(shown, [*exact, np.zeros((side, side))], atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,31 @@
+"""The eight symmetries of the square: a design is as good in a mirrored or turned room, with its moves turned too."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from layoutrl.env.simulator import DIRECTIONS, Moves
+from layoutrl.rooms.room import symmetry
+
+
+class Symmetry:
+    """Mirrored in the y axis if asked, then turned by quarters of a circle, as `Room.turned` does it.
+
+    `action` (A,) is the move that every move becomes, `inverse` (A,) the move that becomes it.
+    """
+
+    def __init__(self, quarters: int, mirror: bool, moves: Moves, device: torch.device | str = "cpu"):
+        self.quarters = quarters
+        self.mirror = mirror
+        matrix = symmetry(quarters, mirror)
+        turned = np.array([np.flatnonzero((matrix @ way == DIRECTIONS).all(1)).item() for way in DIRECTIONS])
+        action = np.arange(moves.count)
+        self.action = torch.tensor(action // 4 * 4 + turned[action % 4], device=device)
+        self.inverse = self.action.argsort()
+        self.matrix = torch.tensor(matrix, device=device, dtype=torch.float32)
+
+
+def symmetries(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
+    """All eight, first the one that changes nothing."""
+    return [Symmetry(quarters, mirror, moves, device) for mirror in (False, True) for quarters in range(4)]
