@@ -38,7 +38,6 @@ class DataConfig:
     seed: int | None = 0  # designer: of the rooms
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn
     strict: bool = False  # json: stop at the first room that cannot be used
-    copies: bool = True  # train on the eight mirrored and turned copies of every room
 
     def __post_init__(self) -> None:
         for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
@@ -70,6 +69,7 @@ class MethodConfig:
     dueling: bool = False
     discount: float = MISSING
     learning_rate: float = MISSING
+    symmetries: bool = MISSING  # learn from every transition mirrored and turned, too
     batch: int = MISSING
     episodes: int = MISSING
     warmup_moves: int = MISSING
@@ -162,6 +162,38 @@ class GalleryConfig:
         _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
 
 
+@dataclass
+class BenchConfig(TrainConfig):
+    """What is trained is configured as for training; `budget` says for how many updates."""
+
+    paper: MethodConfig = field(default_factory=MethodConfig)  # the paper's network, and how it learns
+    parts: list[str] = field(default_factory=lambda: ["speed", "memory", "growth"])
+    seconds: float = 3.0
+    batch: int = 4096
+    images: int = 512
+    shapely_batches: list[int] = field(default_factory=lambda: [64, 512, 4096])
+    transitions: int = 1_000_000
+    batches: list[int] = field(default_factory=lambda: [1, 16, 256, 4096, 65536])
+    items: list[int] = field(default_factory=lambda: [2, 3, 5, 8, 12, 20, 30])
+    items_rooms: int = 1000
+    probe_every: int = 500
+    minutes: float = 20.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for part in self.parts:
+            _one_of("parts", part, "speed", "memory", "growth", "training", "paper", "sb3")
+        for name in ("batch", "images", "transitions", "items_rooms", "probe_every"):
+            value = getattr(self, name)
+            _within(name, value, value >= 1, "1 or more")
+        for name in ("shapely_batches", "batches", "items"):
+            values = getattr(self, name)
+            _within(name, values, min(values, default=0) >= 1, "numbers of 1 or more")
+        for name in ("seconds", "minutes"):
+            value = getattr(self, name)
+            _within(name, value, value > 0, "more than 0")
+
+
 def _one_of(name: str, value: str, *allowed: str) -> None:
     _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
 
@@ -177,3 +209,4 @@ def register() -> None:
     store.store(name="train_schema", node=TrainConfig)
     store.store(name="evaluate_schema", node=EvaluateConfig)
     store.store(name="gallery_schema", node=GalleryConfig)
+    store.store(name="bench_schema", node=BenchConfig)

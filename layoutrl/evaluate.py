@@ -14,7 +14,6 @@ from layoutrl import build
 from layoutrl.config import EvaluateConfig, config_directory, register
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
-from layoutrl.rooms.collection import with_copies
 from layoutrl.runs import load_checkpoint, load_config, write_json
 
 
@@ -57,7 +56,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         agent,
         simulator,
         build.observation(rooms, trained.method, checkpoint["categories"], device),
-        with_copies(training) if own.copies else training,
+        training,
         starts_a_room=config.starts,
         max_moves=trained.method.evaluation_moves,
         on_illegal=on_illegal,

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import torch
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.training import Progress
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.render import story
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import lattice_ceiling
@@ -32,8 +34,10 @@ class Probe:
         max_moves: int,
         on_illegal: Literal["stop", "mask"],
         rng: np.random.Generator,
+        device: torch.device,
     ):
         self.simulator = simulator
+        self._batch_simulator = BatchSimulator(simulator, device)
         self._observe = observe
         self._max_moves = max_moves
         self._on_illegal = on_illegal
@@ -43,7 +47,15 @@ class Probe:
 
     def __call__(self, agent: DQN) -> tuple[float, list[np.ndarray]]:
         """Mean IoU, and pictures of the first rooms: start, path, end, the designer's place."""
-        run = rollout(agent, self.simulator, self._observe, self._room, self._starts, self._max_moves, self._on_illegal)
+        run = rollout(
+            agent,
+            self._batch_simulator,
+            self._observe,
+            self._room,
+            self._starts,
+            self._max_moves,
+            self._on_illegal,
+        )
         pictures = [
             story(room, run.path[: run.moves[k] + 1, k]) for k, room in enumerate(self.simulator.rooms[:PICTURES])
         ]

@@ -15,11 +15,12 @@ from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import train
 from layoutrl.config import TrainConfig, config_directory, register
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import categories_of
+from layoutrl.env.symmetry import symmetries
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import Probe, watched
-from layoutrl.rooms.collection import with_copies
 from layoutrl.rooms.room import Room
 from layoutrl.runs import new_folder, save_checkpoint, write_json
 
@@ -39,12 +40,11 @@ def run(config: TrainConfig) -> Path:
             f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "
             "(more rooms, or another fold)"
         )
-    copies = with_copies(training) if config.data.copies else training
-    print(f"training on {len(training)} rooms ({len(copies)} with copies), {len(held_out)} held out")
+    print(f"training on {len(training)} rooms, {len(held_out)} held out")
 
     categories = categories_of(training)
-    simulator = build.simulator(copies, method, reward)
-    observe = build.observation(copies, method, categories, device)
+    simulator = BatchSimulator(build.simulator(training, method, reward), device)
+    observe = build.observation(training, method, categories, device)
     agent = build.agent(method, categories, updates, network_seed, device)
 
     def probe(rooms: list[Room], seed: np.random.SeedSequence) -> Probe:
@@ -57,6 +57,7 @@ def run(config: TrainConfig) -> Path:
             method.evaluation_moves,
             method.on_illegal,
             rng,
+            device,
         )
 
     train_seed, held_out_seed = probe_seed.spawn(2)
@@ -75,6 +76,7 @@ def run(config: TrainConfig) -> Path:
         goal_iou=method.goal_iou if method.goal_terminates else None,
         warmup_moves=method.warmup_moves,
         report_every=max(1, updates // budget.reports),
+        symmetries=symmetries(simulator.moves, device)[: 8 if method.symmetries else 1],
         seed=training_seed,
     )
     folder = new_folder(config)
@@ -92,7 +94,7 @@ def run(config: TrainConfig) -> Path:
         agent,
         build.simulator(held_out, method, reward),
         build.observation(held_out, method, categories, device),
-        copies,
+        training,
         starts_a_room=1,
         max_moves=method.evaluation_moves,
         on_illegal=method.on_illegal,

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import smooth_l1_loss
 
 from layoutrl.agents.replay import Transitions
+from layoutrl.env.symmetry import Symmetry
 
-Observe = Callable[[Tensor, Tensor], Tensor]  # room (B,), position (B, 2) -> observation (B, ...)
+
+class Observe(Protocol):
+    """What an agent sees of poses; GeometryObservation or ImageObservation."""
+
+    def __call__(self, room: Tensor, position: Tensor) -> Tensor:
+        """Observations (B, ...) of rooms (B,) with the item at positions (B, 2)."""
+
+    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
+        """How the same rooms look mirrored and turned."""
 
 
 class UpdateStats(NamedTuple):
@@ -40,7 +48,7 @@ class DQN:
     ):
         self.network = network
         self.target = copy.deepcopy(network).requires_grad_(False).eval()
-        self.optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate)
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
         self.schedule = torch.optim.lr_scheduler.LinearLR(self.optimizer, 1.0, 0.0, total_updates)
         self.target_period = target_period
         self.double = double

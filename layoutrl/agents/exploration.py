@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
+import torch
+from torch import Tensor
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class LinearSchedule:
         return self.start + progress * (self.end - self.start)
 
 
-def explore(greedy: np.ndarray, legal: np.ndarray, epsilon: float, rng: np.random.Generator) -> np.ndarray:
+def explore(greedy: Tensor, legal: Tensor, epsilon: float, generator: torch.Generator) -> Tensor:
     """Replace each greedy action (B,) with probability epsilon by a uniformly drawn legal one (B, A)."""
-    drawn = np.argmax(rng.random(legal.shape) * legal, axis=1)
-    return np.where(rng.random(len(greedy)) < epsilon, drawn, greedy)
+    drawn = torch.rand(legal.shape, generator=generator, device=legal.device).masked_fill(~legal, -1).argmax(1)
+    chance = torch.rand(len(greedy), generator=generator, device=legal.device)
+    return torch.where(chance < epsilon, drawn, greedy)

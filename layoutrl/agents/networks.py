@@ -21,21 +21,21 @@ class PaperNetwork(nn.Module):
         super().__init__()
         self.features = nn.Sequential(
             nn.Conv2d(3, 8, 3, stride=2),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Conv2d(8, 16, 3, stride=2),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Conv2d(16, 32, 3, stride=2),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Flatten(),
             nn.Linear(7200, 512),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Linear(512, 512),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
         )
         self.head = _head(512, actions, dueling)
 
     def forward(self, image: Tensor) -> Tensor:
-        return self.head(self.features(image.permute(0, 3, 1, 2) / 255.0))
+        return self.head(self.features(image.permute(0, 3, 1, 2).float().mul_(1 / 255)))
 
 
 class GeometryNetwork(nn.Module):
@@ -52,15 +52,15 @@ class GeometryNetwork(nn.Module):
         clearances = 2 * 6 * len(SCALES)  # to the border and to items: four directions, two differences
         self.element = nn.Sequential(
             nn.Linear(columns - 2 + relations, element_width),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Linear(element_width, element_width),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
         )
         self.trunk = nn.Sequential(
             nn.Linear(2 * element_width + columns - 2 + clearances, width),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Linear(width, width),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
         )
         self.head = _head(width, actions, dueling)
 

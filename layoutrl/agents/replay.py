@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -65,9 +64,9 @@ class Replay:
         self._next = (self._next + count) % self.capacity
         self.size = min(self.size + count, self.capacity)
 
-    def sample(self, count: int, rng: np.random.Generator) -> Transitions:
+    def sample(self, count: int, generator: torch.Generator) -> Transitions:
         """`count` transitions, each stored one as likely as another."""
-        index = torch.as_tensor(rng.integers(self.size, size=count), device=self._bit.device)
+        index = torch.randint(self.size, (count,), generator=generator, device=self._bit.device)
         drawn = Transitions(*(column[index] for column in self._columns))
         return drawn._replace(
             room=drawn.room.long(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -14,7 +14,9 @@ from torch import Tensor
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.env.simulator import Simulator
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.episodes import Episodes
+from layoutrl.env.symmetry import Symmetry
 from layoutrl.errors import InputError
 
 REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
@@ -54,7 +56,7 @@ class Stopwatch:
 
 def train(
     agent: DQN,
-    simulator: Simulator,
+    simulator: BatchSimulator,
     observe: Observe,
     replay: Replay,
     epsilon: LinearSchedule,
@@ -67,6 +69,7 @@ def train(
     goal_iou: float | None,
     warmup_moves: int,
     report_every: int,
+    symmetries: Sequence[Symmetry],
     seed: np.random.SeedSequence,
 ) -> Iterator[Progress]:
     """Train for `updates` updates of `batch` transitions, one step of all parallel `episodes` before each.
@@ -74,82 +77,65 @@ def train(
     An episode is cut after `max_moves` moves, which the agent cannot see: its last transition
     bootstraps like any other. With `goal_iou` it terminates at that IoU, and does not. Illegal moves
     are never chosen ("dropped, then a new action", section 4.2). Learning starts when `warmup_moves`
-    moves are stored. Yields a report every `report_every` updates.
+    moves are stored; each update sees an equal share of its batch in every one of the `symmetries`.
+    Yields a report every `report_every` updates; only there, and where `goal_iou` ends episodes, does
+    it wait for the device.
     """
-    start_rng, explore_rng, replay_rng = (np.random.default_rng(s) for s in seed.spawn(3))
-    device = next(agent.network.parameters()).device
+    device = simulator.device
+    episode_rng, explore_rng, replay_rng = (
+        torch.Generator(device).manual_seed(int(s.generate_state(1)[0])) for s in seed.spawn(3)
+    )
     watch = Stopwatch()
 
-    def look(rooms: np.ndarray | Tensor, positions: np.ndarray | Tensor) -> Tensor:
+    def look(room: Tensor, position: Tensor) -> Tensor:
         with watch("observe"):
-            return observe(torch.as_tensor(rooms, device=device), torch.as_tensor(positions, device=device))
+            return observe(room, position)
 
-    def begin(count: int) -> tuple[np.ndarray, np.ndarray]:
-        rooms = start_rng.integers(len(simulator.rooms), size=count)
-        return rooms, simulator.starts(rooms, start_rng)
-
-    room, position = begin(episodes)
-    reached, legal = simulator.destinations(room, position)
-    made = np.zeros(episodes, dtype=int)  # moves of each running episode
-    returns = np.zeros(episodes)
+    # Of different ages, so that not all end in the same step.
+    running = Episodes(simulator, np.arange(episodes) % max_moves, max_moves, episode_rng, goal_iou)
+    if not running.legal.any():
+        raise InputError("steps: no item can move in any of the rooms drawn; expected shorter steps or larger rooms")
     moves = 0
+    returns = torch.zeros(episodes, device=device)
     losses, mean_qs, max_qs = [], [], []
-    ended_returns: list[float] = []
-    ended_ious: list[float] = []
+    ended_returns, ended_ious = [], []
 
     while agent.updates < updates:
-        observation = look(room, position)
+        observation = look(running.room, running.position)
         with watch("act"):
-            q = agent.values(observation)
-            greedy = np.where(legal, q.cpu().numpy(), -np.inf).argmax(1)
-            action = explore(greedy, legal, epsilon(agent.updates), explore_rng)
+            greedy = agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
+            action = explore(greedy, running.legal, epsilon(agent.updates), explore_rng)
         with watch("simulate"):
-            able = np.any(legal, axis=1)  # an item that cannot move at all stays, and makes no transition
-            next_position = np.where(able[:, None], reached[np.arange(episodes), action], position)
-            terms = simulator.reward(room, next_position)
-            next_reached, next_legal = simulator.destinations(room, next_position)
-        terminated = terms.iou >= (np.inf if goal_iou is None else goal_iou)
-        made += 1
+            step = running.step(action)
         moves += episodes
-        returns += terms.total
-        truncated = made >= max_moves
+        reward = step.terms.total
         with watch("store"):
             replay.add(
                 Transitions(
-                    *(
-                        torch.as_tensor(column[able], device=device)
-                        for column in (
-                            room,
-                            position,
-                            action,
-                            terms.total / REWARD_SCALE,
-                            np.where(terminated, 0.0, discount),
-                            next_position,
-                            next_legal,
-                        )
-                    )
+                    step.room,
+                    step.position,
+                    action,
+                    reward / REWARD_SCALE,
+                    discount * ~step.terminated,
+                    step.next_position,
+                    step.next_legal,
                 )
             )
-        if not replay.size:
-            raise InputError(
-                "steps: no item can move in any of the rooms drawn; expected shorter steps or larger rooms"
-            )
-        position, reached, legal = next_position, next_reached, next_legal
-        ended = np.nonzero(terminated | truncated)[0]
-        if len(ended):
-            ended_returns.extend(returns[ended])
-            ended_ious.extend(terms.iou[ended])
-            with watch("simulate"):
-                room[ended], position[ended] = begin(len(ended))
-                reached[ended], legal[ended] = simulator.destinations(room[ended], position[ended])
-            made[ended], returns[ended] = 0, 0.0
+        returns += reward
+        if len(step.ended):
+            ended_returns.append(returns[step.ended])
+            ended_ious.append(step.terms.iou[step.ended])
+            returns[step.ended] = 0
         if replay.size < min(warmup_moves, replay.capacity):
             continue
 
         sampled = replay.sample(batch, replay_rng)
-        observations = look(sampled.room, sampled.position), look(sampled.room, sampled.next_position)
+        observation = look(sampled.room, sampled.position)
+        next_observation = look(sampled.room, sampled.next_position)
+        with watch("observe"):
+            seen = _turned(observe, symmetries, sampled, observation, next_observation)
         with watch("learn"):
-            stats = agent.update(sampled, *observations)
+            stats = agent.update(*seen)
         losses.append(stats.loss)
         mean_qs.append(stats.mean_q)
         max_qs.append(stats.max_q)
@@ -161,8 +147,27 @@ def train(
                 float(torch.stack(losses).mean()),
                 float(torch.stack(mean_qs).mean()),
                 float(torch.stack(max_qs).max()),
-                float(np.mean(ended_returns)) if ended_returns else float("nan"),
-                float(np.mean(ended_ious)) if ended_ious else float("nan"),
+                float(torch.cat(ended_returns).mean()) if ended_returns else float("nan"),
+                float(torch.cat(ended_ious).mean()) if ended_ious else float("nan"),
                 watch.read(),
             )
             losses, mean_qs, max_qs, ended_returns, ended_ious = [], [], [], [], []
+
+
+def _turned(
+    observe: Observe, symmetries: Sequence[Symmetry], batch: Transitions, observation: Tensor, next_observation: Tensor
+) -> tuple[Transitions, Tensor, Tensor]:
+    """The same transitions, an equal share of them in each symmetry: a move becomes the move that it is there."""
+
+    def cut(column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
+        return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)
+
+    turned = batch._replace(
+        action=torch.cat([symmetry.action[share.long()] for symmetry, share in cut(batch.action)]),
+        next_legal=torch.cat([share[:, symmetry.inverse] for symmetry, share in cut(batch.next_legal)]),
+    )
+    observation, next_observation = (
+        torch.cat([observe.turned(share, symmetry) for symmetry, share in cut(o)])
+        for o in (observation, next_observation)
+    )
+    return turned, observation, next_observation

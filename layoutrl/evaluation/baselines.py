@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Room, symmetry
 
 
 def wall_places(room: Room) -> np.ndarray:
@@ -43,18 +43,23 @@ def nearest_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarra
 
 
 def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequence[Room]) -> np.ndarray:
-    """The designer's relative place in the training room that is most like each of B rooms.
+    """The designer's relative place in the training room that is most like each of B rooms, mirrored and turned or not.
 
     Likeness is the distance between size of the outline, size of the item and centre of the first
     door, among rooms in which the same category moves (any, if none). The place is relative to the
     bounding box of the outline, kept inside it.
     """
-    features = np.array([_features(r) for r in training])
+    pairs = np.array([_features(r) for r in training])  # (training, 3, 2)
+    relative = np.array([_relative_place(r) for r in training])
     category = np.array([r.moving.category for r in training])
+    # Sizes have no sign to change.
+    views = [symmetry(quarters, mirror) for mirror in (False, True) for quarters in range(4)]
+    features = np.stack([np.concatenate([pairs[:, :2] @ np.abs(m).T, pairs[:, 2:] @ m.T], 1) for m in views])
     places = []
     for r in simulator.rooms:
-        unlike = ((features - _features(r)) ** 2).sum(1) + 1e6 * (category != r.moving.category)
-        places.append(_from_relative(r, _relative_place(training[int(np.argmin(unlike))])))
+        unlike = ((features - _features(r)) ** 2).sum((2, 3)) + 1e6 * (category != r.moving.category)
+        view, k = np.unravel_index(np.argmin(unlike), unlike.shape)
+        places.append(_from_relative(r, 0.5 + views[view] @ (relative[k] - 0.5)))
     return np.array(places)[room]
 
 
@@ -63,7 +68,7 @@ def _features(room: Room) -> np.ndarray:
     a, b, c, d = room.moving.template.bounds
     doors = room.doors or room.openings
     at = doors[0].shape.centroid if doors else room.indoor.centroid
-    return np.array([x1 - x0, y1 - y0, c - a, d - b, at.x - (x0 + x1) / 2, at.y - (y0 + y1) / 2])
+    return np.array([[x1 - x0, y1 - y0], [c - a, d - b], [at.x - (x0 + x1) / 2, at.y - (y0 + y1) / 2]])
 
 
 def _relative_place(room: Room) -> np.ndarray:

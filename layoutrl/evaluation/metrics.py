@@ -69,5 +69,6 @@ def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) 
         for j in range(off.shape[1]):
             displaced = designer + np.stack([off[:, i, 0], off[:, j, 1]], -1)
             known = ~np.isnan(displaced).any(1)
-            best[known] = np.maximum(best[known], simulator.reward(room[known], displaced[known]).iou)
+            if known.any():
+                best[known] = np.maximum(best[known], simulator.reward(room[known], displaced[known]).iou)
     return best

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from layoutrl.agents.dqn import DQN, Observe
-from layoutrl.env.simulator import Simulator
+from layoutrl.env.batch import BatchSimulator
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Rollout:
 
 def rollout(
     agent: DQN,
-    simulator: Simulator,
+    simulator: BatchSimulator,
     observe: Observe,
     room: np.ndarray,
     starts: np.ndarray,
@@ -42,7 +42,6 @@ def rollout(
     where it stands; with `"mask"` the best legal move is taken.
     """
     began = time.perf_counter()
-    device = next(agent.network.parameters()).device
     batch = len(room)
     path = np.repeat(starts[None], max_moves + 1, 0)
     entered_by = np.full((max_moves + 1, batch), -np.inf)  # Q of the move that led to each position
@@ -50,18 +49,19 @@ def rollout(
     loop_start = np.full(batch, -1)
     active = np.arange(batch)
     for t in range(max_moves):
-        here = path[t, active]
-        reached, legal = simulator.destinations(room[active], here)
-        observed = observe(torch.as_tensor(room[active], device=device), torch.as_tensor(here, device=device))
-        q = agent.values(observed).cpu().numpy()
+        here = torch.as_tensor(path[t, active], device=simulator.device)
+        rooms = torch.as_tensor(room[active], device=simulator.device)
+        length, legal = simulator.reach(rooms, here)
+        q = agent.values(observe(rooms, here))
         if on_illegal == "mask":
-            q = np.where(legal, q, -np.inf)
-        action = q.argmax(1)
-        row = np.arange(len(active))
-        stops = ~legal[row, action]
-        there = np.where(stops[:, None], here, reached[row, action])
+            q = q.masked_fill(~legal, -torch.inf)
+        highest, action = q.max(1, keepdim=True)
+        stays = ~legal.gather(1, action)
+        moved = simulator.moved(here, action.squeeze(1), length.gather(1, action).squeeze(1))
+        there = torch.where(stays, here, moved).cpu().numpy()
+        stops = stays.squeeze(1).cpu().numpy()
         path[t + 1 :, active] = there
-        entered_by[t + 1, active] = q[row, action]
+        entered_by[t + 1, active] = highest.squeeze(1).cpu().numpy()
         seen = np.all(path[: t + 1, active] == there, -1)  # (t + 1, active)
         loops = seen.any(0) & ~stops
         loop_start[active[loops]] = seen[:, loops].argmax(0)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.baselines import nearest_room_place, random_wall_place
 from layoutrl.evaluation.metrics import lattice_ceiling, score
@@ -35,7 +36,9 @@ def evaluate(
     start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
     room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
     starts = simulator.starts(room, start_rng)
-    run = rollout(agent, simulator, observe, room, starts, max_moves, on_illegal)
+    device = next(agent.network.parameters()).device
+    batch_simulator = BatchSimulator(simulator, device)
+    run = rollout(agent, batch_simulator, observe, room, starts, max_moves, on_illegal)
     ceiling = lattice_ceiling(simulator, room, starts)
     places = {
         AGENT: run.final,

@@ -1,4 +1,4 @@
-"""Rooms as a source hands them over, and what training takes from them: the item, the split, the copies."""
+"""Rooms as a source hands them over, and what training takes from them: the item, the split."""
 
 from __future__ import annotations
 
@@ -76,8 +76,3 @@ def split(rooms: Sequence[Room], fold: int = 0) -> tuple[list[Room], list[Room]]
         [room for room, held in zip(rooms, held_out, strict=True) if not held],
         [room for room, held in zip(rooms, held_out, strict=True) if held],
     )
-
-
-def with_copies(rooms: Sequence[Room]) -> list[Room]:
-    """Every room in its eight mirrored and turned copies (the first is the room itself)."""
-    return [room.turned(quarters, mirror) for room in rooms for mirror in (False, True) for quarters in range(4)]

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.agents.replay import Replay, Transitions
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -31,8 +32,12 @@ def numbered(first: int, count: int, actions: int = 6) -> Transitions:
     )
 
 
+def seeded(seed: int) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
 def numbers(replay: Replay, draws: int = 2000) -> set[int]:
-    return set(replay.sample(draws, np.random.default_rng(0)).reward.int().tolist())
+    return set(replay.sample(draws, seeded(0)).reward.int().tolist())
 
 
 @pytest.mark.parametrize("observation", ["image", "geometry"])
@@ -63,7 +68,7 @@ def test_it_gives_what_a_replay_of_stored_pictures_would_give(observation):
         position = next_position
     naive = naive[-capacity:]
     number = {float(row[2].float()): k for k, row in enumerate(naive)}  # rewards differ and so tell them apart
-    drawn = replay.sample(64, np.random.default_rng(1))
+    drawn = replay.sample(64, seeded(1))
     before, after = observe(drawn.room, drawn.position), observe(drawn.room, drawn.next_position)
     for b in range(64):
         picture, action, reward, discount, next_picture, next_legal = naive[number[float(drawn.reward[b])]]
@@ -102,7 +107,7 @@ def test_a_transition_stays_whole_when_the_memory_wraps_around():
     replay = Replay(8, 6)
     for first in range(0, 20, 5):
         replay.add(numbered(first, 5))
-    drawn = replay.sample(100, np.random.default_rng(0))
+    drawn = replay.sample(100, seeded(0))
     for b in range(100):
         number = int(drawn.reward[b])
         right = numbered(number - number % 5, 5)
@@ -115,7 +120,7 @@ def test_a_transition_stays_whole_when_the_memory_wraps_around():
 def test_shapes_and_types_are_as_documented():
     replay = Replay(8, 6)
     replay.add(numbered(0, 5))
-    drawn = replay.sample(3, np.random.default_rng(0))
+    drawn = replay.sample(3, seeded(0))
     assert [tuple(c.shape) for c in drawn] == [(3,), (3, 2), (3,), (3,), (3,), (3, 2), (3, 6)]
     assert [c.dtype for c in drawn] == [
         torch.int64, torch.float64, torch.uint8, torch.float32, torch.float32, torch.float64, torch.bool
@@ -132,7 +137,7 @@ def test_every_stored_transition_is_as_likely_as_another():
     replay, draws = Replay(64, 6), 64_000
     for first in range(0, 96, 32):
         replay.add(numbered(first, 32))
-    drawn = replay.sample(draws, np.random.default_rng(3)).reward.int().numpy() - 32
+    drawn = replay.sample(draws, seeded(3)).reward.int().numpy() - 32
     counts = np.bincount(drawn, minlength=64)
     chi_square = ((counts - draws / 64) ** 2 / (draws / 64)).sum()
     assert len(counts) == 64
@@ -142,28 +147,29 @@ def test_every_stored_transition_is_as_likely_as_another():
 def test_draws_hang_on_the_given_generator_alone():
     replay = Replay(64, 6)
     replay.add(numbered(0, 64))
-    first, second, other = (replay.sample(32, np.random.default_rng(seed)).reward for seed in (0, 0, 1))
+    first, second, other = (replay.sample(32, seeded(seed)).reward for seed in (0, 0, 1))
     assert torch.equal(first, second)
     assert not torch.equal(first, other)
-    rng = np.random.default_rng(0)
-    assert not torch.equal(replay.sample(32, rng).reward, replay.sample(32, rng).reward)
+    generator = seeded(0)
+    assert not torch.equal(replay.sample(32, generator).reward, replay.sample(32, generator).reward)
 
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
 def test_positions_come_back_to_the_bit(seed):
-    rng = np.random.default_rng(seed)
-    simulator = Simulator([rectangular_room(9.7, 3.1), l_room()], Moves((0.37, 0.037), slide=False), Reward())
-    room = rng.integers(2, size=20)
-    position = simulator.starts(room, rng)
-    reached = simulator.destinations(room, position)[0][:, 3]
-    replay = Replay(20, simulator.moves.count)
-    columns = [torch.zeros(20), torch.arange(20.0), torch.zeros(20), torch.as_tensor(reached), torch.ones(20, 8)]
-    replay.add(Transitions(torch.as_tensor(room), torch.as_tensor(position), *columns[:3], *columns[3:]))
-    drawn = replay.sample(100, np.random.default_rng(0))
-    number = drawn.reward.long().numpy()
-    np.testing.assert_array_equal(drawn.position.numpy(), position[number])
-    np.testing.assert_array_equal(drawn.next_position.numpy(), reached[number])
+    generator = seeded(seed)
+    reference = Simulator([rectangular_room(9.7, 3.1), l_room()], Moves((0.37, 0.037)), Reward())
+    simulator = BatchSimulator(reference)
+    room = torch.randint(2, (20,), generator=generator)
+    action = torch.randint(reference.moves.count, (20,), generator=generator)
+    position = simulator.starts(room, generator)
+    reached = simulator.moved(position, action, simulator.reach(room, position)[0][torch.arange(20), action])
+    replay = Replay(20, reference.moves.count)
+    legal = torch.ones(20, reference.moves.count)
+    replay.add(Transitions(room, position, action, torch.arange(20.0), torch.zeros(20), reached, legal))
+    drawn = replay.sample(100, generator)
+    assert torch.equal(drawn.position, position[drawn.reward.long()])
+    assert torch.equal(drawn.next_position, reached[drawn.reward.long()])
 
 
 @pytest.mark.parametrize("actions", [1, 4, 16, 31])
@@ -173,7 +179,7 @@ def test_masks_of_legal_moves_come_back(actions):
     legal[0], legal[1] = True, False
     replay = Replay(200, actions)
     replay.add(numbered(0, 200, actions)._replace(next_legal=torch.as_tensor(legal)))
-    drawn = replay.sample(1000, np.random.default_rng(0))
+    drawn = replay.sample(1000, seeded(0))
     np.testing.assert_array_equal(drawn.next_legal.numpy(), legal[drawn.reward.long().numpy()])
 
 
@@ -192,11 +198,11 @@ def test_a_transition_takes_at_most_48_bytes():
 def test_neither_what_was_stored_nor_what_was_drawn_is_shared():
     replay, stored = Replay(8, 6), numbered(0, 8)
     replay.add(stored)
-    before = replay.sample(50, np.random.default_rng(0))
+    before = replay.sample(50, seeded(0))
     copies = [column.clone() for column in before]
     for column in (*stored, *before):
         column.zero_()
-    after = replay.sample(50, np.random.default_rng(0))
+    after = replay.sample(50, seeded(0))
     assert all(torch.equal(a, b) for a, b in zip(after, copies, strict=True))
 
 

@@ -110,10 +110,11 @@ def designed_room(seed: int):
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=15)
-def test_a_room_that_is_in_the_training_list_gets_its_designers_place(seed):
+def test_a_room_that_is_in_the_training_list_mirrored_and_turned_or_not_gets_its_designers_place(seed):
     rooms = [designed_room(10 * seed + k) for k in range(6)]
-    index = np.array([3, 0, 3, 5])
-    places = nearest_room_place(simulator_of(*rooms), index, rooms[::-1])
+    rng, index = np.random.default_rng(seed), np.array([3, 0, 3, 5])
+    training = [room.turned(int(rng.integers(4)), mirror=bool(rng.integers(2))) for room in rooms[::-1]]
+    places = nearest_room_place(simulator_of(*rooms), index, training)
     np.testing.assert_allclose(places, [rooms[k].moving.center for k in index], atol=1e-9)
 
 

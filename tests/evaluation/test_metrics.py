@@ -123,7 +123,7 @@ def test_in_any_room_no_reachable_position_of_an_upright_item_exceeds_the_ceilin
     size = tuple(map(float, rng.uniform(0.3, 0.9, 2)))
     around = Simulator([room], Moves(), Reward()).starts(np.zeros(1, dtype=int), rng)[0]
     item = Item("bed", size, tuple(map(float, around)))
-    room = Room("r", "bedroom", room.outline, room.walls, room.openings, (item,), 0, room.holes)
+    room = replace(room, furniture=(item, *room.others), target=0)
     simulator = simulator_of(room, moves=Moves((0.32, 0.16)))
     start = simulator.starts(np.array([0]), rng)
     ceiling = lattice_ceiling(simulator, np.array([0]), start)[0]
@@ -169,6 +169,14 @@ def test_a_slide_to_a_slanting_wall_reaches_places_off_every_lattice():
     assert against[0] == pytest.approx(4 - 1.65 / 3 - 0.3, abs=1e-4)  # 3.15; the wall stands at x = 4 - y / 3
     simulator = simulator_of(room_of(outline, Item("bed", (0.6, 0.6), against)), moves=moves)
     assert lattice_ceiling(simulator, np.array([0]), start)[0] == pytest.approx(1, abs=NEAR)
+
+
+@pytest.mark.parametrize("slide", [False, True])
+def test_an_item_at_an_angle_in_a_room_with_few_walls_to_slide_to_has_a_ceiling_too(slide):
+    room = rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.97, 0.83), 30))
+    simulator, start = simulator_of(room, moves=Moves((0.2,), slide=slide)), np.array([[1.37, 1.23]])
+    assert lattice_ceiling(simulator, np.array([0]), start)[0] == pytest.approx(1, abs=NEAR)
+    assert best_reachable(simulator, start[0]) == pytest.approx(1, abs=NEAR)
 
 
 def test_the_ceiling_of_a_batch_is_that_of_each_start_in_its_room():

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rooms.collection import FOLDS, Collection, choose_item, split, with_copies
+from layoutrl.rooms.collection import FOLDS, Collection, choose_item, split
 from layoutrl.rooms.room import Item, Room
-from tests.builders import rectangular_room, rooms
+from tests.builders import rectangular_room
 
 BED = Item("bed", (2.0, 1.5), (1.0, 1.5))
 CHAIR = Item("chair", (0.5, 0.5), (3.0, 1.0))
@@ -134,29 +134,6 @@ def test_about_a_fifth_is_held_out(fold: int) -> None:
     many = [replace(one, group=f"group {k}") for k in range(4000)]
     # 800 expected with a standard deviation of 25
     assert 700 < len(split(many, fold)[1]) < 900
-
-
-# copies
-
-
-@given(st.lists(rooms(), max_size=3))
-def test_there_are_eight_copies_of_every_room_and_the_first_is_in_its_place(given_rooms: list[Room]) -> None:
-    copies = with_copies(given_rooms)
-    assert len(copies) == 8 * len(given_rooms)
-    for k, original in enumerate(given_rooms):
-        own = copies[8 * k : 8 * k + 8]
-        assert own[0].outline == original.outline
-        assert {copy.group for copy in own} == {original.group}
-        assert len({copy.id for copy in own}) == 8
-        assert len({(copy.outline, copy.furniture) for copy in own}) == 8
-
-
-def test_copies_stay_on_the_side_of_their_room() -> None:
-    originals = [room(f"room-{k}") for k in range(20)]
-    training, held_out = split(with_copies(originals))
-    assert [r.group for r in held_out[::8]] == HELD_OUT
-    assert len(held_out) == 8 * len(HELD_OUT)
-    assert len(training) == 8 * (20 - len(HELD_OUT))
 
 
 # summary
