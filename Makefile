@@ -25,10 +25,13 @@ lint: setup  ## ruff (lint and format) and mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS="parts=[training]"
+	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
+
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs
 
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test lint board clean
+.PHONY: help setup train test lint bench board clean

@@ -1,0 +1,170 @@
+"""python -m layoutrl.bench, on little: every part runs, and measures what it says."""
+
+from __future__ import annotations
+
+import json
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hydra import compose, initialize_config_dir
+from hypothesis import given
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+from PIL import Image
+
+from layoutrl import bench
+from layoutrl.config import BenchConfig, config_directory
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import Room
+from tests.builders import rooms
+from tests.test_command_line import layoutrl
+
+LITTLE = (
+    "budget=smoke", "seconds=0.01", "batch=64", "images=8", "shapely_batches=[4,8]", "transitions=2000",
+    "batches=[1,64]", "items=[2,8]", "items_rooms=8", "probe_every=10", "minutes=0.01",
+    "method.warmup_moves=128", "method.replay_capacity=2000", "method.evaluation_moves=5",
+    "paper.warmup_moves=64", "paper.replay_capacity=500", "name=little",
+)  # fmt: skip
+HAS_SB3 = find_spec("stable_baselines3") is not None
+CPU = torch.device("cpu")
+
+
+def configured(*overrides: str) -> BenchConfig:
+    with initialize_config_dir(str(config_directory()), version_base="1.3"):
+        config = OmegaConf.to_object(compose("bench", [*LITTLE, *overrides]))
+    assert isinstance(config, BenchConfig)
+    return config
+
+
+@pytest.fixture(scope="module")
+def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """The table and the folder."""
+    cwd = tmp_path_factory.mktemp("bench")
+    done = layoutrl("bench", *LITTLE, "parts=[speed,memory,growth,training,paper]", "device=cpu", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, cwd / "runs" / "bench" / "little"
+
+
+def test_every_row_of_the_table_is_measured(benched: tuple[str, Path]) -> None:
+    printed, folder = benched
+    measured = json.loads((folder / "bench.json").read_text())
+    for part in ("speed", "memory", "growth", "training", "paper"):
+        for key, (what, _) in bench.ROWS[part].items():
+            if key != "peak_device_gigabytes":
+                assert numbers(measured[part][key]), key
+                assert what in printed
+    assert {"cpu", "cores", "torch threads", "python", "torch", "shapely", "layoutrl"} <= measured["machine"].keys()
+    assert measured["config"]["seconds"] == 0.01
+
+
+def numbers(value: Any) -> bool:
+    """Whether all are numbers above zero; a goal may not have been reached."""
+    if isinstance(value, dict):
+        return len(value) > 0 and all(map(numbers, value.values()))
+    return value is None or value > 0
+
+
+def test_growth_is_drawn(benched: tuple[str, Path]) -> None:
+    with Image.open(benched[1] / "growth.png") as picture:
+        assert picture.size == (1080, 420)
+
+
+def test_training_with_a_full_replay_is_measured_in_a_process_of_its_own(benched: tuple[str, Path]) -> None:
+    measured = json.loads((benched[1] / "bench.json").read_text())["memory"]
+    assert measured["bytes_a_transition"] == 33
+    assert 0.1 < measured["peak_gigabytes"] < 1.5
+
+
+@pytest.mark.parametrize("double", [True, False])
+def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) -> None:
+    config = configured(f"method.double={double}", f"data.root={tmp_path}")
+    learner = bench.Learner(config, bench.read_rooms(config)[0], CPU, bench.ENDLESS)
+    learner.fill()
+    calls: list[tuple[str, tuple[int, ...], bool]] = []
+    for name in ("network", "target"):
+        module = getattr(learner.agent, name)
+        module.register_forward_hook(
+            lambda _, inputs, output, name=name: calls.append((name, inputs[0].shape, output.requires_grad))
+        )
+    first = next(learner.agent.network.parameters())
+    first.register_post_accumulate_grad_hook(lambda _: calls.append(("backward", (), True)))
+    learner.update()
+    updates = sorted(calls)
+    calls.clear()
+    learner.bare_update()()
+    assert sorted(calls) == updates
+    assert len(calls) == (4 if double else 3)
+
+
+@given(room=rooms(), count=st.integers(1, 30), seed=st.integers(0, 100))
+def test_rooms_get_as_many_items_as_asked_for(room: Room, count: int, seed: int) -> None:
+    crowded = bench.with_items(room, count, np.random.default_rng(seed))
+    assert len(crowded.furniture) == 1 + len(crowded.others) == count
+    assert crowded.moving == room.moving
+    assert all(room.indoor.covers(item.footprint) for item in crowded.furniture if item.category == "box")
+
+
+def test_what_the_probing_takes_is_not_training() -> None:
+    ious = iter([0.1, 0.9, 0.8])
+
+    def probe(_: object) -> tuple[float, list[np.ndarray]]:
+        time.sleep(0.2)
+        return next(ious), []
+
+    curve = bench.Curve(probe)
+    for updates in (1, 2, 3):
+        time.sleep(0.01)
+        curve.add(updates, None)
+    assert [point.updates for point in curve.points] == [1, 2, 3]
+    assert 0.03 <= curve.points[-1].seconds < 0.2
+    assert curve.minutes_to(0.85) == curve.points[1].seconds / 60
+    assert curve.minutes_to(0.95) is None
+
+
+def test_a_call_is_timed() -> None:
+    assert 0.01 <= bench.seconds_of(lambda: time.sleep(0.01), 0.05) < 0.05
+
+
+@pytest.mark.skipif(HAS_SB3, reason="Stable-Baselines3 is there")
+def test_where_sb3_is_missing_one_line_says_how_to_install_it(tmp_path: Path) -> None:
+    done = layoutrl("bench", *LITTLE, "parts=[speed,sb3]", cwd=tmp_path)
+    assert done.returncode != 0
+    assert "pip install stable-baselines3" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not list(tmp_path.iterdir())  # before anything is measured
+
+
+@pytest.mark.skipif(not HAS_SB3, reason="Stable-Baselines3 (extra bench) is not installed")
+def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
+    config = configured(f"data.root={tmp_path}", "method.target_period=10")
+    training, held_out = bench.read_rooms(config)
+    learner = bench.Learner(config, training, CPU, updates=25)
+    before = [weights.clone() for weights in learner.agent.network.parameters()]
+    curve = bench.learned_by_sb3(config, training, learner, bench.held_out_probe(config, training, held_out, CPU))
+    assert [point.updates for point in curve.points] == [10, 20, 25]
+    agent = learner.agent
+    triples = list(zip(before, agent.network.parameters(), agent.target.parameters(), strict=True))
+    assert all(not torch.equal(old, new) for old, new, _ in triples)
+    assert all(not torch.equal(old, target) and not torch.equal(new, target) for old, new, target in triples)
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("parts=[sped]", ["parts", "speed", "sb3"]),
+        ("batches=[]", ["batches", "1 or more"]),
+        ("items=[0]", ["items", "1 or more"]),
+        ("seconds=0", ["seconds", "more than 0"]),
+        ("device=cuda:99", ["device", "cuda:99"]),
+        ("runs=/dev/null", ["runs", "/dev/null"]),
+    ],
+)
+def test_what_the_user_got_wrong_is_answered(argument: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        bench.run(configured(argument))
+    assert all(word in str(error.value) for word in words), error
