@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -14,12 +14,18 @@ from omegaconf.errors import OmegaConfBaseException
 from torch import nn
 
 from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
+from layoutrl.agents.replay import Replay
+from layoutrl.agents.training import Progress, train
 from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.env.symmetry import symmetries
 from layoutrl.errors import InputError
+from layoutrl.monitor import Probe
 from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
@@ -106,6 +112,55 @@ def agent(
             else GeometryNetwork(len(COLUMNS) + len(categories), actions, dueling=method.dueling)
         )
     return DQN(network.to(device), method.learning_rate, updates, method.target_period, method.double)
+
+
+def training(
+    agent: DQN,
+    simulator: BatchSimulator,
+    observe: Observe,
+    replay: Replay,
+    method: MethodConfig,
+    updates: int,
+    report_every: int,
+    seed: np.random.SeedSequence,
+) -> Iterator[Progress]:
+    """The training loop, as the method has it."""
+    return train(
+        agent,
+        simulator,
+        observe,
+        replay,
+        LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * updates)),
+        updates=updates,
+        batch=method.batch,
+        episodes=method.episodes,
+        max_moves=method.max_moves,
+        discount=method.discount,
+        goal_iou=method.goal_iou if method.goal_terminates else None,
+        warmup_moves=method.warmup_moves,
+        report_every=report_every,
+        symmetries=symmetries(simulator.moves, simulator.device)[: 8 if method.symmetries else 1],
+        seed=seed,
+    )
+
+
+def probe(
+    rooms: Sequence[Room],
+    method: MethodConfig,
+    reward: RewardConfig,
+    categories: Sequence[str],
+    rng: np.random.Generator,
+    device: torch.device,
+) -> Probe:
+    """Greedy episodes in rooms, as the method has them."""
+    return Probe(
+        simulator(rooms, method, reward),
+        observation(rooms, method, categories, device),
+        method.evaluation_moves,
+        method.on_illegal,
+        rng,
+        device,
+    )
 
 
 def device(name: str) -> torch.device:

@@ -21,7 +21,7 @@ from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.protocols import rollout
 
 PICTURES = 4  # held-out rooms drawn at every evaluation
-STAGES = ("act", "simulate", "observe", "store", "learn")
+STAGES = ("act", "simulate", "store", "sample", "learn")
 
 
 class Probe:

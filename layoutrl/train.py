@@ -11,17 +11,13 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
-from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.replay import Replay
-from layoutrl.agents.training import train
 from layoutrl.config import TrainConfig, config_directory, register
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import categories_of
-from layoutrl.env.symmetry import symmetries
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
-from layoutrl.monitor import Probe, watched
-from layoutrl.rooms.room import Room
+from layoutrl.monitor import watched
 from layoutrl.runs import new_folder, save_checkpoint, write_json
 
 
@@ -47,38 +43,14 @@ def run(config: TrainConfig) -> Path:
     observe = build.observation(training, method, categories, device)
     agent = build.agent(method, categories, updates, network_seed, device)
 
-    def probe(rooms: list[Room], seed: np.random.SeedSequence) -> Probe:
+    probes = {}
+    for (name, rooms), seed in zip((("train", training), ("held_out", held_out)), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
-        few = rng.permutation(len(rooms))[: budget.evaluation_rooms]
-        chosen = [rooms[k] for k in sorted(few)]
-        return Probe(
-            build.simulator(chosen, method, reward),
-            build.observation(chosen, method, categories, device),
-            method.evaluation_moves,
-            method.on_illegal,
-            rng,
-            device,
-        )
-
-    train_seed, held_out_seed = probe_seed.spawn(2)
-    probes = {"train": probe(training, train_seed), "held_out": probe(held_out, held_out_seed)}
-    reports = train(
-        agent,
-        simulator,
-        observe,
-        Replay(method.replay_capacity, simulator.moves.count, device),
-        LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * updates)),
-        updates=updates,
-        batch=method.batch,
-        episodes=method.episodes,
-        max_moves=method.max_moves,
-        discount=method.discount,
-        goal_iou=method.goal_iou if method.goal_terminates else None,
-        warmup_moves=method.warmup_moves,
-        report_every=max(1, updates // budget.reports),
-        symmetries=symmetries(simulator.moves, device)[: 8 if method.symmetries else 1],
-        seed=training_seed,
-    )
+        few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
+        probes[name] = build.probe([rooms[k] for k in few], method, reward, categories, rng, device)
+    replay = Replay(method.replay_capacity, simulator.moves.count, device)
+    report_every = max(1, updates // budget.reports)
+    reports = build.training(agent, simulator, observe, replay, method, updates, report_every, training_seed)
     folder = new_folder(config)
     began = time.perf_counter()
     try:

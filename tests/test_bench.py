@@ -17,7 +17,11 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from PIL import Image
 
-from layoutrl import bench
+from layoutrl import bench, build
+from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
+from layoutrl.benchmarks.learning import ENDLESS, Learner
+from layoutrl.benchmarks.simulation import with_items
+from layoutrl.benchmarks.timing import seconds_of
 from layoutrl.config import BenchConfig, config_directory
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
@@ -83,8 +87,10 @@ def test_training_with_a_full_replay_is_measured_in_a_process_of_its_own(benched
 @pytest.mark.parametrize("double", [True, False])
 def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) -> None:
     config = configured(f"method.double={double}", f"data.root={tmp_path}")
-    learner = bench.Learner(config, bench.read_rooms(config)[0], CPU, bench.ENDLESS)
+    learner = Learner(config, build.rooms(config.room, config.data, config.fold)[0], CPU, ENDLESS)
     learner.fill()
+    reports = learner.train(1)
+    next(reports)
     calls: list[tuple[str, tuple[int, ...], bool]] = []
     for name in ("network", "target"):
         module = getattr(learner.agent, name)
@@ -93,17 +99,17 @@ def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) ->
         )
     first = next(learner.agent.network.parameters())
     first.register_post_accumulate_grad_hook(lambda _: calls.append(("backward", (), True)))
-    learner.update()
-    updates = sorted(calls)
+    next(reports)
+    update = calls[1:]  # the first is to act
     calls.clear()
-    learner.bare_update()()
-    assert sorted(calls) == updates
+    learner.bare_passes()()
+    assert sorted(calls) == sorted(update)
     assert len(calls) == (4 if double else 3)
 
 
 @given(room=rooms(), count=st.integers(1, 30), seed=st.integers(0, 100))
 def test_rooms_get_as_many_items_as_asked_for(room: Room, count: int, seed: int) -> None:
-    crowded = bench.with_items(room, count, np.random.default_rng(seed))
+    crowded = with_items(room, count, np.random.default_rng(seed))
     assert len(crowded.furniture) == 1 + len(crowded.others) == count
     assert crowded.moving == room.moving
     assert all(room.indoor.covers(item.footprint) for item in crowded.furniture if item.category == "box")
@@ -116,7 +122,7 @@ def test_what_the_probing_takes_is_not_training() -> None:
         time.sleep(0.2)
         return next(ious), []
 
-    curve = bench.Curve(probe)
+    curve = Curve(probe)
     for updates in (1, 2, 3):
         time.sleep(0.01)
         curve.add(updates, None)
@@ -127,7 +133,7 @@ def test_what_the_probing_takes_is_not_training() -> None:
 
 
 def test_a_call_is_timed() -> None:
-    assert 0.01 <= bench.seconds_of(lambda: time.sleep(0.01), 0.05) < 0.05
+    assert 0.01 <= seconds_of(lambda: time.sleep(0.01), 0.05) < 0.05
 
 
 @pytest.mark.skipif(HAS_SB3, reason="Stable-Baselines3 is there")
@@ -142,10 +148,10 @@ def test_where_sb3_is_missing_one_line_says_how_to_install_it(tmp_path: Path) ->
 @pytest.mark.skipif(not HAS_SB3, reason="Stable-Baselines3 (extra bench) is not installed")
 def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
     config = configured(f"data.root={tmp_path}", "method.target_period=10")
-    training, held_out = bench.read_rooms(config)
-    learner = bench.Learner(config, training, CPU, updates=25)
+    training, held_out = build.rooms(config.room, config.data, config.fold)
+    learner = Learner(config, training, CPU, updates=25)
     before = [weights.clone() for weights in learner.agent.network.parameters()]
-    curve = bench.learned_by_sb3(config, training, learner, bench.held_out_probe(config, training, held_out, CPU))
+    curve = learned_by_sb3(config, training, learner, held_out_probe(config, training, held_out, CPU))
     assert [point.updates for point in curve.points] == [10, 20, 25]
     agent = learner.agent
     triples = list(zip(before, agent.network.parameters(), agent.target.parameters(), strict=True))

@@ -100,7 +100,7 @@ def test_tensorboard_shows_every_curve_and_pictures(bedroom_run: Path) -> None:
     wanted = {
         "iou/train", "iou/held_out", "lattice_ceiling/train", "lattice_ceiling/held_out", "episode_return",
         "loss", "mean_q", "max_q", "epsilon",
-        "seconds/simulate", "seconds/observe", "seconds/learn",
+        "seconds/simulate", "seconds/sample", "seconds/learn",
     }  # fmt: skip
     assert wanted <= set(board.Tags()["scalars"])
     assert "held_out/0" in board.Tags()["images"]

@@ -86,11 +86,6 @@ def train(
         torch.Generator(device).manual_seed(int(s.generate_state(1)[0])) for s in seed.spawn(3)
     )
     watch = Stopwatch()
-
-    def look(room: Tensor, position: Tensor) -> Tensor:
-        with watch("observe"):
-            return observe(room, position)
-
     # Of different ages, so that not all end in the same step.
     running = Episodes(simulator, np.arange(episodes) % max_moves, max_moves, episode_rng, goal_iou)
     if not running.legal.any():
@@ -101,8 +96,8 @@ def train(
     ended_returns, ended_ious = [], []
 
     while agent.updates < updates:
-        observation = look(running.room, running.position)
         with watch("act"):
+            observation = observe(running.room, running.position)
             greedy = agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
             action = explore(greedy, running.legal, epsilon(agent.updates), explore_rng)
         with watch("simulate"):
@@ -129,13 +124,13 @@ def train(
         if replay.size < min(warmup_moves, replay.capacity):
             continue
 
-        sampled = replay.sample(batch, replay_rng)
-        observation = look(sampled.room, sampled.position)
-        next_observation = look(sampled.room, sampled.next_position)
-        with watch("observe"):
-            seen = _turned(observe, symmetries, sampled, observation, next_observation)
+        with watch("sample"):
+            sampled = replay.sample(batch, replay_rng)
+            observation = observe(sampled.room, sampled.position)
+            next_observation = observe(sampled.room, sampled.next_position)
+            turned = _turned(observe, symmetries, sampled, observation, next_observation)
         with watch("learn"):
-            stats = agent.update(*seen)
+            stats = agent.update(*turned)
         losses.append(stats.loss)
         mean_qs.append(stats.mean_q)
         max_qs.append(stats.max_q)

@@ -330,7 +330,7 @@ def test_the_global_random_streams_are_neither_read_nor_moved():
 
 def test_time_is_told_by_stage():
     seconds = run_of().reports[0].seconds
-    assert seconds.keys() == {"act", "simulate", "observe", "store", "learn"}
+    assert seconds.keys() == {"act", "simulate", "store", "sample", "learn"}
     assert all(spent > 0 for spent in seconds.values())
 
 

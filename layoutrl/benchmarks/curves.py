@@ -1,0 +1,194 @@
+"""How good agents get in what time: the project's own, the paper's network, Stable-Baselines3's DQN."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import astuple, dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from gymnasium.wrappers import TransformReward
+from torch import nn
+
+from layoutrl import build
+from layoutrl.agents.dqn import DQN
+from layoutrl.agents.training import REWARD_SCALE
+from layoutrl.benchmarks.learning import ENDLESS, Learner, training_pace
+from layoutrl.config import BenchConfig
+from layoutrl.env.layout_env import LayoutEnv
+from layoutrl.env.observation import categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.monitor import Probe
+from layoutrl.rooms.room import Room
+
+TRAINING_IOU, SB3_IOU = 0.95, 0.80  # mean IoU on the held-out rooms, to be reached soon
+POINTS = 20  # of the learning curve of `paper`
+
+
+class Point(NamedTuple):
+    """Of a learning curve."""
+
+    updates: int
+    seconds: float  # of training so far; what the probing took is not counted
+    iou: float  # mean over the held-out rooms
+
+
+@dataclass
+class Curve:
+    """A learning curve; the clock runs from when it is made, but not while it probes."""
+
+    probe: Probe
+    points: list[Point] = field(default_factory=list)
+    _seconds: float = 0.0
+    _resumed: float = field(default_factory=time.perf_counter)
+
+    def add(self, updates: int, agent: DQN) -> Point:
+        self._seconds += time.perf_counter() - self._resumed
+        point = Point(updates, self._seconds, self.probe(agent)[0])
+        self.points.append(point)
+        print(f"  {updates} updates, {point.seconds / 60:.2f} minutes: mean IoU {point.iou:.3f}", flush=True)
+        self._resumed = time.perf_counter()
+        return point
+
+    def minutes_to(self, iou: float) -> float | None:
+        """None: it was not reached."""
+        return next((point.seconds / 60 for point in self.points if point.iou >= iou), None)
+
+
+def training(
+    config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device
+) -> dict[str, Any]:
+    """A whole training: how long until it is good, and how good it gets."""
+    began = time.perf_counter()
+    learner = Learner(config, rooms, device, config.method.updates[config.budget.name])
+    setup = (time.perf_counter() - began) / 60
+    curve = learned(learner, held_out_probe(config, rooms, held_out, device), config.probe_every)
+    to_goal = curve.minutes_to(TRAINING_IOU)
+    return {
+        "minutes_to_goal": None if to_goal is None else setup + to_goal,
+        "setup_minutes": setup,
+        "minutes": setup + curve.points[-1].seconds / 60,
+        "iou": curve.points[-1].iou,
+        "points": curve.points,
+    }
+
+
+def paper(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
+    """The paper's network on its pictures, with the moves of the method: how good it gets in `minutes`.
+
+    Exploration and learning rate fall over as many updates as a short trial says that there is time for.
+    """
+    method = replace(
+        config.method, observation="image", batch=config.paper.batch, learning_rate=config.paper.learning_rate
+    )
+    config = replace(config, method=method)
+    pace = training_pace(Learner(config, rooms, device, ENDLESS), config.seconds)
+    updates = max(1, round(60 * config.minutes * pace))
+    learner = Learner(config, rooms, device, updates)
+    probe = held_out_probe(config, rooms, held_out, device)
+    curve = learned(learner, probe, max(1, updates // POINTS), minutes=config.minutes)
+    in_time = [point for point in curve.points if point.seconds <= 60 * config.minutes]
+    last = (in_time or curve.points)[-1]
+    return {"iou": last.iou, "minutes": last.seconds / 60, "updates": last.updates, "points": curve.points}
+
+
+def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
+    """Our learner beside Stable-Baselines3's DQN: the same network and first weights, updates, batch, replay and rates.
+
+    Its DQN is not double, turns no rooms, and knows no mask: a move that is illegal is dropped by the environment, and
+    learned to be useless.
+    """
+    updates = config.method.updates[config.budget.name]
+    probe = held_out_probe(config, rooms, held_out, device)
+    curves = {
+        "layoutrl": learned(Learner(config, rooms, device, updates), probe, config.probe_every, iou=SB3_IOU),
+        "SB3": learned_by_sb3(config, rooms, Learner(config, rooms, device, updates), probe),
+    }
+    ours, theirs = (curve.minutes_to(SB3_IOU) for curve in curves.values())
+    last = {name: curve.points[-1] for name, curve in curves.items()}
+    at_least = theirs or last["SB3"].seconds / 60
+    return {
+        "minutes_to_goal": {"layoutrl": ours, "SB3": theirs},
+        "times_sb3": None if ours is None else at_least / ours,
+        "updates": {name: point.updates for name, point in last.items()},
+        "minutes": {name: point.seconds / 60 for name, point in last.items()},
+        "iou": {name: point.iou for name, point in last.items()},
+        "points": {name: curve.points for name, curve in curves.items()},
+    }
+
+
+def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np.inf, minutes: float = np.inf) -> Curve:
+    """Train, to the end or until an IoU or a time is reached."""
+    curve = Curve(probe)
+    for progress in learner.train(probe_every):
+        point = curve.add(progress.updates, learner.agent)
+        if point.iou >= iou or point.seconds >= 60 * minutes:
+            break
+    return curve
+
+
+def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner, probe: Probe) -> Curve:
+    """Let Stable-Baselines3 train the learner's network, in single environments that it steps one after another."""
+    from stable_baselines3 import DQN as TheirDQN
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    method, agent = learner.method, learner.agent
+    env = LayoutEnv(
+        rooms,
+        method.observation,
+        build.moves(method),
+        Reward(*astuple(config.reward)),
+        on_illegal="drop",
+        max_moves=method.max_moves,
+    )
+
+    def one() -> TransformReward[Any, Any]:
+        """Copies share rooms and simulator, which hold no state."""
+        return TransformReward(copy(env), lambda reward: float(reward) / REWARD_SCALE)
+
+    model = TheirDQN(
+        "MlpPolicy",
+        DummyVecEnv([one] * method.episodes),
+        learning_rate=lambda remaining: method.learning_rate * remaining,
+        buffer_size=method.replay_capacity,
+        learning_starts=method.warmup_moves - 1,  # it learns when more are stored
+        batch_size=method.batch,
+        gamma=method.discount,
+        train_freq=1,
+        target_update_interval=method.target_period * method.episodes,
+        exploration_fraction=method.epsilon_share,
+        exploration_initial_eps=method.epsilon_start,
+        exploration_final_eps=method.epsilon_end,
+        max_grad_norm=np.inf,
+        policy_kwargs={"net_arch": []},
+        seed=config.seed,
+        device=learner.simulator.device,
+    )
+    # Its policy flattens what it observes.
+    assert env.observation_space.shape is not None
+    model.q_net.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), agent.network)
+    model.q_net_target.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), agent.target)
+    model.policy.optimizer = agent.optimizer
+
+    curve = Curve(probe)
+
+    def goes_on(_locals: dict[str, Any], _globals: dict[str, Any]) -> bool:
+        """Called after every step of the environments, before the update that follows."""
+        due = model._n_updates > 0 and model._n_updates % config.probe_every == 0
+        return not due or curve.add(model._n_updates, agent).iou < SB3_IOU
+
+    steps = learner.updates + -(-method.warmup_moves // method.episodes) - 1  # the last of the warm-up learns already
+    model.learn(steps * method.episodes, callback=goes_on, log_interval=ENDLESS)
+    if curve.minutes_to(SB3_IOU) is None:
+        curve.add(model._n_updates, agent)
+    return curve
+
+
+def held_out_probe(
+    config: BenchConfig, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
+) -> Probe:
+    categories, rng = categories_of(training), np.random.default_rng(config.seed)
+    return build.probe(held_out, config.method, config.reward, categories, rng, device)

@@ -1,0 +1,110 @@
+"""How fast rooms are stepped, by both simulators; how that grows with episodes and items."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from layoutrl import build
+from layoutrl.agents.exploration import explore
+from layoutrl.benchmarks.timing import seconds_of
+from layoutrl.config import BenchConfig
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.episodes import Episodes, Step
+from layoutrl.env.simulator import Simulator
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import Item, Room
+
+ITEMS = 5  # at least so many in the rooms of `moves`
+
+
+def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
+    """Random legal moves by both simulators, in the same rooms."""
+    furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
+    if not furnished:
+        raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
+    simulator = build.simulator(furnished, config.method, config.reward)
+    fast = moves_a_second(config, BatchSimulator(simulator, device), config.batch)
+    slow = 0.0
+    for batch in config.shapely_batches:
+        play = random_moves_by_shapely(simulator, batch, np.random.default_rng(config.seed))
+        slow = max(slow, batch / seconds_of(partial(next, play), config.seconds))
+    return {"moves_a_second": fast, "shapely_moves_a_second": slow, "times_shapely": fast / slow}
+
+
+def growth(
+    config: BenchConfig, rooms: Sequence[Room], _held_out: Sequence[Room], device: torch.device
+) -> dict[str, dict[int, float]]:
+    """Moves a second by the number of parallel episodes, and of items in a room."""
+    simulator = BatchSimulator(build.simulator(rooms, config.method, config.reward), device)
+    by_episodes = {batch: moves_a_second(config, simulator, batch) for batch in config.batches}
+    by_items = {}
+    for count in config.items:
+        rng = np.random.default_rng(config.seed)
+        crowded = [with_items(room, count, rng) for room in rooms[: config.items_rooms]]
+        simulator = BatchSimulator(build.simulator(crowded, config.method, config.reward), device)
+        by_items[count] = moves_a_second(config, simulator, config.batch)
+    return {"moves_a_second_by_episodes": by_episodes, "moves_a_second_by_items": by_items}
+
+
+def with_items(room: Room, count: int, rng: np.random.Generator) -> Room:
+    """The room with `count` items, the moving one first: some taken away, or small boxes put anywhere indoors."""
+    furniture = [room.moving, *room.others][:count]
+    x0, y0, x1, y1 = room.indoor.bounds
+    while len(furniture) < count:
+        width, depth = rng.uniform(0.1, 0.3, 2)  # metres
+        x, y = rng.uniform((x0, y0), (x1, y1))
+        box = Item("box", (float(width), float(depth)), (float(x), float(y)))
+        if room.indoor.covers(box.footprint):
+            furniture.append(box)
+    return replace(room, furniture=tuple(furniture), target=0)
+
+
+def plot(measured: dict[str, Any]) -> Figure:
+    """What `growth` measured."""
+    figure = Figure(figsize=(9, 3.5), layout="constrained")
+    for axes, name, label in zip(
+        figure.subplots(1, 2), measured, ("parallel episodes", "items in a room"), strict=True
+    ):
+        axes.plot(list(measured[name]), list(measured[name].values()), marker="o")
+        axes.set(xlabel=label, ylabel="moves a second")
+        axes.grid(alpha=0.3)
+    figure.axes[0].set(xscale="log", yscale="log")
+    figure.axes[1].set_ylim(bottom=0)
+    return figure
+
+
+def moves_a_second(config: BenchConfig, simulator: BatchSimulator, episodes: int) -> float:
+    play = random_moves(simulator, episodes, config.method.max_moves, np.random.SeedSequence(config.seed))
+    return episodes / seconds_of(partial(next, play), config.seconds)
+
+
+def random_moves(
+    simulator: BatchSimulator, episodes: int, max_moves: int, seed: np.random.SeedSequence
+) -> Iterator[Step]:
+    """Steps of many episodes, of legal moves drawn at random."""
+    generator = torch.Generator(simulator.device).manual_seed(int(seed.generate_state(1)[0]))
+    running = Episodes(simulator, np.arange(episodes) % max_moves, max_moves, generator)
+    none = torch.zeros(episodes, dtype=torch.int64, device=simulator.device)
+    while True:
+        yield running.step(explore(none, running.legal, 1.0, generator))
+
+
+def random_moves_by_shapely(simulator: Simulator, episodes: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Rewards (B,) of the same by the reference simulator; its episodes never end, which spares it the new ones."""
+    room = rng.integers(len(simulator.rooms), size=episodes)
+    position = simulator.starts(room, rng)
+    reached, legal = simulator.destinations(room, position)
+    while True:
+        action = (rng.random(legal.shape) * legal).argmax(1)
+        can_move = legal.any(1)
+        position[can_move] = reached[can_move, action[can_move]]
+        reward = simulator.reward(room, position).total
+        reached, legal = simulator.destinations(room, position)
+        yield reward
