@@ -49,7 +49,7 @@ class BatchSimulator:
 
     def starts(self, room: Tensor, generator: torch.Generator) -> Tensor:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
-        return snap(self._origin[room] + self._starts.draw(room, generator))
+        return snap(self._origin.index_select(0, room) + self._starts.draw(room, generator))
 
     def is_legal(self, room: Tensor, position: Tensor) -> Tensor:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
@@ -61,7 +61,8 @@ class BatchSimulator:
         along = self._from_origin(room, position)
         borders = self._borders.crossed(room, along.flip(1))
         contacts = self._contacts.crossed(room, along.flip(1)) if self.moves.slide else None
-        along, steps = along.T.contiguous(), self._steps[room].T  # the batch last from here on: long rows
+        # The batch last from here on: long rows.
+        along, steps = along.T.contiguous(), self._steps.index_select(0, room).T
         reached = along[:, None, None] + self._signs * steps  # (axis, direction, steps, B)
         legal = _inside(borders, reached.flatten(1, 2)).unflatten(1, reached.shape[1:3])
         length, legal = steps.repeat_interleave(4, 0), legal.permute(2, 0, 1, 3).flatten(0, 2)
@@ -79,11 +80,11 @@ class BatchSimulator:
 
     def reward(self, room: Tensor, position: Tensor) -> RewardTerms[Tensor]:
         """The reward of standing at `position`: terms of shape (B,)."""
-        ious = self._shapes.ious(room, position - self._origin[room], position - self._designer_position[room])
-        return self._reward(*ious)
+        off_target = position - self._designer_position.index_select(0, room)
+        return self._reward(*self._shapes.ious(room, position - self._origin.index_select(0, room), off_target))
 
     def _from_origin(self, room: Tensor, position: Tensor) -> Tensor:
-        return (position - self._origin[room]).to(self._steps.dtype)
+        return (position - self._origin.index_select(0, room)).to(self._steps.dtype)
 
 
 def _shifted(shapes: np.ndarray, by: np.ndarray) -> np.ndarray:

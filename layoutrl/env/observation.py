@@ -12,13 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 import torch
-from shapely.geometry import Polygon
 from torch import Tensor
 
-from layoutrl.env.coverage import boxes, discs, polygons
+from layoutrl.env import coverage
+from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.room import Room, envelopes, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
@@ -36,19 +36,21 @@ class GeometryObservation:
     """
 
     def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
-        tables = [_elements(room, list(categories)) for room in rooms]
-        self.shape = (max(2, *map(len, tables)), len(COLUMNS) + len(categories))
+        envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
+        origin = envelope.mean(1)
+        elements, of = _elements(rooms, list(categories), origin)
+        # No entry of an observation is larger than this.
+        self.limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(elements).max()))
+        table = np.nan_to_num(padded(elements, of, len(rooms)))
+        self.shape = (max(2, table.shape[1]), table.shape[2])
         self._elements = torch.zeros(len(rooms), *self.shape, device=device)
-        for k, table in enumerate(tables):
-            self._elements[k, : len(table)] = torch.as_tensor(table, dtype=torch.float32)
-        sides = [np.subtract(room.envelope.bounds[2:], room.envelope.bounds[:2]).max() for room in rooms]
-        self.limit = float(max(1.0, *sides, *(np.abs(table).max() for table in tables)))  # no entry is larger
-        self._origin = torch.tensor(np.array([_origin(room) for room in rooms]), device=device)  # float64, as positions
+        self._elements[:, : table.shape[1]] = torch.as_tensor(table, dtype=torch.float32)
+        self._origin = torch.tensor(origin, device=device)  # float64, as positions
 
     def __call__(self, room: Tensor, position: Tensor) -> Tensor:
         """Observe poses: room index (B,), position (B, 2) in metres."""
-        observation = self._elements[room]
-        observation[:, 0, [X, Y]] = (position - self._origin[room]).float()
+        observation = self._elements.index_select(0, room)  # on a CPU several times as fast as by an index
+        observation[:, 0, X : Y + 1] = position - self._origin.index_select(0, room)
         return observation
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
@@ -86,7 +88,7 @@ class ImageObservation:
                 half[k] = view.scale * np.array(item.template.bounds[2:])
             else:
                 corners[k] = np.array(item.template.exterior.coords[:-1]) * (view.scale, -view.scale)
-        forms = ((boxes, half), (polygons, corners), (discs, radius))
+        forms = ((coverage.boxes, half), (coverage.polygons, corners), (coverage.discs, radius))
         self._forms = [
             (cover, torch.tensor(size, dtype=torch.float32, device=device)) for cover, size in forms if size.any()
         ]
@@ -108,7 +110,7 @@ class ImageObservation:
 
     def _paint(self, image: Tensor, room: Tensor, position: Tensor) -> None:
         """Blend the moving item into backgrounds (B, 128, 128, 3), in place."""
-        center = self._offset[room] + position * self._scale[room]
+        center = self._offset.index_select(0, room) + position * self._scale.index_select(0, room)
         first = (center - self._reach).floor().clamp(0, SIDE_PX - self._side)  # column and row of the window
         column, row = first.long().unbind(1)
         # The colours of a row of pixels in one axis: an inner axis of length three would be several times slower.
@@ -126,54 +128,53 @@ def categories_of(rooms: Sequence[Room]) -> list[str]:
     return sorted({item.category for room in rooms for item in room.furniture})
 
 
-def _elements(room: Room, categories: list[str]) -> np.ndarray:
-    """Every element of a room in the columns above, the moving item first and at no place."""
-    rows = [_element("moving", room.moving.template, room.moving, categories)]
-    rows += [_element("wall", wall, None, categories) for wall in room.wall_shapes]
-    rows += [_element(opening.kind, opening.shape, None, categories) for opening in room.openings]
-    rows += [_element("item", item.footprint, item, categories) for item in room.others]
-    table = np.array(rows)
-    table[1:, [X, Y]] -= _origin(room)
-    return table
+def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Every element of all rooms in the columns above, and the room (n,) of each; of a room the moving item first.
+
+    The moving item is at no place: at 0, 0, like an element in the middle of its envelope (rooms, 2).
+    """
+    moving = [(k, "moving", room.moving) for k, room in enumerate(rooms)]
+    walls = [(k, "wall", wall) for k, room in enumerate(rooms) for wall in room.walls]
+    openings = [(k, opening.kind, opening.polygon) for k, room in enumerate(rooms) for opening in room.openings]
+    others = [(k, "item", item) for k, room in enumerate(rooms) for item in room.others]
+
+    corners = _rectangles(polygons([ring for _, _, ring in walls + openings]))
+    items = [item for _, _, item in moving + others]
+    sides = np.diff(corners[:, :3], axis=1)
+    size = np.concatenate([np.hypot(*np.moveaxis(sides, 2, 0)), np.array([item.size for item in items])])
+    degrees = np.concatenate(
+        [np.rad2deg(np.arctan2(sides[:, 0, 1], sides[:, 0, 0])), [item.rotation for item in items]]
+    )
+    # The one description of a rectangle whose rotation lies above -45 and up to 45 degrees.
+    quarters = np.ceil((degrees - 45) / 90 - 1e-9).astype(int)
+    size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])
+    angle = np.deg2rad(2 * (degrees - 90 * quarters))
+    circle = np.array([False] * len(corners) + [item.form == "circle" for item in items])
+
+    room = np.array([k for k, _, _ in walls + openings + moving + others])
+    kind = np.array([name for _, name, _ in walls + openings + moving + others])
+    category = np.array([""] * len(corners) + [item.category for item in items])
+    placed = np.array([item.center for _, _, item in others]).reshape(-1, 2)
+    center = np.concatenate([corners.mean(1), origin, placed]) - origin[room]
+    table = np.column_stack(
+        [
+            np.ones(len(room)),
+            kind[:, None] == np.array(KINDS),
+            center,
+            size,
+            np.cos(angle) * ~circle,
+            np.sin(angle) * ~circle,
+            circle,
+            category[:, None] == np.array(categories),
+        ]
+    )
+    order = np.lexsort([kind == "item", kind != "moving", room])
+    return table[order], room[order]
 
 
-def _element(kind: str, shape: Polygon, item: Item | None, categories: list[str]) -> list[float]:
-    circle = item is not None and item.form == "circle"
-    rectangle = _rectangle_around(shape)
-    size, degrees = _canonical(rectangle) if item is None else _canonical_size(item.size, item.rotation)
-    angle = np.deg2rad(2 * degrees)
-    return [
-        1.0,
-        *(float(kind == name) for name in KINDS),
-        rectangle.centroid.x,
-        rectangle.centroid.y,
-        *size,
-        np.cos(angle) * (not circle),
-        np.sin(angle) * (not circle),
-        float(circle),
-        *(float(item is not None and item.category == name) for name in categories),
-    ]
-
-
-def _rectangle_around(shape: Polygon) -> Polygon:
-    """The smallest rectangle around a wall, an opening or an item; the upright one if it is as small."""
-    upright = shapely.box(*shape.bounds)
-    turned = shapely.minimum_rotated_rectangle(shape)
-    return upright if turned.area >= 0.999 * upright.area else turned
-
-
-def _canonical(rectangle: Polygon) -> tuple[tuple[float, float], float]:
-    a, b, c = np.asarray(rectangle.exterior.coords)[:3]
-    size = float(np.hypot(*(b - a))), float(np.hypot(*(c - b)))
-    return _canonical_size(size, float(np.rad2deg(np.arctan2(*(b - a)[::-1]))))
-
-
-def _canonical_size(size: tuple[float, float], degrees: float) -> tuple[tuple[float, float], float]:
-    """The one description of a rectangle whose rotation lies above -45 and up to 45 degrees."""
-    quarters = int(np.ceil((degrees - 45) / 90 - 1e-9))
-    return size if quarters % 2 == 0 else size[::-1], degrees - 90 * quarters
-
-
-def _origin(room: Room) -> np.ndarray:
-    x0, y0, x1, y1 = room.envelope.bounds
-    return np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+def _rectangles(shapes: np.ndarray) -> np.ndarray:
+    """The corners (n, 4, 2) of the smallest rectangle around each shape; of the upright one if it is as small."""
+    upright = shapely.box(*shapely.bounds(shapes).T)
+    turned = shapely.minimum_rotated_rectangle(shapes)
+    smallest = np.where(shapely.area(turned) >= 0.999 * shapely.area(upright), upright, turned)
+    return shapely.get_coordinates(smallest).reshape(-1, 5, 2)[:, :4]

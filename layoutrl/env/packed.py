@@ -75,7 +75,7 @@ class Starts:
     def draw(self, room: Tensor, generator: torch.Generator) -> Tensor:
         """Places (B, 2), float64, each in the region of its room and as likely as any other there."""
         which, v, w = torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64)
-        triangle = (self._before[room] <= which[:, None]).sum(1) - 1
+        triangle = (self._before.index_select(0, room) <= which[:, None]).sum(1) - 1
         a, b, c = self._corners[room, triangle].unbind(1)
         beyond = v + w > 1  # in the other half of the parallelogram
         v, w = (torch.where(beyond, 1 - x, x)[:, None] for x in (v, w))
@@ -140,18 +140,18 @@ class Shapes:
 
         From positions (B, 2) and their distances (B, 2) from the designer's place, float64; (B,) each.
         """
-        item, half = self._item_area[room], self._half[room]
+        item, half = self._item_area.index_select(0, room), self._half.index_select(0, room)
         at = self._seen(room, position)
         box = torch.cat([at - half, at + half], 1)
 
         indoor = box_box(box[:, None], _taken(self._indoor_boxes, room)).sum(1)
         shared = box_box(box[:, None], _taken(self._boxes, room))
-        elements = _iou(shared, self._box_area[room], item[:, None]).sum(1)
+        elements = _iou(shared, self._box_area.index_select(0, room), item[:, None]).sum(1)
         if self._indoor_edges.numel():
             indoor += self._in_polygons(_taken(self._indoor_edges, room), room, box, at, half)[:, 0]
         if self._edges.numel():
             shared = self._in_polygons(_taken(self._edges, room), room, box, at, half)
-            elements += _iou(shared, self._polygon_area[room], item[:, None]).sum(1)
+            elements += _iou(shared, self._polygon_area.index_select(0, room), item[:, None]).sum(1)
         if self._discs.numel():
             shared, area = self._in_discs(_taken(self._discs, room), room, box, at, half)
             elements += _iou(shared, area, item[:, None]).sum(1)
@@ -161,12 +161,13 @@ class Shapes:
         in_box = (2 * half - off.abs()).clamp_(min=0).prod(1) if self._any_box else None
         in_disc = disc_disc(off.square().sum(1), half[:, 0], half[:, 0]) if self._any_disc else None
         target = self._of_its_kind(room, in_box, in_disc)
-        return _iou(target, item, item), elements, indoor / item, _iou(indoor, self._indoor_area[room], item)
+        indoor_area = self._indoor_area.index_select(0, room)
+        return _iou(target, item, item), elements, indoor / item, _iou(indoor, indoor_area, item)
 
     def _seen(self, room: Tensor, vector: Tensor) -> Tensor:
         """Vectors (B, 2) as the item sees them."""
         if self._turns is not None:
-            vector = torch.einsum("bij,bj->bi", self._turns[room], vector)
+            vector = torch.einsum("bij,bj->bi", self._turns.index_select(0, room), vector)
         return vector.to(self._half.dtype)
 
     def _in_polygons(self, edges: Tensor, room: Tensor, box: Tensor, at: Tensor, half: Tensor) -> Tensor:
