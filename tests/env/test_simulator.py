@@ -503,7 +503,8 @@ def test_envelopes_worked_out_at_once_are_those_worked_out_the_direct_way_and_ar
     rooms = [upright_room(rng), random_room(rng), upright_room(rng), upright_room(rng), random_room(rng)]
     known = rooms[2].envelope
     found = envelopes(rooms)
-    assert shapely.hausdorff_distance(found, [united(room) for room in rooms]).max() < 1e-9
+    # Unions in another order may round a crossing of slanting sides to another point of the grid of a micrometre.
+    assert shapely.hausdorff_distance(found, [united(room) for room in rooms]).max() < 2e-6
     assert found[2] is known
     assert all(room.envelope is envelope for room, envelope in zip(rooms, found, strict=True))
 
