@@ -24,7 +24,7 @@ import torch
 from torch import Tensor, nn
 
 from layoutrl.agents.networks import upright_box
-from layoutrl.env.observation import WIDTH, GeometryObservation, X, Y, categories_of
+from layoutrl.env.observation import COLUMNS, WIDTH, GeometryObservation, X, Y, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.baselines import nearest_room_place, nearest_wall_place, random_wall_place
@@ -85,8 +85,8 @@ class Regressor(nn.Module):
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
         """Log weights and centres of the mixture: (B, 2 axes, elements x anchors) each."""
-        x, y, half_x, half_y = upright_box(elements)
-        present = elements[..., :1]
+        (x, y), (half_x, half_y) = (pair.unbind(-1) for pair in upright_box(elements))
+        present = elements[..., COLUMNS.index("present"), None]
         sides = torch.stack([x - half_x, x + half_x, y - half_y, y + half_y], -1)
         state = self.embed(torch.cat([elements, sides], -1))
         for own, heard, out in zip(self.own, self.heard, self.out, strict=True):

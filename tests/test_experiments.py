@@ -15,6 +15,7 @@ from layoutrl.env.observation import GeometryObservation
 from layoutrl.rooms.designer.generator import design_room
 
 PROJECT = Path(__file__).resolve().parents[1]
+SMOKE_WITHOUT_SLIDES = ["budget=smoke", "method.slide=false"]
 REAL = PROJECT.parent / "shared" / "data" / "designer_rooms"
 
 
@@ -72,3 +73,26 @@ def test_room_statistics_draws_designed_beside_real_rooms(
     module.main()
     assert (tmp_path / "room_statistics.png").stat().st_size > 10_000
     assert capsys.readouterr().out.count("designed") == 2 + 10
+
+
+def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = script("ablation")
+    monkeypatch.setattr(module, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(module, "CHANGES", {"as it is": ["budget=smoke"], "no slides": SMOKE_WITHOUT_SLIDES})
+    arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
+    monkeypatch.setattr("sys.argv", arguments)
+    module.main()
+    checkpoints = sorted(tmp_path.glob("tatami/*/checkpoint.pt"))
+    assert [path.parent.name for path in checkpoints] == [
+        "as-it-is-5-seed0", "as-it-is-5-seed1", "no-slides-5-seed0", "no-slides-5-seed1",
+    ]  # fmt: skip
+    rows = json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"]
+    assert rows["as it is"]["ceiling"] > rows["no slides"]["ceiling"]
+    first, second = rows["no slides"]["iou_by_seed"]
+    assert rows["no slides"]["mean_iou"] == pytest.approx((first + second) / 2)
+    written = [path.stat().st_mtime for path in checkpoints]
+
+    (tmp_path / "tatami" / "no-slides-5-seed1" / "evaluation.json").unlink()  # as if it had been interrupted
+    module.main()
+    assert [path.stat().st_mtime for path in checkpoints[:3]] == written[:3]
+    assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows

@@ -22,7 +22,7 @@ from layoutrl.rooms.room import Room, envelopes, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
-COLUMNS = ("present", *KINDS, "x", "y", "width", "depth", "cos2", "sin2", "circle")
+COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle")
 X, Y, WIDTH, DEPTH, SIN2 = (COLUMNS.index(name) for name in ("x", "y", "width", "depth", "sin2"))
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
@@ -158,9 +158,9 @@ def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) 
     center = np.concatenate([corners.mean(1), origin, placed]) - origin[room]
     table = np.column_stack(
         [
+            center,
             np.ones(len(room)),
             kind[:, None] == np.array(KINDS),
-            center,
             size,
             np.cos(angle) * ~circle,
             np.sin(angle) * ~circle,

@@ -9,8 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from layoutrl.agents.networks import FAR, GeometryNetwork, PaperNetwork, _clearance, _gaps
+from layoutrl.agents.exploration import explore
+from layoutrl.agents.networks import FAR, GeometryNetwork, PaperNetwork, _clearances, _gaps, _slides
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.room import Item, Opening, Room
 from tests.builders import random_room, rectangle, rectangular_room
 
@@ -133,14 +138,13 @@ def test_the_geometry_networks_values_change_with_every_part_of_the_state(what):
     assert (network(state(what)) - network(state())).abs().max() > 1e-6
 
 
-def clearances(room: Room, position: tuple[float, float], kinds: tuple[str, ...]) -> list[float]:
-    """How far the item can go right, left, below, up before it meets an element of these kinds."""
+BORDER, ITEMS = range(2)
+
+
+def clearances(room: Room, position: tuple[float, float], what: int) -> list[float]:
+    """How far the item can go right, left, below, up before it meets the border, or an item."""
     state = observed([room], [position])
-    among = sum(state[:, 1:, COLUMNS.index(kind)] for kind in kinds)
-    return _clearance(_gaps(state[:, 0], state[:, 1:]), among)[0].tolist()
-
-
-BORDER = ("wall", "door", "window")
+    return _clearances(_gaps(state[:, :1], state[:, 1:]), state[:, 1:])[what][0].tolist()
 
 
 @pytest.mark.parametrize("item", [Item("bed", (1.0, 0.6), (2, 1.5)), Item("bed", (0.6, 1.0), (2, 1.5), 90)])
@@ -167,10 +171,10 @@ def test_a_clearance_ends_at_an_item_in_between_and_at_no_item_beside_the_way():
         Item("bed", (1.0, 0.6), (1, 1)),
         others=(Item("chair", (0.4, 0.4), (2.5, 1.2)), Item("chair", (0.4, 0.4), (3.2, 1.0))),
     )
-    assert clearances(room, (1.0, 1.0), ("item",)) == pytest.approx([0.8, FAR, FAR, FAR], abs=1e-5)
-    assert clearances(room, (1.0, 2.4), ("item",)) == pytest.approx([FAR] * 4)
-    assert clearances(room, (2.4, 2.4), ("item",)) == pytest.approx([FAR, FAR, 0.7, FAR], abs=1e-5)
-    assert clearances(room, (3.4, 0.35), ("item",)) == pytest.approx([FAR, FAR, FAR, 0.15], abs=1e-5)
+    assert clearances(room, (1.0, 1.0), ITEMS) == pytest.approx([0.8, FAR, FAR, FAR], abs=1e-5)
+    assert clearances(room, (1.0, 2.4), ITEMS) == pytest.approx([FAR] * 4)
+    assert clearances(room, (2.4, 2.4), ITEMS) == pytest.approx([FAR, FAR, 0.7, FAR], abs=1e-5)
+    assert clearances(room, (3.4, 0.35), ITEMS) == pytest.approx([FAR, FAR, FAR, 0.15], abs=1e-5)
     assert clearances(room, (1.0, 1.0), BORDER) == pytest.approx([2.5, 0.5, 0.7, 1.7], abs=1e-5)
 
 
@@ -180,7 +184,28 @@ def test_a_door_and_a_window_bound_the_clearance_like_walls():
         3,
         Item("bed", (0.6, 0.6), (2, 1)),
         openings=(Opening("door", rectangle(1, -0.2, 2, 0)), Opening("window", rectangle(4, 0.5, 4.2, 1.5))),
+        walls=(rectangle(-0.2, 0, 0, 3), rectangle(0, 3, 4, 3.2)),
     )
     assert clearances(room, (1.5, 1.0), BORDER) == pytest.approx([2.2, 1.2, 0.7, 1.7], abs=1e-5)
-    assert clearances(room, (1.5, 1.0), ("door",)) == pytest.approx([FAR, FAR, 0.7, FAR], abs=1e-5)
-    assert clearances(room, (1.5, 1.0), ("window",)) == pytest.approx([2.2, FAR, FAR, FAR], abs=1e-5)
+
+
+@given(SEEDS)
+def test_between_four_walls_slides_are_the_simulators(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+
+    def item() -> Item:
+        center = rng.integers((60, 60), (340, 240)) / 100
+        return Item("bed", tuple(rng.integers(20, 120, 2) / 100), tuple(center), float(rng.choice([0, 90])))
+
+    simulator = BatchSimulator(Simulator([rectangular_room(item=item(), others=(item(), item()))], Moves(), Reward()))
+    observe = GeometryObservation(simulator.rooms, ["bed"])
+    generator = torch.Generator().manual_seed(seed)
+    episodes = Episodes(simulator, np.zeros(30, dtype=int), 10**6, generator)
+    for _ in range(6):
+        length, legal = (column[:, -4:] for column in simulator.reach(episodes.room, episodes.position))
+        state = observe(episodes.room, episodes.position)
+        gap, others = _gaps(state[:, :1], state[:, 1:]), state[:, 1:]
+        indoors = _clearances(gap, others)[BORDER].amin(1) >= 0  # from within a wall, other walls are none to stop at
+        legal &= indoors[:, None]
+        torch.testing.assert_close(_slides(gap, others)[legal], length[legal], atol=1e-4, rtol=0)
+        episodes.step(explore(torch.zeros(30, dtype=torch.int64), episodes.legal, 1.0, generator))

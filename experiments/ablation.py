@@ -1,0 +1,100 @@
+"""What each part of the method is worth: one row a change, several seeds, on designed rooms.
+
+    python experiments/ablation.py bedroom [--updates 6000] [--seeds 0 1 2] [--jobs 2] [--runs runs/ablation]
+
+Trains with every change alone, on rooms of the data seed that the project tunes on (1: no figure in the README is
+measured there), scores on 1,000 rooms never seen, prints a table and writes experiments/results/ablation/<type>.json.
+Runs that are there already are not trained again: after an interruption, the same command goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path(__file__).parent / "results" / "ablation"
+DATA_SEED = 1
+CHANGES = {
+    "the method": [],
+    "no mirrored and turned views": ["method.symmetries=false"],
+    "no slides": ["method.slide=false"],
+    "one step of 2 cm, and slides": ["method.steps=[0.02]"],
+    "no double Q-learning": ["method.double=false"],
+    "no dueling head": ["method.dueling=false"],
+    "discount 0.5": ["method.discount=0.5"],
+    "discount 0.9": ["method.discount=0.9"],
+    "episodes of 30 moves": ["method.max_moves=30"],
+}
+
+
+def trained(room_type: str, name: str, overrides: list[str], runs: Path) -> dict[str, Any]:
+    """The evaluation of a run, which is trained unless it is there."""
+    folder = runs / room_type / name
+    log = runs / f"{name}.log"
+    if not (folder / "evaluation.json").exists():
+        if folder.exists():
+            folder.rename(folder.with_name(f"{name}-interrupted-{os.getpid()}"))
+        arguments = [f"room={room_type}", f"data.seed={DATA_SEED}", f"runs={runs}", f"name={name}", *overrides]
+        with log.open("w") as file:
+            command = [sys.executable, "-m", "layoutrl.train", *arguments]
+            environment = os.environ | {"OMP_NUM_THREADS": "1"}
+            subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT, check=True)
+    return json.loads((folder / "evaluation.json").read_text())
+
+
+def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean and spread over seeds."""
+    agents = [evaluation["rows"]["agent"] for evaluation in evaluations]
+    ious = [agent["mean_iou"] for agent in agents]
+    return {
+        "mean_iou": statistics.mean(ious),
+        "std_over_seeds": statistics.stdev(ious) if len(ious) > 1 else None,
+        "share_090": statistics.mean(agent["share_090"] for agent in agents),
+        "ceiling": statistics.mean(evaluation["lattice_ceiling"] for evaluation in evaluations),
+        "moves": statistics.mean(evaluation["moves"] for evaluation in evaluations),
+        "iou_by_seed": ious,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("room_type")
+    parser.add_argument("--updates", type=int, default=6000)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--jobs", type=int, default=2, help="trainings at once, on one core each")
+    parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
+    arguments = parser.parse_args()
+    arguments.runs.mkdir(parents=True, exist_ok=True)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+
+    def evaluation(change: str, seed: int) -> dict[str, Any]:
+        name = f"{change.replace(' ', '-').replace(',', '')}-{arguments.updates}-seed{seed}"
+        budget = [f"seed={seed}", f"method.updates.default={arguments.updates}"]
+        return trained(arguments.room_type, name, [*budget, *CHANGES[change]], arguments.runs)
+
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        pending = {change: [pool.submit(evaluation, change, seed) for seed in arguments.seeds] for change in CHANGES}
+        rows: dict[str, dict[str, Any]] = {}
+        print(f"{'':32} {'IoU ± over seeds':>17} {'>= 0.9':>7} {'ceiling':>8} {'moves':>6}")
+        for change, futures in pending.items():
+            rows[change] = row([future.result() for future in futures])
+            found = rows[change]
+            print(
+                f"{change:32} {found['mean_iou']:9.3f} ± {found['std_over_seeds'] or 0:.3f} {found['share_090']:7.1%} "
+                f"{found['ceiling']:8.3f} {found['moves']:6.1f}",
+                flush=True,
+            )
+            about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": arguments.updates}
+            result = {**about, "seeds": arguments.seeds, "rows": rows}
+            (RESULTS / f"{arguments.room_type}.json").write_text(json.dumps(result, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
