@@ -135,6 +135,7 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
 def run(config: BenchConfig) -> Path:
     """Measure the parts and return the folder of bench.json, and of growth.png."""
     device = build.device(config.device)
+    build.keep_freed_memory()
     if "sb3" in config.parts and find_spec("stable_baselines3") is None:
         raise InputError(
             "parts: sb3 compares with Stable-Baselines3; install it: pip install stable-baselines3 (extra bench)"

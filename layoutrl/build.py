@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import wraps
@@ -31,6 +33,7 @@ from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache, read_files
 
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -175,3 +178,15 @@ def device(name: str) -> torch.device:
             f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})"
         ) from None
     return chosen
+
+
+def keep_freed_memory() -> None:
+    """Let glibc keep what is freed for what comes next; elsewhere nothing changes.
+
+    An update asks for tens of megabytes and frees them. To give them back to the system each time, and get them again
+    page by page, costs the paper's network a fifth of its speed.
+    """
+    if platform.libc_ver()[0] == "glibc":
+        libc = ctypes.CDLL(None)
+        libc.mallopt(M_MMAP_THRESHOLD, 2**30)
+        libc.mallopt(M_TRIM_THRESHOLD, 2**31 - 1)

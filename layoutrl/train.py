@@ -26,6 +26,7 @@ def run(config: TrainConfig) -> Path:
     method, budget, reward = config.method, config.budget, config.reward
     updates = method.updates[budget.name]
     device = build.device(config.device)
+    build.keep_freed_memory()
     if config.data.root is not None:  # the run is read again from elsewhere
         config.data.root = str(Path(config.data.root).expanduser().absolute())
     network_seed, training_seed, probe_seed, evaluation_seed = np.random.SeedSequence(config.seed).spawn(4)

@@ -169,6 +169,7 @@ def memory(
 
 
 def train_with_full_replay(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
+    build.keep_freed_memory()  # in this process, too
     method = replace(config.method, replay_capacity=config.transitions)
     learner = Learner(replace(config, method=method), rooms, device, ENDLESS)
     learner.fill()
