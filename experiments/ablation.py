@@ -28,9 +28,7 @@ CHANGES = {
     "one step of 2 cm, and slides": ["method.steps=[0.02]"],
     "no double Q-learning": ["method.double=false"],
     "no dueling head": ["method.dueling=false"],
-    "discount 0.5": ["method.discount=0.5"],
     "discount 0.9": ["method.discount=0.9"],
-    "episodes of 30 moves": ["method.max_moves=30"],
 }
 
 

@@ -37,7 +37,8 @@ class PaperNetwork(nn.Module):
             nn.ReLU(inplace=True),
         )
         self.head = _head(512, actions, dueling)
-        self.to(memory_format=torch.channels_last)  # as pictures are: on a CPU the way back takes half the time
+        # As pictures are: on a CPU the way back takes half the time. (torch's types do not know the argument.)
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, image: Tensor) -> Tensor:
         return self.head(self.features(image.permute(0, 3, 1, 2).float().mul_(1 / 255)))
