@@ -1,4 +1,4 @@
-"""python -m layoutrl.bench [parts=[speed,memory,growth,training,paper,sb3]] [device=cpu]
+"""python -m layoutrl.bench [parts=[speed,memory,growth,training,image,sb3]] [device=cpu]
 
 Measures on one machine, in one run, what the project promises; prints a table and writes bench.json.
 """
@@ -24,12 +24,13 @@ from omegaconf import DictConfig, OmegaConf
 
 import layoutrl
 from layoutrl import build
-from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, paper, sb3, training
+from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
 from layoutrl.benchmarks.learning import memory, speed
 from layoutrl.benchmarks.simulation import ITEMS, growth, plot
 from layoutrl.config import BenchConfig, config_directory, register
 from layoutrl.errors import InputError
-from layoutrl.runs import write_json
+from layoutrl.rooms.room import Room
+from layoutrl.runs import make_folder, write_json
 
 Targets = str | dict[str, str]  # on two cores; of a measurement by name, by its names
 ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
@@ -63,7 +64,7 @@ ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
         "minutes": ("  minutes of all updates, set-up included", ""),
         "iou": ("  mean IoU after them", ""),
     },
-    "paper": {
+    "image": {
         "iou": ("mean IoU of the paper's network with the method's moves", "0.93"),
         "minutes": ("  minutes of training", ""),
         "updates": ("  updates", ""),
@@ -127,7 +128,7 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "memory": memory,
     "growth": growth,
     "training": training,
-    "paper": paper,
+    "image": image,
     "sb3": sb3,
 }
 
@@ -140,13 +141,11 @@ def run(config: BenchConfig) -> Path:
         raise InputError(
             "parts: sb3 compares with Stable-Baselines3; install it: pip install stable-baselines3 (extra bench)"
         )
+    if config.method.name == config.paper.name:
+        raise InputError(f"method: expected another than {config.paper.name}, which is measured beside it")
     if "sb3" in config.parts and config.method.observation != "geometry":
         raise InputError("parts: sb3 expects method.observation=geometry")
-    folder = Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to") from None
+    folder = make_folder(Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S")))
     rooms, held_out = build.rooms(config.room, config.data, config.fold)
     if not rooms or not held_out:
         raise InputError("fold: expected rooms to train on and rooms held out (more rooms, or another fold)")
@@ -154,15 +153,18 @@ def run(config: BenchConfig) -> Path:
     measured: dict[str, dict[str, Any]] = {}
     for part in config.parts:
         print(f"measuring {part}", flush=True)
-        # Copies: rooms that were used keep what was worked out about them.
-        fresh, unseen = ([replace(room) for room in each] for each in (rooms, held_out))
-        measured[part] = PARTS[part](config, fresh, unseen, device)
+        measured[part] = PARTS[part](config, *(list(map(fresh, each)) for each in (rooms, held_out)), device)
         write_json(folder / "bench.json", {"machine": about, "config": asdict(config), **measured})
     if "growth" in measured:
         plot(measured["growth"]).savefig(folder / "growth.png", dpi=120)
     print(table(about, measured))
     print(f"wrote {folder}")
     return folder
+
+
+def fresh(room: Room) -> Room:
+    """A copy that has not been used: rooms and items keep what was worked out about them."""
+    return replace(room, openings=tuple(map(replace, room.openings)), furniture=tuple(map(replace, room.furniture)))
 
 
 register()

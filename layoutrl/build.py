@@ -1,4 +1,4 @@
-"""From the configuration to built objects; used by every entry point."""
+"""What entry points share: objects built from the configuration, errors answered, memory kept."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.errors import InputError
-from layoutrl.monitor import Probe
+from layoutrl.evaluation.probe import Probe
 from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
@@ -128,6 +128,10 @@ def training(
     seed: np.random.SeedSequence,
 ) -> Iterator[Progress]:
     """The training loop, as the method has it."""
+    rooms = torch.arange(len(simulator.rooms), device=simulator.device)
+    designed = torch.tensor(np.array([room.moving.center for room in simulator.rooms]), device=simulator.device)
+    if not simulator.reach(rooms, designed)[1].any():
+        raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
     return train(
         agent,
         simulator,
@@ -188,5 +192,6 @@ def keep_freed_memory() -> None:
     """
     if platform.libc_ver()[0] == "glibc":
         libc = ctypes.CDLL(None)
-        libc.mallopt(M_MMAP_THRESHOLD, 2**30)
-        libc.mallopt(M_TRIM_THRESHOLD, 2**31 - 1)
+        # Old versions refuse the first; without it, the second would make large tensors slower.
+        if libc.mallopt(M_MMAP_THRESHOLD, 2**30):
+            libc.mallopt(M_TRIM_THRESHOLD, 2**31 - 1)

@@ -80,6 +80,24 @@ class MethodConfig:
     epsilon_share: float = MISSING  # of the updates, over which epsilon falls
     updates: dict[str, int] = MISSING  # by budget
 
+    def check(self, prefix: str) -> None:
+        """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+        _one_of(f"{prefix}.observation", self.observation, "geometry", "image")
+        _one_of(f"{prefix}.unit", self.unit, "metre", "pixel")
+        _one_of(f"{prefix}.on_illegal", self.on_illegal, "stop", "mask")
+        for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
+            value = getattr(self, name)
+            _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
+        for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
+            share = getattr(self, name)
+            _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
+        if self.symmetries:
+            _within(f"{prefix}.batch", self.batch, self.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
+        _within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
+        fewest, capacity = max(self.batch, self.episodes), self.replay_capacity
+        _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
+        _within(f"{prefix}.discount", self.discount, 0 <= self.discount < 1, "0 <= discount < 1")
+
 
 @dataclass
 class BudgetConfig:
@@ -103,27 +121,14 @@ class TrainConfig:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        method = self.method
+        self.method.check("method")
         _one_of("room.type", self.room.type, *MAIN_ITEM)
         _one_of("data.labels", self.data.labels, "snapped", "raw")
         _one_of("reward.inside", self.reward.inside, "share", "iou")
-        _one_of("method.observation", method.observation, "geometry", "image")
-        _one_of("method.unit", method.unit, "metre", "pixel")
-        _one_of("method.on_illegal", method.on_illegal, "stop", "mask")
-        for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
-            value = getattr(method, name)
-            _within(f"method.{name}", value, value >= 1, "1 or more")
-        for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
-            share = getattr(method, name)
-            _within(f"method.{name}", share, 0 <= share <= 1, "0 to 1")
         for name in ("reports", "evaluations", "evaluation_rooms"):
             value = getattr(self.budget, name)
             _within(f"budget.{name}", value, value >= 1, "1 or more")
-        _one_of("budget.name", self.budget.name, *method.updates)
-        _within("method.updates", method.updates, min(method.updates.values()) >= 1, "1 or more each")
-        fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
-        _within("method.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
-        _within("method.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
+        _one_of("budget.name", self.budget.name, *self.method.updates)
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
 
@@ -167,23 +172,25 @@ class BenchConfig(TrainConfig):
     """What is trained is configured as for training; `budget` says for how many updates."""
 
     paper: MethodConfig = field(default_factory=MethodConfig)  # the paper's network, and how it learns
-    parts: list[str] = field(default_factory=lambda: ["speed", "memory", "growth"])
-    seconds: float = 3.0
-    batch: int = 4096
-    images: int = 512
-    shapely_batches: list[int] = field(default_factory=lambda: [64, 512, 4096])
-    transitions: int = 1_000_000
-    batches: list[int] = field(default_factory=lambda: [1, 16, 256, 4096, 65536])
-    items: list[int] = field(default_factory=lambda: [2, 3, 5, 8, 12, 20, 30])
-    items_rooms: int = 1000
-    probe_every: int = 500
-    minutes: float = 20.0
+    parts: list[str] = MISSING
+    seconds: float = MISSING
+    batch: int = MISSING
+    images: int = MISSING
+    shapely_batches: list[int] = MISSING
+    transitions: int = MISSING
+    batches: list[int] = MISSING
+    items: list[int] = MISSING
+    items_rooms: int = MISSING
+    probe_every: int = MISSING
+    minutes: float = MISSING
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.paper.check("paper")
         for part in self.parts:
-            _one_of("parts", part, "speed", "memory", "growth", "training", "paper", "sb3")
-        for name in ("batch", "images", "transitions", "items_rooms", "probe_every"):
+            _one_of("parts", part, "speed", "memory", "growth", "training", "image", "sb3")
+        _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
+        for name in ("batch", "images", "items_rooms", "probe_every"):
             value = getattr(self, name)
             _within(name, value, value >= 1, "1 or more")
         for name in ("shapely_batches", "batches", "items"):

@@ -5,61 +5,16 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
-import torch
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import DQN
 from layoutrl.agents.training import Progress
-from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.render import story
-from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.protocols import rollout
+from layoutrl.evaluation.probe import Probe
 
-PICTURES = 4  # held-out rooms drawn at every evaluation
 STAGES = ("act", "simulate", "store", "sample", "learn")
-
-
-class Probe:
-    """Greedy episodes from one fixed start in each room of a simulator. Nothing is chosen by what they score."""
-
-    def __init__(
-        self,
-        simulator: Simulator,
-        observe: Observe,
-        max_moves: int,
-        on_illegal: Literal["stop", "mask"],
-        rng: np.random.Generator,
-        device: torch.device,
-    ):
-        self.simulator = simulator
-        self._batch_simulator = BatchSimulator(simulator, device)
-        self._observe = observe
-        self._max_moves = max_moves
-        self._on_illegal = on_illegal
-        self._room = np.arange(len(simulator.rooms))
-        self._starts = simulator.starts(self._room, rng)
-        self.ceiling = float(lattice_ceiling(simulator, self._room, self._starts).mean())
-
-    def __call__(self, agent: DQN) -> tuple[float, list[np.ndarray]]:
-        """Mean IoU, and pictures of the first rooms: start, path, end, the designer's place."""
-        run = rollout(
-            agent,
-            self._batch_simulator,
-            self._observe,
-            self._room,
-            self._starts,
-            self._max_moves,
-            self._on_illegal,
-        )
-        pictures = [
-            story(room, run.path[: run.moves[k] + 1, k]) for k, room in enumerate(self.simulator.rooms[:PICTURES])
-        ]
-        return float(self.simulator.reward(self._room, run.final).iou.mean()), pictures
 
 
 def watched(

@@ -17,15 +17,21 @@ from layoutrl.errors import InputError
 
 
 def new_folder(config: TrainConfig) -> Path:
-    """runs/<room>/<name>, with a number behind the name where that is taken: no run overwrites another."""
+    """runs/<room>/<name>, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     name = config.name or (
         f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
     )
-    base = Path(config.runs) / config.room.type
+    folder = make_folder(Path(config.runs) / config.room.type / name)
+    OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
+    return folder
+
+
+def make_folder(wanted: Path) -> Path:
+    """A new folder: the one that is wanted, with a number behind its name where that is taken."""
     attempt = 1
     while True:
-        folder = base / (name if attempt == 1 else f"{name}-{attempt}")
+        folder = wanted if attempt == 1 else wanted.with_name(f"{wanted.name}-{attempt}")
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
@@ -35,7 +41,6 @@ def new_folder(config: TrainConfig) -> Path:
                 f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to"
             ) from None
         else:
-            OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
             return folder
 
 

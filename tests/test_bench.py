@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ from layoutrl import bench, build
 from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
 from layoutrl.benchmarks.learning import ENDLESS, Learner
 from layoutrl.benchmarks.simulation import with_items
-from layoutrl.benchmarks.timing import seconds_of
 from layoutrl.config import BenchConfig, config_directory
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
@@ -49,7 +47,7 @@ def configured(*overrides: str) -> BenchConfig:
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """The table and the folder."""
     cwd = tmp_path_factory.mktemp("bench")
-    done = layoutrl("bench", *LITTLE, "parts=[speed,memory,growth,training,paper]", "device=cpu", cwd=cwd)
+    done = layoutrl("bench", *LITTLE, "parts=[speed,memory,growth,training,image]", "device=cpu", cwd=cwd)
     assert done.returncode == 0, done.stderr
     return done.stdout, cwd / "runs" / "bench" / "little"
 
@@ -57,7 +55,7 @@ def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def test_every_row_of_the_table_is_measured(benched: tuple[str, Path]) -> None:
     printed, folder = benched
     measured = json.loads((folder / "bench.json").read_text())
-    for part in ("speed", "memory", "growth", "training", "paper"):
+    for part in ("speed", "memory", "growth", "training", "image"):
         for key, (what, _) in bench.ROWS[part].items():
             if key != "peak_device_gigabytes":
                 assert numbers(measured[part][key]), key
@@ -115,25 +113,21 @@ def test_rooms_get_as_many_items_as_asked_for(room: Room, count: int, seed: int)
     assert all(room.indoor.covers(item.footprint) for item in crowded.furniture if item.category == "box")
 
 
-def test_what_the_probing_takes_is_not_training() -> None:
-    ious = iter([0.1, 0.9, 0.8])
+def test_what_the_probing_takes_is_not_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    ious, clock = iter([0.1, 0.9, 0.8]), [0.0]
+    monkeypatch.setattr("time.perf_counter", lambda: clock[0])
 
     def probe(_: object) -> tuple[float, list[np.ndarray]]:
-        time.sleep(0.2)
+        clock[0] += 1000
         return next(ious), []
 
     curve = Curve(probe)
     for updates in (1, 2, 3):
-        time.sleep(0.01)
+        clock[0] += 60
         curve.add(updates, None)
-    assert [point.updates for point in curve.points] == [1, 2, 3]
-    assert 0.03 <= curve.points[-1].seconds < 0.2
-    assert curve.minutes_to(0.85) == curve.points[1].seconds / 60
+    assert [(point.updates, point.seconds) for point in curve.points] == [(1, 60), (2, 120), (3, 180)]
+    assert curve.minutes_to(0.85) == 2
     assert curve.minutes_to(0.95) is None
-
-
-def test_a_call_is_timed() -> None:
-    assert 0.01 <= seconds_of(lambda: time.sleep(0.01), 0.05) < 0.05
 
 
 @pytest.mark.skipif(HAS_SB3, reason="Stable-Baselines3 is there")
@@ -166,6 +160,9 @@ def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
         ("batches=[]", ["batches", "1 or more"]),
         ("items=[0]", ["items", "1 or more"]),
         ("seconds=0", ["seconds", "more than 0"]),
+        ("transitions=10", ["transitions", "a batch"]),
+        ("paper.batch=0", ["paper.batch", "1 or more"]),
+        ("method=paper", ["method", "another than paper"]),
         ("device=cuda:99", ["device", "cuda:99"]),
         ("runs=/dev/null", ["runs", "/dev/null"]),
     ],

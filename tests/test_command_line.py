@@ -189,6 +189,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["device=cuda:99"], ["device", "cuda:99"]),
         ("train", ["method.steps=[0.3,0.2]", "budget=smoke"], ["steps", "multiples"]),
         ("train", ["method.batch=0"], ["method.batch", "1 or more"]),
+        ("train", ["method.batch=20"], ["method.batch", "a multiple of 8"]),
         ("train", ["data.train_rooms=0"], ["data.train_rooms", "1 or more"]),
         ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),
         ("train", ["budget.name=foo"], ["budget.name", "smoke"]),

@@ -7,12 +7,7 @@ import json
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
 import pytest
-import torch
-
-from layoutrl.env.observation import GeometryObservation
-from layoutrl.rooms.designer.generator import design_room
 
 PROJECT = Path(__file__).resolve().parents[1]
 SMOKE_WITHOUT_SLIDES = ["budget=smoke", "method.slide=false"]
@@ -38,29 +33,6 @@ def test_well_posed_measures_a_type(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert 0 < result["yardsticks"]["random_start"] < result["yardsticks"]["nearest_training_room"] <= 1
     assert result["regressor"]["steps"] == 30
     assert 0 <= result["regressor"]["iou_held_out"] <= 1
-
-
-@pytest.mark.parametrize("index", range(3))
-def test_turned_batches_are_observations_of_turned_rooms(index: int) -> None:
-    module = script("well_posed")
-    room = design_room("bathroom", "train", 0, index).room
-    wanted = {seen(*observed(room.turned(quarters, mirror))) for quarters in range(4) for mirror in (False, True)}
-    elements, target = observed(room)
-    found = {seen(*module.turned(elements, target, np.random.default_rng(seed))) for seed in range(60)}
-    assert found == wanted
-
-
-def observed(room) -> tuple[torch.Tensor, torch.Tensor]:
-    x0, y0, x1, y1 = room.envelope.bounds
-    middle = torch.tensor([[(x0 + x1) / 2, (y0 + y1) / 2]])
-    observe = GeometryObservation([room], ["toilet", "vanity", "shower", "bathtub", "washing_machine"])
-    return observe(torch.tensor([0]), middle), (torch.tensor([room.moving.center]) - middle).float()
-
-
-def seen(elements: torch.Tensor, target: torch.Tensor) -> tuple:
-    """Elements in any order, to the millimetre."""
-    rows = np.round(torch.cat([elements[0], target.expand(elements.shape[1], 2)], 1).numpy(), 3) + 0.0
-    return tuple(sorted(map(tuple, rows.tolist())))
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the designers' rooms are not in {REAL}")

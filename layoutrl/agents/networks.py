@@ -11,6 +11,7 @@ from layoutrl.env.simulator import TOUCHING
 PRESENT, WALL, WINDOW, ITEM, COS2, CIRCLE = (
     COLUMNS.index(name) for name in ("present", "wall", "window", "item", "cos2", "circle")
 )
+TYPICAL = 8  # elements: what sums are divided by, to be about as large as maxima
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
 SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, so that both a room and a move are visible
 
@@ -56,7 +57,7 @@ class GeometryNetwork(nn.Module):
         super().__init__()
         seen = columns - 2  # all but x and y: what counts is how things stand to each other
         relations = 6 * len(SCALES)  # four gaps and two offsets an element
-        ways = 16 * len(SCALES)
+        ways = (8 + 4 + 4) * len(SCALES)  # clearances, how far off their middle, slides
         self.element = nn.Sequential(
             nn.Linear(seen + relations, element_width),
             nn.ReLU(inplace=True),
@@ -79,10 +80,10 @@ class GeometryNetwork(nn.Module):
         # Flat: activations in place on a view would cost copies on the way back.
         described = self.element(described.flatten(0, 1)).unflatten(0, others.shape[:2])
         described = described * others[..., PRESENT, None]  # rows of padding are none
-        pooled = torch.cat([described.amax(1), described.sum(1) / 8], -1)
+        pooled = torch.cat([described.amax(1), described.sum(1) / TYPICAL], -1)
 
         clearance = torch.stack(_clearances(gap, others), 1)  # (B, border or items, 4)
-        uncentred = clearance[..., [0, 3]] - clearance[..., [1, 2]]  # right less left, up less below
+        uncentred = clearance[..., ::3] - clearance[..., 1:3]  # right less left, up less below
         ways = torch.cat([clearance.flatten(1), uncentred.flatten(1), _slides(gap, others)], 1)
         return self.head(self.trunk(torch.cat([pooled, moving[:, 0, Y + 1 :], _scaled(ways)], -1)))
 
@@ -126,7 +127,7 @@ def _slides(gap: Tensor, others: Tensor) -> Tensor:
     border, present = _is_border(others), others[..., PRESENT, None] > 0
     level = _level(gap, torch.where(border, -TOUCHING, TOUCHING)) & present
     near = gap.where((gap > TOUCHING) & (_is_item(others) | (gap == gap.amax(-1, keepdim=True))), FAR)
-    far = -gap[..., [1, 0, 3, 2]]
+    far = -gap.unflatten(-1, (2, 2)).flip(-1).flatten(-2)  # left for right, and so on
     far = far.where((far > TOUCHING) & (_is_item(others) | (gap < -TOUCHING).all(-1, keepdim=True)), FAR)
     return torch.minimum(near, far).where(level, FAR).amin(1)
 

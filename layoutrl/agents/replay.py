@@ -51,8 +51,10 @@ class Replay:
         return sum(column[0].numel() * column.element_size() for column in self._columns)
 
     def add(self, transitions: Transitions) -> None:
-        """Store B transitions; the oldest give way. B must not exceed the capacity."""
+        """Store B transitions; the oldest give way. Raises ValueError where B exceeds the capacity."""
         count = len(transitions.room)
+        if count > self.capacity:
+            raise ValueError(f"expected at most {self.capacity} transitions at once; got {count}")
         slots = (self._next + torch.arange(count, device=self._bit.device)) % self.capacity
         stored = transitions._replace(
             position=(transitions.position / GRID).round(),

@@ -15,9 +15,8 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.episodes import Episodes
+from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.symmetry import Symmetry
-from layoutrl.errors import InputError
 
 REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
@@ -39,7 +38,7 @@ class Progress:
 
 @dataclass
 class Stopwatch:
-    """Seconds spent in each stage since the last reading."""
+    """Seconds that the host spent in each stage since the last reading; a GPU works on meanwhile."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -76,10 +75,10 @@ def train(
 
     An episode is cut after `max_moves` moves, which the agent cannot see: its last transition
     bootstraps like any other. With `goal_iou` it terminates at that IoU, and does not. Illegal moves
-    are never chosen ("dropped, then a new action", section 4.2). Learning starts when `warmup_moves`
-    moves are stored; each update sees an equal share of its batch in every one of the `symmetries`.
-    Yields a report every `report_every` updates; only there, and where `goal_iou` ends episodes, does
-    it wait for the device.
+    are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.
+    Learning starts when `warmup_moves` moves are stored; each update sees an equal share of its batch
+    in every one of the `symmetries`. Yields a report every `report_every` updates; only there, and
+    where `goal_iou` ends episodes, does it wait for the device.
     """
     device = simulator.device
     episode_rng, explore_rng, replay_rng = (
@@ -87,9 +86,7 @@ def train(
     )
     watch = Stopwatch()
     # Of different ages, so that not all end in the same step.
-    running = Episodes(simulator, np.arange(episodes) % max_moves, max_moves, episode_rng, goal_iou)
-    if not running.legal.any():
-        raise InputError("steps: no item can move in any of the rooms drawn; expected shorter steps or larger rooms")
+    running = Episodes(simulator, np.arange(episodes) * max_moves // episodes, max_moves, episode_rng, goal_iou)
     moves = 0
     returns = torch.zeros(episodes, device=device)
     losses, mean_qs, max_qs = [], [], []
@@ -105,17 +102,7 @@ def train(
         moves += episodes
         reward = step.terms.total
         with watch("store"):
-            replay.add(
-                Transitions(
-                    step.room,
-                    step.position,
-                    action,
-                    reward / REWARD_SCALE,
-                    discount * ~step.terminated,
-                    step.next_position,
-                    step.next_legal,
-                )
-            )
+            replay.add(transitions(step, discount))
         returns += reward
         if len(step.ended):
             ended_returns.append(returns[step.ended])
@@ -149,10 +136,19 @@ def train(
             losses, mean_qs, max_qs, ended_returns, ended_ious = [], [], [], [], []
 
 
+def transitions(step: Step, discount: float) -> Transitions:
+    """What is stored of a step."""
+    reward, discounts = step.terms.total / REWARD_SCALE, discount * ~step.terminated
+    return Transitions(step.room, step.position, step.action, reward, discounts, step.next_position, step.next_legal)
+
+
 def _turned(
     observe: Observe, symmetries: Sequence[Symmetry], batch: Transitions, observation: Tensor, next_observation: Tensor
 ) -> tuple[Transitions, Tensor, Tensor]:
-    """The same transitions, an equal share of them in each symmetry: a move becomes the move that it is there."""
+    """The same transitions, an equal share of them in each symmetry: a move becomes the move that it is there.
+
+    Poses stay what they are: nothing but what is observed of them is read from here on.
+    """
 
     def cut(column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
         return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)

@@ -21,11 +21,11 @@ from layoutrl.config import BenchConfig
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
-from layoutrl.monitor import Probe
+from layoutrl.evaluation.probe import Probe
 from layoutrl.rooms.room import Room
 
 TRAINING_IOU, SB3_IOU = 0.95, 0.80  # mean IoU on the held-out rooms, to be reached soon
-POINTS = 20  # of the learning curve of `paper`
+POINTS = 20  # of the learning curve of `image`
 
 
 class Point(NamedTuple):
@@ -43,7 +43,7 @@ class Curve:
     probe: Probe
     points: list[Point] = field(default_factory=list)
     _seconds: float = 0.0
-    _resumed: float = field(default_factory=time.perf_counter)
+    _resumed: float = field(default_factory=lambda: time.perf_counter())
 
     def add(self, updates: int, agent: DQN) -> Point:
         self._seconds += time.perf_counter() - self._resumed
@@ -76,7 +76,7 @@ def training(
     }
 
 
-def paper(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
+def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
     """The paper's network on its pictures, with the moves of the method: how good it gets in `minutes`.
 
     Exploration and learning rate fall over as many updates as a short trial says that there is time for.

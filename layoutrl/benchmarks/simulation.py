@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from torch.utils.benchmark import Timer
 
 from layoutrl import build
 from layoutrl.agents.exploration import explore
-from layoutrl.benchmarks.timing import seconds_of
 from layoutrl.config import BenchConfig
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
@@ -90,7 +90,7 @@ def random_moves(
 ) -> Iterator[Step]:
     """Steps of many episodes, of legal moves drawn at random."""
     generator = torch.Generator(simulator.device).manual_seed(int(seed.generate_state(1)[0]))
-    running = Episodes(simulator, np.arange(episodes) % max_moves, max_moves, generator)
+    running = Episodes(simulator, np.arange(episodes) * max_moves // episodes, max_moves, generator)
     none = torch.zeros(episodes, dtype=torch.int64, device=simulator.device)
     while True:
         yield running.step(explore(none, running.legal, 1.0, generator))
@@ -108,3 +108,9 @@ def random_moves_by_shapely(simulator: Simulator, episodes: int, rng: np.random.
         reward = simulator.reward(room, position).total
         reached, legal = simulator.destinations(room, position)
         yield reward
+
+
+def seconds_of(work: Callable[[], object], at_least: float) -> float:
+    """Median time of a call, after a warm-up, repeated for `at_least` seconds; waits for the GPU."""
+    timer = Timer("work()", globals={"work": work}, num_threads=torch.get_num_threads())
+    return timer.blocked_autorange(min_run_time=at_least).median

@@ -67,7 +67,7 @@ class Episodes:
             ended = np.flatnonzero(truncated | terminated.cpu().numpy())
         step = Step(
             self.room, self.position, action, legal, next_position, next_legal, terms, terminated,
-            torch.as_tensor(ended, device=simulator.device),
+            torch.as_tensor(ended).to(simulator.device, non_blocking=True),
         )  # fmt: skip
         self.position, self._length, self.legal = next_position, length, next_legal
         if len(ended):

@@ -1,4 +1,4 @@
-"""Exact areas and the positions at which an item fits, with shapely. Metres throughout."""
+"""The positions at which an item fits, with shapely; the grid of positions, edges, tables. Metres throughout."""
 
 from __future__ import annotations
 

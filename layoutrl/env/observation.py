@@ -54,7 +54,7 @@ class GeometryObservation:
         return observation
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
-        """How the same rooms look mirrored and turned."""
+        """How the same rooms look mirrored and turned. (An element at 45 degrees can come out as one at -45.)"""
         turned = observation.clone()
         turned[..., X : Y + 1] = observation[..., X : Y + 1] @ symmetry.matrix.T
         if symmetry.quarters % 2:

@@ -16,7 +16,6 @@ from torch import Tensor
 
 from layoutrl.env.areas import box_box, box_polygon, disc_disc, disc_polygon
 from layoutrl.env.geometry import GRID, edges, padded
-from layoutrl.errors import InputError
 from layoutrl.rooms.room import Item
 
 UPRIGHT = 1e-9  # square metres that a rectangle may lack of its bounding box
@@ -61,11 +60,9 @@ class Starts:
     """Regions (rooms,) cut into triangles, to draw places from."""
 
     def __init__(self, regions: np.ndarray, device: torch.device):
-        # Shrunk, since a place that is drawn is rounded to the grid.
+        # Shrunk, since a place that is drawn is rounded to the grid; but for regions narrower than that.
         shrunk = shapely.buffer(regions, -GRID, join_style="mitre")
-        none = np.flatnonzero(shapely.is_empty(shrunk)).tolist()
-        if none:
-            raise InputError(f"rooms {none}: the item that moves is a few micrometres too large for the room")
+        shrunk = np.where(shapely.is_empty(shrunk), regions, shrunk)
         triangles, room = shapely.get_parts(shapely.constrained_delaunay_triangles(shrunk), return_index=True)
         share = padded(shapely.area(triangles), room, len(regions))
         before = np.cumsum(share, 1) - share
@@ -123,7 +120,7 @@ class Shapes:
             """(rooms, ..., longest) from entries (n, ...), ascending by the room (n,) of each."""
             return _tensor(np.nan_to_num(np.moveaxis(padded(entries, of, rooms), 1, -1)), like)
 
-        pieces = [np.empty((0, 4)) if d else _rectangles(shapes[k]) for k, d in zip(first, disc, strict=True)]
+        pieces = [np.empty((0, 4)) if d else _boxes_of(shapes[k]) for k, d in zip(first, disc, strict=True)]
         whole = np.array([not len(p) for p in pieces])
         self._indoor_boxes = table(np.concatenate(pieces), np.repeat(np.arange(rooms), list(map(len, pieces))))
         self._indoor_edges = _edges_table(shapes[first[whole]], np.flatnonzero(whole), rooms, like)
@@ -180,7 +177,9 @@ class Shapes:
     def _in_discs(self, discs: Tensor, room: Tensor, box: Tensor, at: Tensor, half: Tensor) -> tuple[Tensor, Tensor]:
         """Areas shared with discs, centre and radius (B, discs, 3), and their areas: (B, discs) each."""
         center, radius = discs[..., :2], discs[..., 2]
-        sides = box[:, None, [[0, 1, 2, 1], [2, 1, 2, 3], [2, 3, 0, 3], [0, 3, 0, 1]]]  # (B, 1, 4, 4)
+        x0, y0, x1, y1 = box.T
+        corners = torch.stack([x0, y0, x1, y0, x1, y1, x0, y1, x0, y0], 1)
+        sides = corners.unfold(1, 4, 2)[:, None]  # (B, 1, sides, 4)
         in_box = disc_polygon(center, radius, sides) if self._any_box else None
         distance_squared = (center - at[:, None]).square().sum(2)
         in_disc = disc_disc(distance_squared, radius, half[:, :1]) if self._any_disc else None
@@ -204,7 +203,7 @@ def _iou(shared: Tensor, area: Tensor, item: Tensor) -> Tensor:
     return shared / (item + area - shared)
 
 
-def _rectangles(polygon: Polygon) -> np.ndarray:
+def _boxes_of(polygon: Polygon) -> np.ndarray:
     """A polygon of upright and level sides, cut into boxes x0, y0, x1, y1: (n, 4); none of any other."""
     x0, y0, x1, y1 = edges(np.array([polygon]))[0].T
     if np.minimum(np.abs(x1 - x0), np.abs(y1 - y0)).max() > GRID / 1000:

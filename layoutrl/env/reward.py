@@ -13,7 +13,7 @@ REWARD_RANGE = (-200.0, 100.0)
 
 
 class RewardTerms(NamedTuple, Generic[Array]):
-    """The three terms for B poses, each of shape (B,), and the areas that they come from."""
+    """The three terms for B poses, each of shape (B,), and the IoU that the first comes from."""
 
     r1: Array  # towards the designer's place
     r2: Array  # off walls, doors, windows and other items

@@ -158,7 +158,7 @@ class Simulator:
         iou = np.nan_to_num(shared / (item[:, None] + areas - shared))
         return self.weights(iou[:, 1], iou[:, 2:].sum(1), shared[:, 0] / item, iou[:, 0])
 
-    def coverage(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def overlap_and_outside(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
         shares = self._shared_areas(room, position) / self._item_area[room][:, None]
         return np.minimum((shares * self._is_other[room]).sum(1), 1), np.clip(1 - shares[:, 0], 0, 1)

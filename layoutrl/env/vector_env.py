@@ -100,9 +100,9 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _told(
         self, room: Tensor, position: Tensor, legal: Tensor, terms: RewardTerms[Tensor], illegal: Tensor
     ) -> dict[str, Any]:
-        ious = {name: _array(term.double()) for name, term in terms._asdict().items()}
+        rewards = {name: _array(term.double()) for name, term in terms._asdict().items()}
         info = {"legal": legal, "position": position, "room": room, "illegal": illegal}
-        return self._masked(ious | {name: _array(values) for name, values in info.items()})
+        return self._masked(rewards | {name: _array(values) for name, values in info.items()})
 
     def _masked(self, info: dict[str, Any]) -> dict[str, Any]:
         """Gymnasium's form of info: beside every entry a mask of the environments that have it, here all."""

@@ -28,7 +28,7 @@ class Score:
 def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score:
     """Score final positions (B, 2) in rooms (B,)."""
     iou = simulator.reward(room, position).iou
-    overlap, outside = simulator.coverage(room, position)
+    overlap, outside = simulator.overlap_and_outside(room, position)
     group = np.array([simulator.rooms[r].group for r in room])
     means = np.array([iou[group == g].mean() for g in np.unique(group)])
     return Score(
@@ -46,7 +46,7 @@ def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) 
     """The best IoU that the moves can reach from each start (B, 2): no stopping place scores higher. (B,)
 
     Each axis offers the multiples of the shortest step from the start and, with slides, from every
-    contact with the outline. Whether they can be reached through the room is not asked. Exact for upright
+    contact with the outline or an item. Whether they can be reached through the room is not asked. Exact for upright
     rectangles and circles; for items at an angle, the best of the 15 nearest values an axis.
     """
     designer, step = simulator.designer_position[room], simulator.steps.min(1)[room, None, None]

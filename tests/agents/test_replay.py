@@ -212,3 +212,8 @@ def test_nothing_stored_changes_nothing():
     replay.add(numbered(3, 0))
     assert replay.size == 3
     assert numbers(replay) == {0, 1, 2}
+
+
+def test_more_than_it_holds_at_once_is_refused() -> None:
+    with pytest.raises(ValueError, match="at most 10"):
+        Replay(10, 4).add(Transitions(*(torch.zeros(11, *shape) for shape in ((), (2,), (), (), (), (2,), (4,)))))

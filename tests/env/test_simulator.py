@@ -90,7 +90,7 @@ def test_the_reward_of_a_room_worked_out_by_hand(center: tuple[float, float], r1
 
 def test_the_coverage_of_a_room_worked_out_by_hand() -> None:
     simulator = simulator_of(HAND_ROOM)
-    covered, outside = simulator.coverage(*at(simulator, (1.0, 1.0), (2.75, 2.0), (3.0, 2.7), (0.0, 3.0)))
+    covered, outside = simulator.overlap_and_outside(*at(simulator, (1.0, 1.0), (2.75, 2.0), (3.0, 2.7), (0.0, 3.0)))
     assert covered == pytest.approx([0, 0.75, 0.3, 0])  # walls and openings are no items
     assert outside == pytest.approx([0, 0, 0.2, 0.75])
 
@@ -124,7 +124,7 @@ def test_the_reward_agrees_with_the_direct_one_on_random_poses(seed: int, inside
 @given(seeds)
 def test_the_coverage_agrees_with_the_direct_one_on_random_poses(seed: int) -> None:
     rooms, index, position = drawn(seed)
-    covered, outside = simulator_of(*rooms).coverage(index, position)
+    covered, outside = simulator_of(*rooms).overlap_and_outside(index, position)
     for k, (r, p) in enumerate(zip(index, position, strict=True)):
         item = rooms[r].moving.footprint_at(tuple(p))
         shared = sum(item.intersection(other.footprint).area for other in rooms[r].furniture[1:])
@@ -533,7 +533,7 @@ def test_a_room_among_others_answers_as_it_does_alone(seed: int) -> None:
     index = rng.permutation(np.repeat(np.arange(len(rooms)), 6))
     position = together.starts(index, rng)
     reached, legal = together.destinations(index, position)
-    terms, coverage = together.reward(index, position), together.coverage(index, position)
+    terms, coverage = together.reward(index, position), together.overlap_and_outside(index, position)
     for r, room in enumerate(rooms):
         mine = index == r
         zeros = np.zeros(mine.sum(), dtype=int)
@@ -543,7 +543,7 @@ def test_a_room_among_others_answers_as_it_does_alone(seed: int) -> None:
         assert np.array_equal(alone.is_legal(zeros, position[mine]), together.is_legal(index, position)[mine])
         for a, b in zip(alone.reward(zeros, position[mine]), terms, strict=True):
             assert np.allclose(a, b[mine], rtol=0, atol=1e-9)
-        for a, b in zip(alone.coverage(zeros, position[mine]), coverage, strict=True):
+        for a, b in zip(alone.overlap_and_outside(zeros, position[mine]), coverage, strict=True):
             assert np.allclose(a, b[mine], rtol=0, atol=1e-9)
 
 

@@ -13,9 +13,9 @@ from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import lattice_ceiling
+from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import rollout
 from layoutrl.evaluation.report import AGENT, evaluate
-from layoutrl.monitor import Probe
 from layoutrl.rooms.room import Item
 from tests.builders import l_room, rectangular_room
 
