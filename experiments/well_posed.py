@@ -24,9 +24,10 @@ import torch
 from torch import Tensor, nn
 
 from layoutrl.agents.networks import upright_box
-from layoutrl.env.observation import COLUMNS, WIDTH, GeometryObservation, X, Y, categories_of
+from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.baselines import nearest_room_place, nearest_wall_place, random_wall_place
 from layoutrl.rooms.designer.generator import design_room, design_rooms
 from layoutrl.rooms.designer.search import TIE
@@ -111,19 +112,6 @@ def _anchors(center: Tensor, half: Tensor) -> Tensor:
     )
 
 
-def turned(elements: Tensor, target: Tensor, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    """A batch of upright rooms in one of the eight symmetries of the square."""
-    elements, target = elements.clone(), target.clone()
-    for axis, mirrored in ((0, rng.random() < 0.5), (1, rng.random() < 0.5)):
-        if mirrored:
-            elements[..., X + axis] *= -1
-            target[:, axis] *= -1
-    if rng.random() < 0.5:
-        elements[..., [X, Y, WIDTH, WIDTH + 1]] = elements[..., [Y, X, WIDTH + 1, WIDTH]]
-        target = target.flip(1)
-    return elements, target
-
-
 def regression(training: list[Room], held_out: list[Room], steps: int, seed: int) -> dict[str, Any]:
     """Train for so many steps on the training rooms and score on the held-out ones."""
     rng = np.random.default_rng(seed)
@@ -137,6 +125,7 @@ def regression(training: list[Room], held_out: list[Room], steps: int, seed: int
         # The item stands in the middle of the room: its own place tells nothing.
         sets[name] = observe(torch.arange(len(rooms)), middle), truth, middle
     elements, truth, _ = sets["training"]
+    views = symmetries(Moves())
     with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
         torch.manual_seed(seed)
         network = Regressor(elements.shape[-1])
@@ -146,7 +135,8 @@ def regression(training: list[Room], held_out: list[Room], steps: int, seed: int
         for group in optimiser.param_groups:
             group["lr"] = 1e-3 * min(1.0, (step + 1) / 200, 1.02 - step / steps)
         rows = torch.as_tensor(rng.integers(len(elements), size=256))
-        batch, goal = turned(elements[rows], truth[rows], rng)
+        view = views[rng.integers(len(views))]
+        batch, goal = observe.turned(elements[rows], view), truth[rows] @ view.matrix.T
         weight, center = network(batch)
         error = (center - goal[..., None]).abs()
         loss = -torch.logsumexp(weight - error / 0.02, -1).mean()  # Laplace, 2 cm wide
