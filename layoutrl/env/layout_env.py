@@ -11,13 +11,22 @@ import torch
 from gymnasium import spaces
 
 from layoutrl.env.geometry import snap
-from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.errors import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Room
+
+
+def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
+    """The rooms, or ten designed bedrooms where None are given. Raises InputError for an empty list."""
+    if rooms is None:
+        return design_rooms("bedroom", "train", seed=0, count=10).rooms
+    if not rooms:
+        raise InputError("rooms: expected at least one room")
+    return rooms
 
 
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -50,24 +59,16 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         max_moves: int = 100,
         render_mode: str | None = None,
     ):
-        if rooms is None:
-            rooms = design_rooms("bedroom", "train", seed=0, count=10).rooms
-        if not rooms:
-            raise InputError("rooms: expected at least one room")
-        if observation not in ("geometry", "image") or on_illegal not in ("drop", "stop"):
-            raise ValueError(f"unknown observation {observation!r} or on_illegal {on_illegal!r}")
+        if on_illegal not in ("drop", "stop"):
+            raise ValueError(f"unknown on_illegal {on_illegal!r}")
+        rooms = given_or_some(rooms)
         self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())
         self.max_moves = max_moves
         self.on_illegal = on_illegal
         self.render_mode = render_mode
         self.action_space = spaces.Discrete(self.simulator.moves.count)
-        self._observe: GeometryObservation | ImageObservation
-        if observation == "image":
-            self._observe = ImageObservation(rooms)
-            self.observation_space = spaces.Box(0, 255, self._observe.shape, np.uint8)
-        else:
-            geometry = self._observe = GeometryObservation(rooms, categories_of(rooms))
-            self.observation_space = spaces.Box(-geometry.limit, geometry.limit, geometry.shape, np.float32)
+        self._observe = observation_of(observation, rooms)
+        self.observation_space = self._observe.space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import shapely
 import torch
+from gymnasium import spaces
 from torch import Tensor
 
 from layoutrl.env import coverage
@@ -27,6 +29,17 @@ X, Y, WIDTH, DEPTH, SIN2 = (COLUMNS.index(name) for name in ("x", "y", "width", 
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
 
+def observation_of(
+    kind: Literal["geometry", "image"], rooms: Sequence[Room], device: torch.device | str = "cpu"
+) -> GeometryObservation | ImageObservation:
+    """What is seen of the rooms, which are all that are known: no furniture category but theirs is."""
+    if kind == "geometry":
+        return GeometryObservation(rooms, categories_of(rooms), device)
+    if kind == "image":
+        return ImageObservation(rooms, device)
+    raise ValueError(f"unknown observation {kind!r}")
+
+
 class GeometryObservation:
     """The state as a set of elements: float32 (B, elements, columns); the moving item comes first.
 
@@ -39,11 +52,11 @@ class GeometryObservation:
         envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
         origin = envelope.mean(1)
         elements, of = _elements(rooms, list(categories), origin)
-        # No entry of an observation is larger than this.
-        self.limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(elements).max()))
         table = np.nan_to_num(padded(elements, of, len(rooms)))
-        self.shape = (max(2, table.shape[1]), table.shape[2])
-        self._elements = torch.zeros(len(rooms), *self.shape, device=device)
+        shape = (max(2, table.shape[1]), table.shape[2])
+        limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(elements).max()))  # no entry is larger
+        self.space = spaces.Box(-limit, limit, shape, np.float32)
+        self._elements = torch.zeros(len(rooms), *shape, device=device)
         self._elements[:, : table.shape[1]] = torch.as_tensor(table, dtype=torch.float32)
         self._origin = torch.tensor(origin, device=device)  # float64, as positions
 
@@ -70,9 +83,8 @@ class ImageObservation:
     What does not move is copied; the item is painted into a window of it that holds the largest item of the rooms.
     """
 
-    shape = (SIDE_PX, SIDE_PX, 3)
-
     def __init__(self, rooms: Sequence[Room], device: torch.device | str = "cpu"):
+        self.space = spaces.Box(0, 255, (SIDE_PX, SIDE_PX, 3), np.uint8)
         views = [View(room) for room in rooms]
         self._backgrounds = torch.as_tensor(np.stack([background(room) for room in rooms]), device=device)
         self._scale = torch.tensor([[view.scale, -view.scale] for view in views], dtype=torch.float64, device=device)

@@ -14,11 +14,10 @@ from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.layout_env import given_or_some
+from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.errors import InputError
-from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Room
 
 
@@ -47,22 +46,12 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         max_moves: int = 100,
         device: torch.device | str = "cpu",
     ):
-        if rooms is None:
-            rooms = design_rooms("bedroom", "train", seed=0, count=10).rooms
-        if not rooms:
-            raise InputError("rooms: expected at least one room")
+        rooms = given_or_some(rooms)
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.simulator = BatchSimulator(Simulator(rooms, moves or Moves(), reward or Reward()), device)
-        self._observe: GeometryObservation | ImageObservation
-        if observation == "image":
-            self._observe = ImageObservation(rooms, device)
-            self.single_observation_space = spaces.Box(0, 255, self._observe.shape, np.uint8)
-        elif observation == "geometry":
-            geometry = self._observe = GeometryObservation(rooms, categories_of(rooms), device)
-            self.single_observation_space = spaces.Box(-geometry.limit, geometry.limit, geometry.shape, np.float32)
-        else:
-            raise ValueError(f"unknown observation {observation!r}")
+        self._observe = observation_of(observation, rooms, device)
+        self.single_observation_space = self._observe.space
         self.single_action_space = spaces.Discrete(self.simulator.moves.count)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -113,7 +113,7 @@ def run_of(
     observe = GeometryObservation(rooms, categories_of(rooms))
     with torch.random.fork_rng():
         torch.manual_seed(1)
-        network = GeometryNetwork(observe.shape[1], moves.count, element_width=8, width=16)
+        network = GeometryNetwork(observe.space.shape[1], moves.count, element_width=8, width=16)
     agent = RecordedDQN(network, learning_rate, settings["updates"], target_period=20, double=True)
     agent.tape = []
     run = Run(simulator, agent, RecordedReplay(capacity, moves.count, agent.tape), agent.tape)
@@ -375,7 +375,7 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     observe, turned = GeometryObservation([room], ["bed"]), GeometryObservation(rooms, ["bed"])
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        network = GeometryNetwork(observe.shape[1], 4, element_width=16, width=64)
+        network = GeometryNetwork(observe.space.shape[1], 4, element_width=16, width=64)
     agent = DQN(network, 3e-3, 800, target_period=25, double=True)
     settings = SETTINGS | {"updates": 800, "batch": 128, "episodes": 16, "max_moves": 12, "warmup_moves": 200}
     views = [Symmetry(0, False, moves), Symmetry(1, True, moves)]

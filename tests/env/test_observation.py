@@ -96,7 +96,7 @@ def test_rooms_that_differ_only_in_the_designers_place_look_the_same(seed):
         assert other.moving.center != room.moving.center
         geometry = [GeometryObservation([r], categories) for r in (room, other)]
         assert torch.equal(*(observed(o, positions) for o in geometry))
-        assert geometry[0].limit == geometry[1].limit
+        assert geometry[0].space == geometry[1].space
         assert torch.equal(*(observed(ImageObservation([r]), positions) for r in (room, other)))
 
 
@@ -247,7 +247,7 @@ def test_no_entry_is_larger_than_the_limit_in_upright_rooms(seed):
     width, depth = rng.uniform(1.5, 6, 2)
     room = rectangular_room(width, depth, Item("bed", (1.0, 0.4), (width / 2, depth / 2), float(rng.uniform(0, 360))))
     observation = GeometryObservation([room], ["bed"])
-    assert observed(observation, positions_in(room, 4, rng)).abs().max() <= observation.limit
+    assert observed(observation, positions_in(room, 4, rng)).abs().max() <= observation.space.high.max()
 
 
 @given(SEEDS)
@@ -259,10 +259,10 @@ def test_a_room_is_shown_the_same_among_larger_ones_apart_from_rows_of_zeros(see
     alone, both = GeometryObservation([room], categories), GeometryObservation([other, room], categories)
     positions = positions_in(room, 3, rng)
     shown, among = observed(alone, positions), observed(both, positions, room=1)
-    assert shown.shape == (3, *alone.shape)
-    assert among.shape == (3, *both.shape)
-    assert torch.equal(among[:, : alone.shape[0]], shown)
-    assert (among[:, alone.shape[0] :] == 0).all()
+    assert shown.shape == (3, *alone.space.shape)
+    assert among.shape == (3, *both.space.shape)
+    assert torch.equal(among[:, : alone.space.shape[0]], shown)
+    assert (among[:, alone.space.shape[0] :] == 0).all()
     assert (shown[..., COLUMNS.index("present")] == 1).all()
 
 
@@ -346,11 +346,11 @@ def test_a_large_batch_shows_each_pose_as_a_small_one():
     room = torch.as_tensor(rng.integers(3, size=2 * BLOCK + 3))
     positions = torch.as_tensor(rng.uniform((0, 0), (4, 3), (len(room), 2)))
     shown = observation(room, positions)
-    assert shown.shape == (len(room), *ImageObservation.shape)
+    assert shown.shape == (len(room), *observation.space.shape)
     for first in range(0, len(room), 100):
         part = slice(first, first + 100)
         assert torch.equal(shown[part], observation(room[part], positions[part]))
-    assert observation(room[:0], positions[:0]).shape == (0, *ImageObservation.shape)
+    assert observation(room[:0], positions[:0]).shape == (0, *observation.space.shape)
 
 
 def test_an_image_is_made_without_waiting_for_any_value_of_the_batch():
@@ -359,7 +359,7 @@ def test_an_image_is_made_without_waiting_for_any_value_of_the_batch():
     # On this device tensors have no values: to ask for one, or for as many as a condition picks, raises.
     room = torch.zeros(5, dtype=torch.long, device="meta")
     positions = torch.zeros(5, 2, dtype=torch.float64, device="meta")
-    assert ImageObservation(rooms, "meta")(room, positions).shape == (5, *ImageObservation.shape)
+    assert ImageObservation(rooms, "meta")(room, positions).shape == (5, 128, 128, 3)
 
 
 @pytest.mark.parametrize("device", DEVICES)

@@ -218,7 +218,7 @@ def test_rollouts_never_hang_on_the_designers_place(seed, on_illegal):
             batch_simulator = BatchSimulator(Simulator([moved], Moves((0.6, 0.2)), Reward()))
             observe = GeometryObservation([moved], [room.moving.category])
             torch.manual_seed(seed)
-            network = GeometryNetwork(observe.shape[1], simulator.moves.count, element_width=8, width=16)
+            network = GeometryNetwork(observe.space.shape[1], simulator.moves.count, element_width=8, width=16)
             agent = DQN(network, 1e-3, 10, 10, double=True)
             runs.append(rollout(agent, batch_simulator, observe, index, starts, 30, on_illegal))
     for run in runs[1:]:
@@ -231,7 +231,7 @@ def test_neither_starts_nor_agent_are_changed_by_a_rollout():
     room = wide_room()
     simulator, observe = Simulator([room], STEPS, Reward()), GeometryObservation([room], ["bed"])
     batch_simulator = BatchSimulator(simulator)
-    agent = DQN(GeometryNetwork(observe.shape[1], 4, element_width=8, width=16), 1e-3, 10, 10, double=False)
+    agent = DQN(GeometryNetwork(observe.space.shape[1], 4, element_width=8, width=16), 1e-3, 10, 10, double=False)
     starts = simulator.starts(np.zeros(5, dtype=int), np.random.default_rng(0))
     copies, weights = starts.copy(), [p.clone() for p in agent.network.parameters()]
     runs = [rollout(agent, batch_simulator, observe, np.zeros(5, dtype=int), starts, 10) for _ in range(2)]

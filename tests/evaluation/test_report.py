@@ -32,7 +32,7 @@ OBSERVE = GeometryObservation(ROOMS, ["bed", "lamp"])
 def agent() -> DQN:
     with torch.random.fork_rng():
         torch.manual_seed(2)
-        network = GeometryNetwork(OBSERVE.shape[1], EXACT.moves.count, element_width=8, width=16)
+        network = GeometryNetwork(OBSERVE.space.shape[1], EXACT.moves.count, element_width=8, width=16)
     return DQN(network, 1e-3, 10, 10, double=True)
 
 
