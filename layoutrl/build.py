@@ -22,7 +22,7 @@ from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Progress, train
 from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation
+from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
@@ -117,38 +117,54 @@ def agent(
     return DQN(network.to(device), method.learning_rate, updates, method.target_period, method.double)
 
 
-def training(
-    agent: DQN,
-    simulator: BatchSimulator,
-    observe: Observe,
-    replay: Replay,
-    method: MethodConfig,
-    updates: int,
-    report_every: int,
-    seed: np.random.SeedSequence,
-) -> Iterator[Progress]:
-    """The training loop, as the method has it."""
-    rooms = torch.arange(len(simulator.rooms), device=simulator.device)
-    designed = torch.tensor(np.array([room.moving.center for room in simulator.rooms]), device=simulator.device)
-    if not simulator.reach(rooms, designed)[1].any():
-        raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
-    return train(
-        agent,
-        simulator,
-        observe,
-        replay,
-        LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * updates)),
-        updates=updates,
-        batch=method.batch,
-        episodes=method.episodes,
-        max_moves=method.max_moves,
-        discount=method.discount,
-        goal_iou=method.goal_iou if method.goal_terminates else None,
-        warmup_moves=method.warmup_moves,
-        report_every=report_every,
-        symmetries=symmetries(simulator.moves, simulator.device)[: 8 if method.symmetries else 1],
-        seed=seed,
-    )
+class Learner:
+    """An untrained agent and all that it learns from.
+
+    Raises InputError where no item can move.
+    """
+
+    def __init__(
+        self,
+        rooms: Sequence[Room],
+        method: MethodConfig,
+        reward: RewardConfig,
+        updates: int,
+        network_seed: np.random.SeedSequence,
+        training_seed: np.random.SeedSequence,
+        device: torch.device,
+    ):
+        self.categories = categories_of(rooms)
+        self.method = method
+        self.updates = updates
+        self.simulator = BatchSimulator(simulator(rooms, method, reward), device)
+        self.observe = observation(rooms, method, self.categories, device)
+        self.agent = agent(method, self.categories, updates, network_seed, device)
+        self.replay = Replay(method.replay_capacity, self.simulator.moves.count, device)
+        self._seed = training_seed
+        designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
+        if not self.simulator.reach(torch.arange(len(rooms), device=device), designed)[1].any():
+            raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
+
+    def train(self, report_every: int) -> Iterator[Progress]:
+        """The training loop, as the method has it."""
+        method, moves = self.method, self.simulator.moves
+        return train(
+            self.agent,
+            self.simulator,
+            self.observe,
+            self.replay,
+            LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * self.updates)),
+            updates=self.updates,
+            batch=method.batch,
+            episodes=method.episodes,
+            max_moves=method.max_moves,
+            discount=method.discount,
+            goal_iou=method.goal_iou if method.goal_terminates else None,
+            warmup_moves=method.warmup_moves,
+            report_every=report_every,
+            symmetries=symmetries(moves, self.simulator.device)[: 8 if method.symmetries else 1],
+            seed=self._seed,
+        )
 
 
 def probe(

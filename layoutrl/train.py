@@ -11,10 +11,7 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
-from layoutrl.agents.replay import Replay
 from layoutrl.config import TrainConfig, config_directory, register
-from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import categories_of
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import watched
@@ -39,21 +36,16 @@ def run(config: TrainConfig) -> Path:
         )
     print(f"training on {len(training)} rooms, {len(held_out)} held out")
 
-    categories = categories_of(training)
-    simulator = BatchSimulator(build.simulator(training, method, reward), device)
-    observe = build.observation(training, method, categories, device)
-    agent = build.agent(method, categories, updates, network_seed, device)
-
+    learner = build.Learner(training, method, reward, updates, network_seed, training_seed, device)
+    agent, categories = learner.agent, learner.categories
     probes = {}
     for (name, rooms), seed in zip((("train", training), ("held_out", held_out)), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
         few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
         probes[name] = build.probe([rooms[k] for k in few], method, reward, categories, rng, device)
-    replay = Replay(method.replay_capacity, simulator.moves.count, device)
-    report_every = max(1, updates // budget.reports)
-    reports = build.training(agent, simulator, observe, replay, method, updates, report_every, training_seed)
     folder = new_folder(config)
     began = time.perf_counter()
+    reports = learner.train(max(1, updates // budget.reports))
     try:
         for _ in watched(reports, agent, probes, folder, updates, max(1, updates // budget.evaluations)):
             save_checkpoint(folder, agent, categories)

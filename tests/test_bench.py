@@ -18,7 +18,7 @@ from PIL import Image
 
 from layoutrl import bench, build
 from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
-from layoutrl.benchmarks.learning import ENDLESS, Learner
+from layoutrl.benchmarks.learning import bare_passes, fill, untrained
 from layoutrl.benchmarks.simulation import with_items
 from layoutrl.config import BenchConfig, config_directory
 from layoutrl.errors import InputError
@@ -85,8 +85,8 @@ def test_training_with_a_full_replay_is_measured_in_a_process_of_its_own(benched
 @pytest.mark.parametrize("double", [True, False])
 def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) -> None:
     config = configured(f"method.double={double}", f"data.root={tmp_path}")
-    learner = Learner(config, build.rooms(config.room, config.data, config.fold)[0], CPU, ENDLESS)
-    learner.fill()
+    learner = untrained(config, build.rooms(config.room, config.data, config.fold)[0], CPU)
+    fill(learner)
     reports = learner.train(1)
     next(reports)
     calls: list[tuple[str, tuple[int, ...], bool]] = []
@@ -100,7 +100,7 @@ def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) ->
     next(reports)
     update = calls[1:]  # the first is to act
     calls.clear()
-    learner.bare_passes()()
+    bare_passes(learner)()
     assert sorted(calls) == sorted(update)
     assert len(calls) == (4 if double else 3)
 
@@ -143,7 +143,7 @@ def test_where_sb3_is_missing_one_line_says_how_to_install_it(tmp_path: Path) ->
 def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
     config = configured(f"data.root={tmp_path}", "method.target_period=10")
     training, held_out = build.rooms(config.room, config.data, config.fold)
-    learner = Learner(config, training, CPU, updates=25)
+    learner = untrained(config, training, CPU, updates=25)
     before = [weights.clone() for weights in learner.agent.network.parameters()]
     curve = learned_by_sb3(config, training, learner, held_out_probe(config, training, held_out, CPU))
     assert [point.updates for point in curve.points] == [10, 20, 25]

@@ -11,12 +11,7 @@ import pytest
 import torch
 
 from layoutrl import build
-from layoutrl.agents.replay import Replay
-from layoutrl.config import MethodConfig
-from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import GeometryObservation
-from layoutrl.env.reward import Reward
-from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.config import MethodConfig, RewardConfig
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
@@ -46,16 +41,7 @@ def test_memory_that_was_freed_is_there_when_it_is_asked_for_again() -> None:
 def test_rooms_in_which_nothing_can_move_are_refused_before_any_training() -> None:
     room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
     method = MethodConfig(steps=[0.4], unit="metre", slide=False, observation="geometry", dueling=False, double=False)
-    method.learning_rate, method.target_period = 1e-3, 10
-    seed, cpu = np.random.SeedSequence(0), torch.device("cpu")
+    method.learning_rate, method.target_period, method.replay_capacity = 1e-3, 10, 10
+    seed = np.random.SeedSequence(0)
     with pytest.raises(InputError, match="steps"):
-        build.training(
-            build.agent(method, ["bed"], 1, seed, cpu),
-            BatchSimulator(Simulator([room], Moves((0.4,), slide=False), Reward())),
-            GeometryObservation([room], ["bed"]),
-            Replay(10, 4),
-            method,
-            1,
-            1,
-            seed,
-        )
+        build.Learner([room], method, RewardConfig(), 1, seed, seed, torch.device("cpu"))

@@ -16,7 +16,8 @@ from torch import nn
 from layoutrl import build
 from layoutrl.agents.dqn import DQN
 from layoutrl.agents.training import REWARD_SCALE
-from layoutrl.benchmarks.learning import ENDLESS, Learner, training_pace
+from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
+from layoutrl.build import Learner
 from layoutrl.config import BenchConfig
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import categories_of
@@ -63,7 +64,7 @@ def training(
 ) -> dict[str, Any]:
     """A whole training: how long until it is good, and how good it gets."""
     began = time.perf_counter()
-    learner = Learner(config, rooms, device, config.method.updates[config.budget.name])
+    learner = untrained(config, rooms, device, config.method.updates[config.budget.name])
     setup = (time.perf_counter() - began) / 60
     curve = learned(learner, held_out_probe(config, rooms, held_out, device), config.probe_every)
     to_goal = curve.minutes_to(TRAINING_IOU)
@@ -85,9 +86,9 @@ def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
         config.method, observation="image", batch=config.paper.batch, learning_rate=config.paper.learning_rate
     )
     config = replace(config, method=method)
-    pace = training_pace(Learner(config, rooms, device, ENDLESS), config.seconds)
+    pace = training_pace(untrained(config, rooms, device), config.seconds)
     updates = max(1, round(60 * config.minutes * pace))
-    learner = Learner(config, rooms, device, updates)
+    learner = untrained(config, rooms, device, updates)
     probe = held_out_probe(config, rooms, held_out, device)
     curve = learned(learner, probe, max(1, updates // POINTS), minutes=config.minutes)
     in_time = [point for point in curve.points if point.seconds <= 60 * config.minutes]
@@ -104,8 +105,8 @@ def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], de
     updates = config.method.updates[config.budget.name]
     probe = held_out_probe(config, rooms, held_out, device)
     curves = {
-        "layoutrl": learned(Learner(config, rooms, device, updates), probe, config.probe_every, iou=SB3_IOU),
-        "SB3": learned_by_sb3(config, rooms, Learner(config, rooms, device, updates), probe),
+        "layoutrl": learned(untrained(config, rooms, device, updates), probe, config.probe_every, iou=SB3_IOU),
+        "SB3": learned_by_sb3(config, rooms, untrained(config, rooms, device, updates), probe),
     }
     ours, theirs = (curve.minutes_to(SB3_IOU) for curve in curves.values())
     last = {name: curve.points[-1] for name, curve in curves.items()}

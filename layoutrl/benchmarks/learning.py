@@ -6,7 +6,7 @@ import multiprocessing
 import re
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -18,11 +18,11 @@ import torch
 
 from layoutrl import build
 from layoutrl.agents.dqn import DQN
-from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.agents.training import Progress, transitions
+from layoutrl.agents.replay import Transitions
+from layoutrl.agents.training import transitions
 from layoutrl.benchmarks.simulation import moves, random_moves, seconds_of
+from layoutrl.build import Learner
 from layoutrl.config import BenchConfig
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import categories_of
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate
@@ -33,65 +33,47 @@ REPORT = 5  # updates timed together
 ACTING = ("act", "simulate", "store")  # stages of training that are not the learner's
 
 
-class Learner:
-    """An untrained agent and all that it learns from, as `layoutrl.train` has them."""
+def untrained(config: BenchConfig, rooms: Sequence[Room], device: torch.device, updates: int = ENDLESS) -> Learner:
+    """The learner that `layoutrl.train` has with this seed."""
+    network_seed, training_seed = np.random.SeedSequence(config.seed).spawn(2)
+    return Learner(rooms, config.method, config.reward, updates, network_seed, training_seed, device)
 
-    def __init__(self, config: BenchConfig, rooms: Sequence[Room], device: torch.device, updates: int):
-        method, categories = config.method, categories_of(rooms)
-        network_seed, self._training_seed, self._fill_seed = np.random.SeedSequence(config.seed).spawn(3)
-        self.method = method
-        self.updates = updates
-        self.simulator = BatchSimulator(build.simulator(rooms, method, config.reward), device)
-        self.observe = build.observation(rooms, method, categories, device)
-        self.agent = build.agent(method, categories, updates, network_seed, device)
-        self.replay = Replay(method.replay_capacity, self.simulator.moves.count, device)
 
-    def train(self, report_every: int) -> Iterator[Progress]:
-        return build.training(
-            self.agent,
-            self.simulator,
-            self.observe,
-            self.replay,
-            self.method,
-            self.updates,
-            report_every,
-            self._training_seed,
-        )
+def fill(learner: Learner) -> None:
+    """Fill the replay with random moves: as late in training, samples are spread over much memory."""
+    play = random_moves(learner.simulator, learner.method.batch, learner.method.max_moves, np.random.SeedSequence(0))
+    while learner.replay.size < learner.replay.capacity:
+        learner.replay.add(transitions(next(play), learner.method.discount))
 
-    def fill(self) -> None:
-        """Fill the replay with random moves: as late in training, samples are spread over much memory."""
-        play = random_moves(self.simulator, self.method.batch, self.method.max_moves, self._fill_seed)
-        while self.replay.size < self.replay.capacity:
-            self.replay.add(transitions(next(play), self.method.discount))
 
-    def sample(self, count: int) -> Transitions:
-        generator = torch.Generator(self.simulator.device).manual_seed(0)
-        return self.replay.sample(count, generator)
+def sample(learner: Learner, count: int) -> Transitions:
+    return learner.replay.sample(count, torch.Generator(learner.simulator.device).manual_seed(0))
 
-    def bare_passes(self) -> Callable[[], None]:
-        """The forward and backward passes of one update, on observations that are there: no learner is faster."""
-        agent, batch = self.agent, self.sample(self.method.batch)
-        observation = self.observe(batch.room, batch.position)
-        next_observation = self.observe(batch.room, batch.next_position)
 
-        def passes() -> None:
-            with torch.no_grad():
-                agent.target(next_observation)
-                if agent.double:
-                    agent.network(next_observation)
-            agent.network.zero_grad()
-            agent.network(observation).sum().backward()
+def bare_passes(learner: Learner) -> Callable[[], None]:
+    """The forward and backward passes of one update, on observations that are there: no learner is faster."""
+    agent, batch = learner.agent, sample(learner, learner.method.batch)
+    observation = learner.observe(batch.room, batch.position)
+    next_observation = learner.observe(batch.room, batch.next_position)
 
-        return passes
+    def passes() -> None:
+        with torch.no_grad():
+            agent.target(next_observation)
+            if agent.double:
+                agent.network(next_observation)
+        agent.network.zero_grad()
+        agent.network(observation).sum().backward()
+
+    return passes
 
 
 def speed(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
     """Simulator, observations, learners, set-up and evaluation."""
     began = time.perf_counter()
-    learner = Learner(config, rooms, device, ENDLESS)
+    learner = untrained(config, rooms, device)
     result: dict[str, Any] = {"setup_seconds": time.perf_counter() - began}
     result |= moves(config, rooms, device)
-    pictured = Learner(replace(config, method=config.paper), rooms, device, ENDLESS)
+    pictured = untrained(replace(config, method=config.paper), rooms, device)
     rates = {
         each.method.name: learning(each, poses, config.seconds)
         for each, poses in ((learner, config.batch), (pictured, config.images))
@@ -107,10 +89,10 @@ def learning(learner: Learner, poses: int, seconds: float) -> dict[str, float]:
     The learner's time is the loop's but for acting; the whole loop's on a GPU, of whose stages the host knows nothing.
     Loop and bare passes are timed in turn, as their ratio counts.
     """
-    learner.fill()
-    device, sampled = learner.simulator.device, learner.sample(poses)
+    fill(learner)
+    device, sampled = learner.simulator.device, sample(learner, poses)
     observations = poses / seconds_of(partial(learner.observe, sampled.room, sampled.position), seconds)
-    reports, passes = learner.train(REPORT), learner.bare_passes()
+    reports, passes = learner.train(REPORT), bare_passes(learner)
     next(reports)
     loop: list[float] = []
     learned: list[float] = []
@@ -169,8 +151,8 @@ def memory(
 def train_with_full_replay(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
     build.keep_freed_memory()  # in this process, too
     method = replace(config.method, replay_capacity=config.transitions)
-    learner = Learner(replace(config, method=method), rooms, device, ENDLESS)
-    learner.fill()
+    learner = untrained(replace(config, method=method), rooms, device)
+    fill(learner)
     training_pace(learner, config.seconds)
     result = {"bytes_a_transition": learner.replay.bytes_per_transition, "peak_gigabytes": peak_bytes() / 1e9}
     if device.type == "cuda":
