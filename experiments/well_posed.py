@@ -86,7 +86,7 @@ class Regressor(nn.Module):
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
         """Log weights and centres of the mixture: (B, 2 axes, elements x anchors) each."""
-        (x, y), (half_x, half_y) = (pair.unbind(-1) for pair in upright_box(elements))
+        (x, y), (half_x, half_y) = upright_box(elements.movedim(-1, 0))
         present = elements[..., COLUMNS.index("present"), None]
         sides = torch.stack([x - half_x, x + half_x, y - half_y, y + half_y], -1)
         state = self.embed(torch.cat([elements, sides], -1))

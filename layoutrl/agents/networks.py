@@ -73,78 +73,82 @@ class GeometryNetwork(nn.Module):
         self.head = _head(width, actions, dueling)
 
     def forward(self, elements: Tensor) -> Tensor:
-        moving, others = elements[:, :1], elements[:, 1:]
+        # A row of memory a column: what is worked out below has an inner axis of two to four, and would be slow on it.
+        moving, others = elements.movedim(-1, 0).contiguous().tensor_split([1], -1)  # (columns, B, 1), (columns, B, N)
         gap = _gaps(moving, others)
-        offset = others[..., : Y + 1] - moving[..., : Y + 1]
-        described = torch.cat([others[..., Y + 1 :], _scaled(torch.cat([gap, offset], -1))], -1)
+        relations = torch.cat([gap, others[: Y + 1] - moving[: Y + 1]])
+        described = torch.cat([elements[:, 1:, Y + 1 :], _scaled(relations.movedim(0, -1))], -1)
         # Flat: activations in place on a view would cost copies on the way back.
-        described = self.element(described.flatten(0, 1)).unflatten(0, others.shape[:2])
-        described = described * others[..., PRESENT, None]  # rows of padding are none
+        described = self.element(described.flatten(0, 1)).unflatten(0, described.shape[:2])
+        described = described * elements[:, 1:, PRESENT, None]  # rows of padding are none
         pooled = torch.cat([described.amax(1), described.sum(1) / TYPICAL], -1)
 
-        clearance = torch.stack(_clearances(gap, others), 1)  # (B, border or items, 4)
-        uncentred = clearance[..., ::3] - clearance[..., 1:3]  # right less left, up less below
-        ways = torch.cat([clearance.flatten(1), uncentred.flatten(1), _slides(gap, others)], 1)
-        return self.head(self.trunk(torch.cat([pooled, moving[:, 0, Y + 1 :], _scaled(ways)], -1)))
+        clearance = torch.stack(_clearances(gap, others))  # (border or items, 4, B)
+        uncentred = clearance[:, ::3] - clearance[:, 1:3]  # right less left, up less below
+        ways = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), _slides(gap, others)]).T
+        return self.head(self.trunk(torch.cat([pooled, elements[:, 0, Y + 1 :], _scaled(ways)], -1)))
 
 
 def _gaps(moving: Tensor, others: Tensor) -> Tensor:
-    """Signed distances from the moving item's right, left, lower and upper side to each element: (B, N, 4).
+    """Signed distances from the moving item's right, left, lower and upper side to each element: (4, B, N).
 
     Negative where the element begins before the side ends; between the boxes around both.
     """
     (center, half), (its_center, its_half) = upright_box(moving), upright_box(others)
     beyond = (its_center - its_half) - (center + half)  # to the right, above
     before = (center - half) - (its_center + its_half)  # to the left, below
-    return torch.stack([beyond[..., 0], before[..., 0], before[..., 1], beyond[..., 1]], -1)
+    return torch.stack([beyond[0], before[0], before[1], beyond[1]])
 
 
 def upright_box(element: Tensor) -> tuple[Tensor, Tensor]:
-    """Centre and half sides, (..., 2) each, of the upright box around each element (..., columns)."""
-    center, size = element[..., : Y + 1], element[..., WIDTH : DEPTH + 1]
-    cosine = ((1 + element[..., COS2, None]) / 2).clamp_(0, 1).sqrt_()
-    cosine = cosine.where(element[..., CIRCLE, None] == 0, 1.0)
+    """Centre and half sides, (2, ...) each, of the upright box around each element (columns, ...)."""
+    cosine = ((1 + element[COS2]) / 2).clamp_(0, 1).sqrt_().where(element[CIRCLE] == 0, 1.0)
     sine = (1 - cosine.square()).clamp_(min=0).sqrt_()
-    return center, (size * cosine + size.flip(-1) * sine) / 2
+    size = element[WIDTH : DEPTH + 1]
+    return element[: Y + 1], (size * cosine + size.flip(0) * sine) / 2
 
 
 def _clearances(gap: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
-    """How far the item can go right, left, below, up before it meets the border, and an item: (B, 4) each.
+    """How far the item can go right, left, below, up before it meets the border, and an item: (4, B) each.
 
     Only elements level with the item count, each in the direction in which it is furthest. Negative
     where the item overlaps one.
     """
-    ahead = gap == gap.amax(-1, keepdim=True)
-    distance = gap.where(_level(gap, 0.0) & ahead, FAR)
-    return distance.where(_is_border(others), FAR).amin(1), distance.where(_is_item(others), FAR).amin(1)
+    distance = gap.where(_level(gap, 0.0) & _ahead(gap), FAR)
+    return distance.where(_is_border(others), FAR).amin(-1), distance.where(_is_item(others), FAR).amin(-1)
 
 
 def _slides(gap: Tensor, others: Tensor) -> Tensor:
-    """About how far a slide to the right, left, below, up takes the item: (B, 4).
+    """About how far a slide to the right, left, below, up takes the item: (4, B).
 
     To where it touches an item's near or far side, or the near side of the border; the far side if it stands in it.
     """
-    border, present = _is_border(others), others[..., PRESENT, None] > 0
-    level = _level(gap, torch.where(border, -TOUCHING, TOUCHING)) & present
-    near = gap.where((gap > TOUCHING) & (_is_item(others) | (gap == gap.amax(-1, keepdim=True))), FAR)
-    far = -gap.unflatten(-1, (2, 2)).flip(-1).flatten(-2)  # left for right, and so on
-    far = far.where((far > TOUCHING) & (_is_item(others) | (gap < -TOUCHING).all(-1, keepdim=True)), FAR)
-    return torch.minimum(near, far).where(level, FAR).amin(1)
+    item, border = _is_item(others), _is_border(others)
+    near = gap.where((gap > TOUCHING) & (item | _ahead(gap)), FAR)
+    far = -gap.unflatten(0, (2, 2)).flip(1).flatten(0, 1)  # left for right, and so on
+    far = far.where((far > TOUCHING) & (item | (gap < -TOUCHING).all(0)), FAR)
+    level = _level(gap, torch.where(border, -TOUCHING, TOUCHING)) & (border | item)
+    return torch.minimum(near, far).where(level, FAR).amin(-1)
 
 
 def _level(gap: Tensor, margin: Tensor | float) -> Tensor:
-    """Whether an element is met on a way to the right, left, below, up, however far it is: bool (B, N, 4)."""
-    x, y = (gap[..., :2] < margin).all(-1), (gap[..., 2:] < margin).all(-1)
-    return torch.stack([y, y, x, x], -1)
+    """Whether an element is met on a way to the right, left, below, up, however far it is: bool (4, B, N)."""
+    x, y = (gap < margin).unflatten(0, (2, 2)).all(1)
+    return torch.stack([y, y, x, x])
+
+
+def _ahead(gap: Tensor) -> Tensor:
+    """Whether it is to the right, left, below, up that an element is furthest: bool (4, B, N)."""
+    return gap == gap.amax(0)
 
 
 def _is_border(elements: Tensor) -> Tensor:
-    """Walls and openings: bool (B, N, 1)."""
-    return (elements[..., WALL : WINDOW + 1] > 0).any(-1, keepdim=True)
+    """Walls and openings: bool (...) of elements (columns, ...)."""
+    return (elements[WALL : WINDOW + 1] > 0).any(0)
 
 
 def _is_item(elements: Tensor) -> Tensor:
-    return elements[..., ITEM, None] > 0
+    return elements[ITEM] > 0
 
 
 def _scaled(distance: Tensor) -> Tensor:

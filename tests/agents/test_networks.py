@@ -143,8 +143,8 @@ BORDER, ITEMS = range(2)
 
 def clearances(room: Room, position: tuple[float, float], what: int) -> list[float]:
     """How far the item can go right, left, below, up before it meets the border, or an item."""
-    state = observed([room], [position])
-    return _clearances(_gaps(state[:, :1], state[:, 1:]), state[:, 1:])[what][0].tolist()
+    moving, others = observed([room], [position]).movedim(-1, 0).tensor_split([1], -1)
+    return _clearances(_gaps(moving, others), others)[what][:, 0].tolist()
 
 
 @pytest.mark.parametrize("item", [Item("bed", (1.0, 0.6), (2, 1.5)), Item("bed", (0.6, 1.0), (2, 1.5), 90)])
@@ -203,9 +203,10 @@ def test_between_four_walls_slides_are_the_simulators(seed: int) -> None:
     episodes = Episodes(simulator, np.zeros(30, dtype=int), 10**6, generator)
     for _ in range(6):
         length, legal = (column[:, -4:] for column in simulator.reach(episodes.room, episodes.position))
-        state = observe(episodes.room, episodes.position)
-        gap, others = _gaps(state[:, :1], state[:, 1:]), state[:, 1:]
-        indoors = _clearances(gap, others)[BORDER].amin(1) >= 0  # from within a wall, other walls are none to stop at
+        state = observe(episodes.room, episodes.position).movedim(-1, 0)
+        moving, others = state.tensor_split([1], -1)
+        gap = _gaps(moving, others)
+        indoors = _clearances(gap, others)[BORDER].amin(0) >= 0  # from within a wall, other walls are none to stop at
         legal &= indoors[:, None]
-        torch.testing.assert_close(_slides(gap, others)[legal], length[legal], atol=1e-4, rtol=0)
+        torch.testing.assert_close(_slides(gap, others).T[legal], length[legal], atol=1e-4, rtol=0)
         episodes.step(explore(torch.zeros(30, dtype=torch.int64), episodes.legal, 1.0, generator))
