@@ -80,14 +80,14 @@ def training(
 def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
     """The paper's network on its pictures, with the moves of the method: how good it gets in `minutes`.
 
-    Exploration and learning rate fall over as many updates as a short trial says that there is time for.
+    Exploration and learning rate fall over nearly as many updates as a short trial says that there is time for.
     """
     method = replace(
         config.method, observation="image", batch=config.paper.batch, learning_rate=config.paper.learning_rate
     )
     config = replace(config, method=method)
     pace = training_pace(untrained(config, rooms, device), config.seconds)
-    updates = max(1, round(60 * config.minutes * pace))
+    updates = max(1, round(0.95 * 60 * config.minutes * pace))
     learner = untrained(config, rooms, device, updates)
     probe = held_out_probe(config, rooms, held_out, device)
     curve = learned(learner, probe, max(1, updates // POINTS), minutes=config.minutes)
