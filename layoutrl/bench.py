@@ -146,9 +146,7 @@ def run(config: BenchConfig) -> Path:
     if "sb3" in config.parts and config.method.observation != "geometry":
         raise InputError("parts: sb3 expects method.observation=geometry")
     folder = make_folder(Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S")))
-    rooms, held_out = build.rooms(config.room, config.data, config.fold)
-    if not rooms or not held_out:
-        raise InputError("fold: expected rooms to train on and rooms held out (more rooms, or another fold)")
+    rooms, held_out = build.two_parts(config.room, config.data, config.fold)
     about = machine(device)
     measured: dict[str, dict[str, Any]] = {}
     for part in config.parts:

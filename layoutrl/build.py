@@ -63,6 +63,17 @@ def rooms(room: RoomConfig, data: DataConfig, fold: int) -> tuple[list[Room], li
     return split(_with_item(read_files(data.source, room.type, root, data.labels, data.strict), room), fold)
 
 
+def two_parts(room: RoomConfig, data: DataConfig, fold: int) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms as `rooms` has them. Raises InputError where either part is empty."""
+    training, held_out = rooms(room, data, fold)
+    if not training or not held_out:
+        raise InputError(
+            f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "
+            "(more rooms, or another fold)"
+        )
+    return training, held_out
+
+
 def designed_rooms(room: RoomConfig, data: DataConfig, part: Part) -> list[Room]:
     """One part of the designer's rooms with their target chosen; prints how each template fared."""
     cache = None if data.root is None else Path(data.root).expanduser()
@@ -90,8 +101,12 @@ def moves(method: MethodConfig) -> Moves:
     return Moves(tuple(method.steps), method.unit, method.slide)
 
 
+def reward_of(reward: RewardConfig) -> Reward:
+    return Reward(reward.theta1, reward.theta2, reward.theta3, reward.inside)
+
+
 def simulator(rooms: Sequence[Room], method: MethodConfig, reward: RewardConfig) -> Simulator:
-    return Simulator(rooms, moves(method), Reward(reward.theta1, reward.theta2, reward.theta3, reward.inside))
+    return Simulator(rooms, moves(method), reward_of(reward))
 
 
 def observation(

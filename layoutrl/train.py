@@ -12,7 +12,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
 from layoutrl.config import TrainConfig, config_directory, register
-from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import watched
 from layoutrl.runs import new_folder, save_checkpoint, write_json
@@ -28,12 +27,7 @@ def run(config: TrainConfig) -> Path:
         config.data.root = str(Path(config.data.root).expanduser().absolute())
     network_seed, training_seed, probe_seed, evaluation_seed = np.random.SeedSequence(config.seed).spawn(4)
 
-    training, held_out = build.rooms(config.room, config.data, config.fold)
-    if not training or not held_out:
-        raise InputError(
-            f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "
-            "(more rooms, or another fold)"
-        )
+    training, held_out = build.two_parts(config.room, config.data, config.fold)
     print(f"training on {len(training)} rooms, {len(held_out)} held out")
 
     learner = build.Learner(training, method, reward, updates, network_seed, training_seed, device)

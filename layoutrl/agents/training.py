@@ -100,10 +100,9 @@ def train(
         with watch("simulate"):
             step = running.step(action)
         moves += episodes
-        reward = step.terms.total
         with watch("store"):
             replay.add(transitions(step, discount))
-        returns += reward
+        returns += step.terms.total
         if len(step.ended):
             ended_returns.append(returns[step.ended])
             ended_ious.append(step.terms.iou[step.ended])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +21,6 @@ from layoutrl.build import Learner
 from layoutrl.config import BenchConfig
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import categories_of
-from layoutrl.env.reward import Reward
 from layoutrl.evaluation.probe import Probe
 from layoutrl.rooms.room import Room
 
@@ -141,7 +140,7 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
         rooms,
         method.observation,
         build.moves(method),
-        Reward(*astuple(config.reward)),
+        build.reward_of(config.reward),
         on_illegal="drop",
         max_moves=method.max_moves,
     )

@@ -59,8 +59,9 @@ class BatchSimulator:
     def reach(self, room: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
         """How far every action leads, in metres, and whether it is legal: (B, A) each."""
         along = self._from_origin(room, position)
-        borders = self._borders.crossed(room, along.flip(1))
-        contacts = self._contacts.crossed(room, along.flip(1)) if self.moves.slide else None
+        across = along.flip(1)
+        borders = self._borders.crossed(room, across)
+        contacts = self._contacts.crossed(room, across) if self.moves.slide else None
         # The batch last from here on: long rows.
         along, steps = along.T.contiguous(), self._steps.index_select(0, room).T
         reached = along[:, None, None] + self._signs * steps  # (axis, direction, steps, B)

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from layoutrl.env.simulator import DIRECTIONS, Moves
-from layoutrl.rooms.room import symmetry
+from layoutrl.rooms.room import SYMMETRIES, symmetry
 
 
 class Symmetry:
@@ -28,4 +28,4 @@ class Symmetry:
 
 def symmetries(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
     """All eight, first the one that changes nothing."""
-    return [Symmetry(quarters, mirror, moves, device) for mirror in (False, True) for quarters in range(4)]
+    return [Symmetry(quarters, mirror, moves, device) for quarters, mirror in SYMMETRIES]

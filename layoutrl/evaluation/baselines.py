@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.room import Room, symmetry
+from layoutrl.rooms.room import SYMMETRIES, Room, symmetry
 
 
 def wall_places(room: Room) -> np.ndarray:
@@ -53,7 +53,7 @@ def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequenc
     relative = np.array([_relative_place(r) for r in training])
     category = np.array([r.moving.category for r in training])
     # Sizes have no sign to change.
-    views = [symmetry(quarters, mirror) for mirror in (False, True) for quarters in range(4)]
+    views = [symmetry(*which) for which in SYMMETRIES]
     features = np.stack([np.concatenate([pairs[:, :2] @ np.abs(m).T, pairs[:, 2:] @ m.T], 1) for m in views])
     places = []
     for r in simulator.rooms:

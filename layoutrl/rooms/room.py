@@ -199,6 +199,10 @@ class Room:
         )
 
 
+# Quarters of a circle to turn by, after mirroring or not: the eight symmetries of the square, first the identity.
+SYMMETRIES = [(quarters, mirror) for mirror in (False, True) for quarters in range(4)]
+
+
 def symmetry(quarters: int, mirror: bool) -> np.ndarray:
     """The matrix (2, 2) that mirrors points in the y axis if asked, then turns them by quarters of a circle."""
     cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]

@@ -9,14 +9,13 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely.affinity import rotate
 from shapely.geometry import LineString, Polygon
 
 from layoutrl.env.geometry import FIT, fitting_positions
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator, pixel_size
-from layoutrl.rooms.room import TOLERANCE, Item, Opening, Ring, Room, envelopes, wall_band
-from tests.builders import L_OUTLINE, l_room, opening, random_room, rectangle, rectangular_room
+from layoutrl.rooms.room import Item, Room, wall_band
+from tests.builders import l_room, opening, random_room, rectangle, rectangular_room
 
 RIGHT, LEFT, BELOW, ABOVE = range(4)
 VECTORS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])
@@ -468,59 +467,6 @@ def test_an_item_that_fits_exactly_still_gets_a_start() -> None:
 
 
 # many rooms at once
-
-
-def upright_room(rng: np.random.Generator) -> Room:
-    """An L with walls and windows anywhere, whose sides are on lines 0.1 m apart, give or take half a micrometre."""
-
-    def beside(ring: Ring) -> Ring:
-        lines = np.unique(ring)
-        moved = dict(zip(lines, lines + rng.uniform(-4e-7, 4e-7, len(lines)), strict=True))
-        return tuple((moved[x], moved[y]) for x, y in ring)
-
-    def part() -> Ring:
-        x0, y0 = rng.integers(-10, 50, 2)
-        width, depth = rng.integers(1, 20, 2)
-        return beside(rectangle(x0 / 10, y0 / 10, (x0 + width) / 10, (y0 + depth) / 10))
-
-    walls = tuple(part() for _ in range(rng.integers(1, 10)))
-    openings = tuple(Opening("window", part()) for _ in range(rng.integers(3)))
-    return Room("upright", "study", beside(L_OUTLINE), walls, openings)
-
-
-def united(room: Room) -> Polygon:
-    """The envelope of one room, the direct way: all parts united on a grid."""
-    parts = [Polygon(room.outline), *room.wall_shapes, *(o.shape for o in room.openings)]
-    with np.errstate(all="ignore"):
-        grown = shapely.union_all(parts, grid_size=1e-6).buffer(TOLERANCE, join_style="mitre")
-        joined = grown.buffer(-TOLERANCE, join_style="mitre")
-    return Polygon(max(shapely.get_parts(joined), key=lambda part: part.area).exterior)
-
-
-@given(seeds)
-def test_envelopes_worked_out_at_once_are_those_worked_out_the_direct_way_and_are_kept(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    rooms = [upright_room(rng), random_room(rng), upright_room(rng), upright_room(rng), random_room(rng)]
-    known = rooms[2].envelope
-    found = envelopes(rooms)
-    # Unions in another order may round a crossing of slanting sides to another point of the grid of a micrometre.
-    assert shapely.hausdorff_distance(found, [united(room) for room in rooms]).max() < 2e-6
-    assert found[2] is known
-    assert all(room.envelope is envelope for room, envelope in zip(rooms, found, strict=True))
-
-
-@pytest.mark.parametrize("seed", [535, 1634, 2104])
-def test_an_envelope_at_an_angle_loses_no_part(seed: int) -> None:
-    """Rooms of which a plain union loses one, since sides in line are rounded apart when they are turned."""
-    rng = np.random.default_rng(seed)
-    room, degrees = upright_room(rng), rng.uniform(1, 89)
-
-    def turned(ring: Ring) -> Ring:
-        return tuple(rotate(Polygon(ring), degrees, origin=(0, 0)).exterior.coords[:-1])
-
-    openings = tuple(Opening(o.kind, turned(o.polygon)) for o in room.openings)
-    slanting = Room("slanting", "study", turned(room.outline), tuple(map(turned, room.walls)), openings)
-    assert slanting.envelope.area == pytest.approx(room.envelope.area, abs=1e-4)
 
 
 @given(seeds)
