@@ -25,9 +25,10 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.env.symmetry import symmetries
+from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.errors import InputError
 from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.protocols import Greedy
 from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
@@ -132,6 +133,17 @@ def agent(
     return DQN(network.to(device), method.learning_rate, updates, method.target_period, method.double)
 
 
+def views(method: MethodConfig, device: torch.device) -> list[Symmetry]:
+    """The symmetries that the method learns from, and averages over."""
+    return symmetries(moves(method), device)[: 8 if method.symmetries else 1]
+
+
+def greedy(agent: DQN, method: MethodConfig) -> Greedy:
+    """The agent's policy, as the method tests it."""
+    device = next(agent.network.parameters()).device
+    return Greedy(agent, method.evaluation_moves, method.on_illegal, views(method, device))
+
+
 class Learner:
     """An untrained agent and all that it learns from.
 
@@ -154,6 +166,7 @@ class Learner:
         self.simulator = BatchSimulator(simulator(rooms, method, reward), device)
         self.observe = observation(rooms, method, self.categories, device)
         self.agent = agent(method, self.categories, updates, network_seed, device)
+        self.policy = greedy(self.agent, method)
         self.replay = Replay(method.replay_capacity, self.simulator.moves.count, device)
         self._seed = training_seed
         designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
@@ -162,7 +175,7 @@ class Learner:
 
     def train(self, report_every: int) -> Iterator[Progress]:
         """The training loop, as the method has it."""
-        method, moves = self.method, self.simulator.moves
+        method = self.method
         return train(
             self.agent,
             self.simulator,
@@ -177,7 +190,7 @@ class Learner:
             goal_iou=method.goal_iou if method.goal_terminates else None,
             warmup_moves=method.warmup_moves,
             report_every=report_every,
-            symmetries=symmetries(moves, self.simulator.device)[: 8 if method.symmetries else 1],
+            symmetries=views(method, self.simulator.device),
             seed=self._seed,
         )
 
@@ -190,12 +203,10 @@ def probe(
     rng: np.random.Generator,
     device: torch.device,
 ) -> Probe:
-    """Greedy episodes in rooms, as the method has them."""
+    """One start in each of the rooms, with the method's moves."""
     return Probe(
         simulator(rooms, method, reward),
         observation(rooms, method, categories, device),
-        method.evaluation_moves,
-        method.on_illegal,
         rng,
         device,
     )

@@ -50,16 +50,14 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"scoring {len(rooms)} rooms of {data.source} ({part})")
 
-    on_illegal = config.on_illegal or trained.method.on_illegal
-    simulator = build.simulator(rooms, trained.method, trained.reward)
+    method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
+    simulator = build.simulator(rooms, method, trained.reward)
     result = evaluate(
-        agent,
+        build.greedy(agent, method),
         simulator,
-        build.observation(rooms, trained.method, checkpoint["categories"], device),
+        build.observation(rooms, method, checkpoint["categories"], device),
         training,
         starts_a_room=config.starts,
-        max_moves=trained.method.evaluation_moves,
-        on_illegal=on_illegal,
         seed=np.random.SeedSequence(config.seed),
     )
     print(table(result))
@@ -68,7 +66,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         "floorplans": f"-{data.labels}",
         "json": f"-{Path(data.root or '').stem}",
     }.get(data.source or "", "")
-    name = f"evaluation-{data.source}{which}-{part}-{config.starts}-{on_illegal}-seed{config.seed}.json"
+    name = f"evaluation-{data.source}{which}-{part}-{config.starts}-{method.on_illegal}-seed{config.seed}.json"
     write_json(folder / name, {"data": asdict(data), "part": part, "seed": config.seed} | result)
     print(f"wrote {folder / name}")
     return result

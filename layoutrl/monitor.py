@@ -10,15 +10,20 @@ from typing import Any
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
-from layoutrl.agents.dqn import DQN
 from layoutrl.agents.training import Progress
 from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.protocols import Greedy
 
 STAGES = ("act", "simulate", "store", "sample", "learn")
 
 
 def watched(
-    reports: Iterator[Progress], agent: DQN, probes: dict[str, Probe], folder: Path, updates: int, evaluate_every: int
+    reports: Iterator[Progress],
+    policy: Greedy,
+    probes: dict[str, Probe],
+    folder: Path,
+    updates: int,
+    evaluate_every: int,
 ) -> Iterator[Progress]:
     """Show every report; every `evaluate_every` updates and at the end, run the probes and yield.
 
@@ -44,7 +49,7 @@ def watched(
             if evaluates:
                 next_evaluation += evaluate_every
                 for name, probe in probes.items():
-                    iou, pictures = probe(agent)
+                    iou, pictures = probe(policy)
                     row[f"iou_{name}"] = iou
                     board.add_scalar(f"iou/{name}", iou, progress.updates)
                     board.add_scalar(f"lattice_ceiling/{name}", probe.ceiling, progress.updates)

@@ -41,7 +41,7 @@ def run(config: TrainConfig) -> Path:
     began = time.perf_counter()
     reports = learner.train(max(1, updates // budget.reports))
     try:
-        for _ in watched(reports, agent, probes, folder, updates, max(1, updates // budget.evaluations)):
+        for _ in watched(reports, learner.policy, probes, folder, updates, max(1, updates // budget.evaluations)):
             save_checkpoint(folder, agent, categories)
     except KeyboardInterrupt:
         save_checkpoint(folder, agent, categories)
@@ -50,13 +50,11 @@ def run(config: TrainConfig) -> Path:
     print(f"trained {agent.updates} updates in {seconds / 60:.1f} minutes on {device}")
 
     result = evaluate(
-        agent,
+        learner.policy,
         build.simulator(held_out, method, reward),
         build.observation(held_out, method, categories, device),
         training,
         starts_a_room=1,
-        max_moves=method.evaluation_moves,
-        on_illegal=method.on_illegal,
         seed=evaluation_seed,
     )
     about = {"data": asdict(config.data), "updates": agent.updates, "training_seconds": seconds}

@@ -14,7 +14,6 @@ from gymnasium.wrappers import TransformReward
 from torch import nn
 
 from layoutrl import build
-from layoutrl.agents.dqn import DQN
 from layoutrl.agents.training import REWARD_SCALE
 from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
 from layoutrl.build import Learner
@@ -22,6 +21,7 @@ from layoutrl.config import BenchConfig
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import categories_of
 from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.protocols import Greedy
 from layoutrl.rooms.room import Room
 
 TRAINING_IOU, SB3_IOU = 0.95, 0.80  # mean IoU on the held-out rooms, to be reached soon
@@ -45,9 +45,9 @@ class Curve:
     _seconds: float = 0.0
     _resumed: float = field(default_factory=lambda: time.perf_counter())
 
-    def add(self, updates: int, agent: DQN) -> Point:
+    def add(self, updates: int, policy: Greedy) -> Point:
         self._seconds += time.perf_counter() - self._resumed
-        point = Point(updates, self._seconds, self.probe(agent)[0])
+        point = Point(updates, self._seconds, self.probe(policy)[0])
         self.points.append(point)
         print(f"  {updates} updates, {point.seconds / 60:.2f} minutes: mean IoU {point.iou:.3f}", flush=True)
         self._resumed = time.perf_counter()
@@ -124,7 +124,7 @@ def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np
     """Train, to the end or until an IoU or a time is reached."""
     curve = Curve(probe)
     for progress in learner.train(probe_every):
-        point = curve.add(progress.updates, learner.agent)
+        point = curve.add(progress.updates, learner.policy)
         if point.iou >= iou or point.seconds >= 60 * minutes:
             break
     return curve
@@ -178,12 +178,12 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
     def goes_on(_locals: dict[str, Any], _globals: dict[str, Any]) -> bool:
         """Called after every step of the environments, before the update that follows."""
         due = model._n_updates > 0 and model._n_updates % config.probe_every == 0
-        return not due or curve.add(model._n_updates, agent).iou < SB3_IOU
+        return not due or curve.add(model._n_updates, learner.policy).iou < SB3_IOU
 
     steps = learner.updates + -(-method.warmup_moves // method.episodes) - 1  # the last of the warm-up learns already
     model.learn(steps * method.episodes, callback=goes_on, log_interval=ENDLESS)
     if curve.minutes_to(SB3_IOU) is None:
-        curve.add(model._n_updates, agent)
+        curve.add(model._n_updates, learner.policy)
     return curve
 
 

@@ -127,13 +127,11 @@ def evaluating(
     method = config.method
     began = time.perf_counter()
     evaluate(
-        agent,
+        build.greedy(agent, method),
         build.simulator(held_out, method, config.reward),
         build.observation(held_out, method, categories_of(training), device),
         training,
         starts_a_room=1,
-        max_moves=method.evaluation_moves,
-        on_illegal=method.on_illegal,
         seed=np.random.SeedSequence(config.seed),
     )
     return time.perf_counter() - began

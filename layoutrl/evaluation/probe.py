@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import torch
 
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.render import story
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.protocols import rollout
+from layoutrl.evaluation.protocols import Greedy
 
 PICTURES = 4  # rooms drawn each time
 
@@ -24,31 +22,19 @@ class Probe:
         self,
         simulator: Simulator,
         observe: Observe,
-        max_moves: int,
-        on_illegal: Literal["stop", "mask"],
         rng: np.random.Generator,
         device: torch.device,
     ):
         self.simulator = simulator
         self._batch_simulator = BatchSimulator(simulator, device)
         self._observe = observe
-        self._max_moves = max_moves
-        self._on_illegal = on_illegal
         self._room = np.arange(len(simulator.rooms))
         self._starts = simulator.starts(self._room, rng)
         self.ceiling = float(lattice_ceiling(simulator, self._room, self._starts).mean())
 
-    def __call__(self, agent: DQN) -> tuple[float, list[np.ndarray]]:
+    def __call__(self, policy: Greedy) -> tuple[float, list[np.ndarray]]:
         """Mean IoU, and pictures of the first rooms: start, path, end, the designer's place."""
-        run = rollout(
-            agent,
-            self._batch_simulator,
-            self._observe,
-            self._room,
-            self._starts,
-            self._max_moves,
-            self._on_illegal,
-        )
+        run = policy.rollout(self._batch_simulator, self._observe, self._room, self._starts)
         pictures = [
             story(room, run.path[: run.moves[k] + 1, k]) for k, room in enumerate(self.simulator.rooms[:PICTURES])
         ]

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import snap
+from layoutrl.env.symmetry import Symmetry
 
 
 @dataclass(frozen=True)
@@ -19,61 +23,62 @@ class Rollout:
 
     room: np.ndarray  # (B,) index
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
-    final: np.ndarray  # (B, 2), metres: the stopping place
-    moves: np.ndarray  # (B,): moves until the stopping place is first reached
-    looped: np.ndarray  # (B,): False where the budget of moves ended an episode before it repeated itself
+    value: np.ndarray  # (T + 1, B): Q of the move that led to each position; -inf for the start, and after the end
     seconds: float
 
+    @property
+    def final(self) -> np.ndarray:
+        """The stopping places (B, 2), in metres."""
+        return self.path[self.moves, np.arange(len(self.room))]
 
-def rollout(
-    agent: DQN,
-    simulator: BatchSimulator,
-    observe: Observe,
-    room: np.ndarray,
-    starts: np.ndarray,
-    max_moves: int,
-    on_illegal: Literal["stop", "mask"] = "mask",
-) -> Rollout:
-    """Follow the greedy policy from each start (B, 2) until it repeats itself.
+    @property
+    def moves(self) -> np.ndarray:
+        """Moves (B,) until the stopping place is reached."""
+        return self.value.argmax(0)
 
-    A deterministic policy ends in a loop of positions. The stopping place is the one in the loop
-    that is entered by the move of highest Q; the designer's place is never consulted. With
-    `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice ends the episode
-    where it stands; with `"mask"` the best legal move is taken.
+
+@dataclass(frozen=True)
+class Greedy:
+    """The greedy policy of an agent, as it is tested.
+
+    There is no move that stays, so that it would end in a loop; instead it never goes back to where it has been, and
+    looks further for `max_moves` moves. The stopping place is the one that is entered by the move of highest Q; the
+    designer's place is never consulted. Q is the mean over the `symmetries`, in whose views a design is as good. With
+    `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice ends the episode; with `"mask"` the best
+    legal move is taken.
     """
-    began = time.perf_counter()
-    batch = len(room)
-    path = np.repeat(starts[None], max_moves + 1, 0)
-    entered_by = np.full((max_moves + 1, batch), -np.inf)  # Q of the move that led to each position
-    end = np.full(batch, max_moves)  # index into the path of the last position
-    loop_start = np.full(batch, -1)
-    active = np.arange(batch)
-    for t in range(max_moves):
-        here = torch.as_tensor(path[t, active], device=simulator.device)
-        rooms = torch.as_tensor(room[active], device=simulator.device)
-        length, legal = simulator.reach(rooms, here)
-        q = agent.values(observe(rooms, here))
-        if on_illegal == "mask":
-            q = q.masked_fill(~legal, -torch.inf)
-        highest, action = q.max(1, keepdim=True)
-        stays = ~legal.gather(1, action)
-        moved = simulator.moved(here, action.squeeze(1), length.gather(1, action).squeeze(1))
-        there = torch.where(stays, here, moved).cpu().numpy()
-        stops = stays.squeeze(1).cpu().numpy()
-        path[t + 1 :, active] = there
-        entered_by[t + 1, active] = highest.squeeze(1).cpu().numpy()
-        seen = np.all(path[: t + 1, active] == there, -1)  # (t + 1, active)
-        loops = seen.any(0) & ~stops
-        loop_start[active[loops]] = seen[:, loops].argmax(0)
-        end[active[stops]] = t
-        end[active[loops]] = t + 1
-        active = active[~(stops | loops)]
-        if not len(active):
-            break
-    steps = np.arange(max_moves + 1)[:, None]
-    in_loop = (steps > loop_start) & (steps <= end) & (loop_start >= 0)
-    best = np.where(in_loop, entered_by, -np.inf).argmax(0)
-    last = np.where(loop_start >= 0, best, end)
-    final = path[last, np.arange(batch)]
-    moves = np.all(path == final, -1).argmax(0)
-    return Rollout(room, path, final, moves, (loop_start >= 0) | (end < max_moves), time.perf_counter() - began)
+
+    agent: DQN
+    max_moves: int
+    on_illegal: Literal["stop", "mask"]
+    symmetries: Sequence[Symmetry]
+
+    def rollout(self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, starts: np.ndarray) -> Rollout:
+        """Follow the policy in rooms (B,) from starts (B, 2)."""
+        began = time.perf_counter()
+        device, batch = simulator.device, len(room)
+        path = snap(torch.as_tensor(starts, device=device)).repeat(self.max_moves + 1, 1, 1)
+        value = torch.full((self.max_moves + 1, batch), -torch.inf, device=device)
+        active, rooms = torch.arange(batch, device=device), torch.as_tensor(room, device=device)
+        for t in range(self.max_moves):
+            here = path[t, active]
+            length, legal = simulator.reach(rooms[active], here)
+            actions = torch.arange(length.shape[1], device=device).repeat(len(active))
+            reached = simulator.moved(here.repeat_interleave(length.shape[1], 0), actions, length.flatten())
+            reached = reached.unflatten(0, length.shape)  # (active, A, 2)
+            been_there = (path[: t + 1, active, None] == reached).all(-1).any(0)
+            closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
+            q = self._values(observe, observe(rooms[active], here)).masked_fill(closed, -torch.inf)
+            highest, action = q.max(1, keepdim=True)
+            goes_on = (legal.gather(1, action) & highest.isfinite()).squeeze(1)
+            active, action = active[goes_on], action[goes_on]
+            if not len(active):
+                break
+            path[t + 1 :, active] = reached[goes_on, action.squeeze(1)]
+            value[t + 1, active] = highest[goes_on].squeeze(1)
+        return Rollout(room, path.cpu().numpy(), value.cpu().numpy(), time.perf_counter() - began)
+
+    def _values(self, observe: Observe, observation: Tensor) -> Tensor:
+        """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
+        views = (self.agent.values(observe.turned(observation, s))[:, s.action] for s in self.symmetries)
+        return torch.stack(list(views)).mean(0)

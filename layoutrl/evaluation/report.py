@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.baselines import nearest_room_place, random_wall_place
 from layoutrl.evaluation.metrics import lattice_ceiling, score
-from layoutrl.evaluation.protocols import rollout
+from layoutrl.evaluation.protocols import Greedy
 from layoutrl.rooms.room import Room
 
 AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner place", "nearest training room"
 
 
 def evaluate(
-    agent: DQN,
+    policy: Greedy,
     simulator: Simulator,
     observe: Observe,
     training: Sequence[Room],
     *,
     starts_a_room: int,
-    max_moves: int,
-    on_illegal: Literal["stop", "mask"],
     seed: np.random.SeedSequence,
 ) -> dict[str, Any]:
     """Score the agent and three yardsticks from the same random starts in every room of the simulator.
@@ -36,9 +34,8 @@ def evaluate(
     start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
     room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
     starts = simulator.starts(room, start_rng)
-    device = next(agent.network.parameters()).device
-    batch_simulator = BatchSimulator(simulator, device)
-    run = rollout(agent, batch_simulator, observe, room, starts, max_moves, on_illegal)
+    device = next(policy.agent.network.parameters()).device
+    run = policy.rollout(BatchSimulator(simulator, device), observe, room, starts)
     ceiling = lattice_ceiling(simulator, room, starts)
     places = {
         AGENT: run.final,
@@ -57,7 +54,6 @@ def evaluate(
         "lattice_ceiling": float(ceiling.mean()),
         "moves": float(run.moves.mean()),
         "ms_a_room": 1000 * run.seconds / len(room),
-        "ended_in_a_loop_or_stop": float(run.looped.mean()),
         "positions": [
             {
                 "room": simulator.rooms[k].id,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,7 +16,8 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.protocols import Rollout, rollout
+from layoutrl.env.symmetry import Symmetry, symmetries
+from layoutrl.evaluation.protocols import Greedy, Rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -28,11 +30,19 @@ class Scripted:
 
     def __init__(self, values):
         self._values = values
-        self.asked = 0
 
     def values(self, positions: torch.Tensor) -> torch.Tensor:
-        self.asked += 1
         return torch.tensor([self._values(x, y) for x, y in positions.tolist()])
+
+
+class Place:
+    """An observation that is the position itself."""
+
+    def __call__(self, room: torch.Tensor, position: torch.Tensor) -> torch.Tensor:
+        return position
+
+    def turned(self, observation: torch.Tensor, symmetry: Symmetry) -> torch.Tensor:
+        return observation @ symmetry.matrix.double().T
 
 
 def scripted(choices: dict[float, tuple[int, float]]) -> Scripted:
@@ -45,66 +55,52 @@ def scripted(choices: dict[float, tuple[int, float]]) -> Scripted:
     return Scripted(values)
 
 
-def position(room: torch.Tensor, where: torch.Tensor) -> torch.Tensor:
-    return where
-
-
 def wide_room(designer: tuple[float, float] = (2.5, 1.5)) -> Room:
     """The item's centre may go from 0.3 to 3.7 and from 0.3 to 2.7."""
     return rectangular_room(4, 3, Item("bed", (1.0, 1.0), designer))
 
 
-def follow(agent, start, max_moves=20, on_illegal="mask", room: Room | None = None, moves: Moves = STEPS) -> Rollout:
-    simulator = BatchSimulator(Simulator([room or wide_room()], moves, Reward()))
-    return rollout(agent, simulator, position, np.array([0]), np.array([start]), max_moves, on_illegal)
+def unturned(moves: Moves) -> list[Symmetry]:
+    return symmetries(moves)[:1]
 
 
-def test_an_episode_stops_in_its_loop_at_the_position_entered_by_the_move_of_highest_value():
-    # 1.0 > 1.5 > 2.0 > 2.5 > 2.0: within the loop 2.5 is entered with value 1 and 2.0 with value 3.
-    agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 5.0), 2.0: (RIGHT, 1.0), 2.5: (LEFT, 3.0)})
-    run = follow(agent, (1.0, 1.5))
+def follow(agent, start, max_moves=20, on_illegal="mask", room: Room | None = None) -> Rollout:
+    simulator = BatchSimulator(Simulator([room or wide_room()], STEPS, Reward()))
+    policy = Greedy(agent, max_moves, on_illegal, unturned(STEPS))
+    return policy.rollout(simulator, Place(), np.array([0]), np.array([start]))
+
+
+def test_an_episode_stops_at_the_position_entered_by_the_move_of_highest_value():
+    agent = scripted({1.0: (RIGHT, 1.0), 1.5: (RIGHT, 5.0), 2.0: (RIGHT, 3.0), 2.5: (RIGHT, 4.0)})
+    run = follow(agent, (1.0, 1.5), max_moves=4)
     assert run.final.tolist() == [[2.0, 1.5]]  # the designer's place is 2.5
     assert run.moves.tolist() == [2]
-    assert run.looped.tolist() == [True]
+    assert run.value[:, 0].tolist() == [-np.inf, 1.0, 5.0, 3.0, 4.0]
 
 
-def test_a_high_value_on_the_way_into_the_loop_does_not_count():
-    agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 90.0), 2.0: (RIGHT, 3.0), 2.5: (LEFT, 1.0)})
-    run = follow(agent, (1.0, 1.5), room=wide_room((2.0, 1.5)))
-    assert run.final.tolist() == [[2.5, 1.5]]
-    assert run.moves.tolist() == [3]
+def test_it_never_goes_back_to_where_it_has_been():
+    def values(x, y):  # to x = 2 and back, over and over; then up
+        return [9.0, 1.0, 0.0, 5.0] if x < 1.9 else [1.0, 9.0, 0.0, 5.0]
+
+    run = follow(Scripted(values), (1.0, 1.5), max_moves=5)
+    assert run.path[:, 0].tolist() == [[1.0, 1.5], [1.5, 1.5], [2.0, 1.5], [2.0, 2.0], [1.5, 2.0], [1.5, 2.5]]
 
 
-def test_a_loop_may_be_longer_than_two_and_contain_the_start():
-    around = {(1.0, 1.0): (RIGHT, 1.0), (1.5, 1.0): (UP, 2.0), (1.5, 1.5): (LEFT, 9.0), (1.0, 1.5): (BELOW, 4.0)}
-
-    def values(x, y):
-        action, q = around[round(x, 3), round(y, 3)]
-        return [q - 50 * (a != action) for a in range(4)]
-
-    agent = Scripted(values)
-    run = follow(agent, (1.0, 1.0))
-    assert run.final.tolist() == [[1.0, 1.5]]
-    assert run.moves.tolist() == [3]
-    assert run.looped.tolist() == [True]
-    assert agent.asked == 4
-
-
-def test_the_path_holds_every_position_and_stays_at_the_last():
-    agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 5.0), 2.0: (LEFT, 1.0)})
-    run = follow(agent, (1.0, 1.5), max_moves=6)
-    assert run.path.shape == (7, 1, 2)
-    assert run.path[:, 0, 0].tolist() == [1.0, 1.5, 2.0, 1.5, 1.5, 1.5, 1.5]
-    assert (run.path[:, 0, 1] == 1.5).all()
+def test_it_ends_where_every_way_leads_back():
+    room = rectangular_room(1.0, 1.0, Item("bed", (0.6, 1.2), (0.5, 0.5)))  # from 0.1 to 0.9, and from 0.4 to 0.6
+    for on_illegal, highest in (("mask", [1.0, 0.0, 9.0, 9.0]), ("stop", [9.0, 8.0, 0.0, 0.0])):
+        run = follow(Scripted(lambda x, y, q=highest: q), (0.2, 0.5), room=room, on_illegal=on_illegal)
+        assert run.path[:, 0, 0].tolist() == pytest.approx([0.2] + 20 * [0.7])
+        assert run.moves.tolist() == [1]
 
 
 def test_stop_ends_an_episode_where_its_choice_is_illegal():
-    agent = scripted({2.5: (RIGHT, 7.0), 3.0: (RIGHT, 2.0), 3.5: (RIGHT, 1.0)})
+    agent = scripted({2.5: (RIGHT, 1.0), 3.0: (RIGHT, 2.0), 3.5: (RIGHT, 3.0)})
     run = follow(agent, (2.5, 1.5), on_illegal="stop")
     assert run.final.tolist() == [[3.5, 1.5]]
     assert run.moves.tolist() == [2]
-    assert run.looped.tolist() == [True]
     assert run.path[2:, 0, 0].tolist() == [3.5] * 19
+    assert (run.value[3:] == -np.inf).all()
     at_once = follow(agent, (3.5, 1.5), on_illegal="stop")
     assert at_once.final.tolist() == [[3.5, 1.5]]
     assert at_once.moves.tolist() == [0]
@@ -118,30 +114,25 @@ def test_mask_takes_the_best_legal_move_in_place_of_an_illegal_one():
     assert run.path[:, 0].tolist() == [[3.0, 2.0], [3.5, 2.0], [3.5, 2.5]]
 
 
-def test_a_budget_that_runs_out_leaves_the_last_position_and_no_loop():
-    agent = scripted({x: (RIGHT, -x) for x in (0.5, 1.0, 1.5, 2.0, 2.5)})
-    run = follow(agent, (0.5, 1.5), max_moves=3)
-    assert run.final.tolist() == [[2.0, 1.5]]
-    assert run.moves.tolist() == [3]
-    assert run.looped.tolist() == [False]
-
-
-def test_a_loop_closed_by_the_last_move_of_the_budget_is_a_loop():
-    agent = scripted({1.0: (RIGHT, 1.0), 1.5: (LEFT, 5.0)})
-    run = follow(agent, (1.0, 1.5), max_moves=2)
-    assert run.looped.tolist() == [True]
-    assert run.final.tolist() == [[1.0, 1.5]]
-    assert run.moves.tolist() == [0]
-    assert follow(agent, (1.0, 1.5), max_moves=1).looped.tolist() == [False]
-
-
 def test_an_item_that_cannot_move_at_all_stays():
     room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
     for on_illegal in ("mask", "stop"):
         run = follow(Scripted(lambda x, y: [1.0, 2.0, 3.0, 4.0]), (0.5, 0.5), room=room, on_illegal=on_illegal)
         assert run.final.tolist() == [[0.5, 0.5]]
         assert run.moves.tolist() == [0]
-        assert run.looped.tolist() == [True]
+
+
+def test_values_are_the_mean_over_all_views_of_a_room():
+    """Seen in all eight views, nothing is left of a preference for one direction; a wish to be right remains."""
+    views = symmetries(STEPS)
+    values = Greedy(Scripted(lambda x, y: [8.0, 0.0, 0.0, 0.0]), 1, "mask", views)._values
+    np.testing.assert_allclose(values(Place(), torch.tensor([[1.0, 2.0]], dtype=torch.float64)), [[2.0] * 4])
+    # What an agent wants that sees all rooms alike is what it wants in each view, turned back: to the origin.
+    home = Scripted(lambda x, y: [-x, x, y, -y])
+    for place, best in (((3.0, 1.0), LEFT), ((-3.0, 1.0), RIGHT), ((1.0, 3.0), BELOW), ((1.0, -3.0), UP)):
+        q = Greedy(home, 1, "mask", views)._values(Place(), torch.tensor([place], dtype=torch.float64))
+        assert q.argmax().item() == best
+        np.testing.assert_allclose(q, home.values(torch.tensor([place], dtype=torch.float64)))
 
 
 def hashed(seed: int, actions: int):
@@ -155,25 +146,24 @@ def hashed(seed: int, actions: int):
 
 
 def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, max_moves: int, on_illegal: str):
-    """(final, moves, looped) of one episode, followed step by step."""
+    """(final, moves) of one episode, followed step by step."""
     way, entered_by = [tuple(start)], [-np.inf]
     for _ in range(max_moves):
         here = torch.tensor([way[-1]], dtype=torch.float64)
         length, legal = (x[0] for x in simulator.reach(torch.tensor([room]), here))
         q = np.float32(values(*way[-1])).astype(float)
-        allowed = np.where(legal, q, -np.inf) if on_illegal == "mask" else q
-        action = int(np.argmax(allowed))
-        if not legal[action]:
-            return way[-1], way.index(way[-1]), True
-        there = tuple(simulator.moved(here, torch.tensor([action]), length[[action]])[0].tolist())
+        there = []
+        for action in range(len(q)):
+            there.append(tuple(simulator.moved(here, torch.tensor([action]), length[[action]])[0].tolist()))
+            if (legal[action] and there[-1] in way) or (on_illegal == "mask" and not legal[action]):
+                q[action] = -np.inf
+        action = int(np.argmax(q))
+        if q[action] == -np.inf or not legal[action]:
+            break
+        way.append(there[action])
         entered_by.append(q[action])
-        if there in way:
-            loop = range(way.index(there) + 1, len(way) + 1)
-            way.append(there)
-            best = way[max(loop, key=lambda k: entered_by[k])]
-            return best, way.index(best), True
-        way.append(there)
-    return way[-1], max_moves, False
+    moves = int(np.argmax(entered_by))
+    return way[moves], moves
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["mask", "stop"]), st.sampled_from([3, 60]), st.booleans())
@@ -186,20 +176,23 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
     room = rng.integers(3, size=8)
     starts = exact.starts(room, rng)
     values = hashed(seed, exact.moves.count)
-    run = rollout(Scripted(values), simulator, position, room, starts, max_moves, on_illegal)
+    policy = Greedy(Scripted(values), max_moves, on_illegal, unturned(exact.moves))
+    run = policy.rollout(simulator, Place(), room, starts)
     np.testing.assert_array_equal(run.path[0], starts)
     for b in range(8):
-        final, moves, looped = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
+        final, moves = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
         assert tuple(run.final[b]) == final
         assert run.moves[b] == moves
-        assert run.looped[b] == looped
-        assert tuple(run.path[run.moves[b], b]) == final
         # Every step is a legal one of the exact simulator, to the micrometre that a slide may be off.
         before, after = run.path[:-1, b], run.path[1:, b]
         reached, legal = exact.destinations(np.repeat(room[b], max_moves), before)
         led = (np.abs(reached - after[:, None]).max(-1) < 1.1e-6) & legal
         assert (led.any(1) | (before == after).all(1)).all()
         assert exact.is_legal(np.repeat(room[b], max_moves), after).all()
+
+
+def network(columns: int, actions: int) -> DQN:
+    return DQN(GeometryNetwork(columns, actions, element_width=8, width=16), 1e-3, 10, 10, double=True)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["mask", "stop"]))
@@ -215,26 +208,26 @@ def test_rollouts_never_hang_on_the_designers_place(seed, on_illegal):
     with torch.random.fork_rng():
         for place in places:
             moved = replace(room, furniture=(replace(room.moving, center=place), *room.furniture[1:]))
-            batch_simulator = BatchSimulator(Simulator([moved], Moves((0.6, 0.2)), Reward()))
+            batch_simulator = BatchSimulator(Simulator([moved], simulator.moves, Reward()))
             observe = GeometryObservation([moved], [room.moving.category])
             torch.manual_seed(seed)
-            network = GeometryNetwork(observe.space.shape[1], simulator.moves.count, element_width=8, width=16)
-            agent = DQN(network, 1e-3, 10, 10, double=True)
-            runs.append(rollout(agent, batch_simulator, observe, index, starts, 30, on_illegal))
+            agent = network(observe.space.shape[1], simulator.moves.count)
+            policy = Greedy(agent, 30, on_illegal, symmetries(simulator.moves))
+            runs.append(policy.rollout(batch_simulator, observe, index, starts))
     for run in runs[1:]:
         np.testing.assert_array_equal(run.path, runs[0].path)
-        np.testing.assert_array_equal(run.final, runs[0].final)
-        np.testing.assert_array_equal(run.moves, runs[0].moves)
+        np.testing.assert_array_equal(run.value, runs[0].value)
 
 
 def test_neither_starts_nor_agent_are_changed_by_a_rollout():
     room = wide_room()
     simulator, observe = Simulator([room], STEPS, Reward()), GeometryObservation([room], ["bed"])
     batch_simulator = BatchSimulator(simulator)
-    agent = DQN(GeometryNetwork(observe.space.shape[1], 4, element_width=8, width=16), 1e-3, 10, 10, double=False)
+    agent = network(observe.space.shape[1], 4)
+    policy = Greedy(agent, 10, "mask", unturned(STEPS))
     starts = simulator.starts(np.zeros(5, dtype=int), np.random.default_rng(0))
     copies, weights = starts.copy(), [p.clone() for p in agent.network.parameters()]
-    runs = [rollout(agent, batch_simulator, observe, np.zeros(5, dtype=int), starts, 10) for _ in range(2)]
+    runs = [policy.rollout(batch_simulator, observe, np.zeros(5, dtype=int), starts) for _ in range(2)]
     np.testing.assert_array_equal(starts, copies)
     np.testing.assert_array_equal(runs[0].path, runs[1].path)
     assert all(torch.equal(a, b) for a, b in zip(agent.network.parameters(), weights, strict=True))

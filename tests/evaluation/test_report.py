@@ -12,9 +12,10 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.probe import Probe
-from layoutrl.evaluation.protocols import rollout
+from layoutrl.evaluation.protocols import Greedy
 from layoutrl.evaluation.report import AGENT, evaluate
 from layoutrl.rooms.room import Item
 from tests.builders import l_room, rectangular_room
@@ -36,9 +37,13 @@ def agent() -> DQN:
     return DQN(network, 1e-3, 10, 10, double=True)
 
 
+def greedy(agent: DQN) -> Greedy:
+    return Greedy(agent, 20, "mask", symmetries(EXACT.moves))
+
+
 def test_an_evaluation_scores_the_stopping_places_exactly(agent):
     seed = np.random.SeedSequence(5)
-    result = evaluate(agent, EXACT, OBSERVE, ROOMS, starts_a_room=10, max_moves=20, on_illegal="mask", seed=seed)
+    result = evaluate(greedy(agent), EXACT, OBSERVE, ROOMS, starts_a_room=10, seed=seed)
     room = np.repeat(np.arange(3), 10)
     assert [position["room"] for position in result["positions"]] == [ROOMS[k].id for k in room]
     iou = EXACT.reward(room, np.array([position["center"] for position in result["positions"]])).iou
@@ -47,11 +52,11 @@ def test_an_evaluation_scores_the_stopping_places_exactly(agent):
 
 
 def test_a_probe_scores_one_rollout_in_every_room_exactly(agent):
-    probe = Probe(EXACT, OBSERVE, 20, "mask", np.random.default_rng(3), torch.device("cpu"))
+    probe = Probe(EXACT, OBSERVE, np.random.default_rng(3), torch.device("cpu"))
     room = np.arange(3)
     starts = EXACT.starts(room, np.random.default_rng(3))
-    final = rollout(agent, BatchSimulator(EXACT), OBSERVE, room, starts, 20, "mask").final
-    iou, pictures = probe(agent)
+    final = greedy(agent).rollout(BatchSimulator(EXACT), OBSERVE, room, starts).final
+    iou, pictures = probe(greedy(agent))
     assert iou == EXACT.reward(room, final).iou.mean()
     assert probe.ceiling == lattice_ceiling(EXACT, room, starts).mean()
     assert len(pictures) == 3
