@@ -5,8 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
+import shapely
+from shapely.affinity import translate
 
 from layoutrl.env.simulator import TOUCHING, Simulator
+from layoutrl.rooms.room import TOLERANCE, Room
+
+FRONT = 0.3  # metres before and behind a door that who passes it needs
 
 
 @dataclass(frozen=True)
@@ -20,6 +25,7 @@ class Score:
     share_090: float  # share of positions with an IoU of at least 0.9
     overlap: float  # mean share of the item that other items cover
     outside: float  # mean share of the item outside the indoor area
+    blocked: float  # share of positions in a door or window, or less than FRONT from a door's breadth
 
     def as_dict(self) -> dict[str, float | None]:
         return asdict(self)
@@ -39,7 +45,27 @@ def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score
         float((iou >= 0.9).mean()),
         float(overlap.mean()),
         float(outside.mean()),
+        float(blocks_openings(simulator, room, position).mean()),
     )
+
+
+def blocks_openings(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Whether the item (B,) stands in a door or a window, or less than FRONT before or behind a door."""
+    free = np.array([kept_free(r) for r in simulator.rooms])
+    footprints = [simulator.rooms[k].moving.footprint_at(tuple(p)) for k, p in zip(room, position, strict=True)]
+    return shapely.area(shapely.intersection(free[room], footprints)) > TOLERANCE**2
+
+
+def kept_free(room: Room) -> shapely.Geometry:
+    """Doors and windows, and the floor before and behind each door."""
+    zones = [window.shape for window in room.windows]
+    for door in room.doors:
+        corners = np.array(shapely.minimum_rotated_rectangle(door.shape).exterior.coords)
+        sides = np.diff(corners[:3], axis=0)
+        lengths = np.hypot(*sides.T)
+        x, y = FRONT * sides[lengths.argmin()] / lengths.min()  # through the wall, which is less thick than doors wide
+        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
+    return shapely.union_all(zones)
 
 
 def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.metrics import lattice_ceiling, score
+from layoutrl.evaluation.metrics import blocks_openings, lattice_ceiling, score
 from layoutrl.rooms.room import Item, Room
-from tests.builders import l_room, random_room, rectangular_room, room_of
+from tests.builders import l_room, opening, random_room, rectangular_room, room_of
 
 NEAR = 2e-5  # of IoU: what a few micrometres of grid and fit make
 
@@ -41,8 +41,29 @@ def test_a_score_is_as_worked_out_by_hand():
     assert result.overlap == pytest.approx(0.25 / 5)  # the second covers a quarter of itself with the chair
     assert result.outside == pytest.approx(0.1 / 5)  # the fourth stands in the wall by a tenth
     assert list(result.as_dict()) == [
-        "mean_iou", "std_iou", "standard_error", "median_iou", "share_090", "overlap", "outside"
+        "mean_iou", "std_iou", "standard_error", "median_iou", "share_090", "overlap", "outside", "blocked"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "center", "blocks"),
+    [
+        ("door", (2.0, 0.5), True),  # right before it
+        ("door", (2.0, 0.79), True),
+        ("door", (2.0, 0.81), False),
+        ("door", (3.05, 0.5), False),  # beside it, at the same wall
+        ("door", (2.95, 0.5), True),
+        ("window", (2.0, 0.5), False),  # a bed may stand under a window
+        ("window", (2.0, 0.45), True),  # but not in it
+    ],
+)
+@pytest.mark.parametrize("quarters", range(4))
+def test_an_opening_is_blocked_by_what_stands_in_it_or_right_before_a_door(kind, center, blocks, quarters):
+    hole = opening(kind, 1.5, -0.2, 2.5, 0.0)
+    room = rectangular_room(4, 3, Item("bed", (1.0, 1.0), center), openings=(hole,)).turned(quarters)
+    simulator, index = simulator_of(room), np.array([0])
+    assert blocks_openings(simulator, index, np.array([room.moving.center])).tolist() == [blocks]
+    assert score(simulator, index, np.array([room.moving.center])).blocked == blocks
 
 
 def test_the_standard_error_is_over_rooms_and_more_starts_in_a_room_do_not_lower_it():

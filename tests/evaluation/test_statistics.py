@@ -1,0 +1,55 @@
+"""Intervals and tests hold what they promise, on values whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
+
+
+def alone(values: np.ndarray) -> np.ndarray:
+    return np.arange(len(values))
+
+
+def test_the_interval_of_a_normal_mean_is_the_one_in_books():
+    rng = np.random.default_rng(0)
+    values = rng.normal(0.8, 0.1, 400)
+    low, high = bootstrap_interval(values, alone(values), rng)
+    error = values.std(ddof=1) / np.sqrt(400)
+    assert low == pytest.approx(values.mean() - 1.96 * error, abs=0.1 * error)
+    assert high == pytest.approx(values.mean() + 1.96 * error, abs=0.1 * error)
+
+
+def test_copies_of_a_room_make_nobody_surer():
+    rng = np.random.default_rng(1)
+    values = rng.random(50)
+    low, high = bootstrap_interval(values, alone(values), np.random.default_rng(2))
+    copied = bootstrap_interval(np.repeat(values, 20), np.repeat(alone(values), 20), np.random.default_rng(2))
+    assert copied == pytest.approx((low, high))
+    p = paired_p_value(values, values[::-1] + 0.1, alone(values), np.random.default_rng(3))
+    again = paired_p_value(
+        np.repeat(values, 20), np.repeat(values[::-1] + 0.1, 20), np.repeat(alone(values), 20), np.random.default_rng(3)
+    )
+    assert again == p
+
+
+def test_the_interval_covers_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(4)
+    covered = 0
+    for _ in range(60):
+        values = rng.beta(9, 1, 80)
+        low, high = bootstrap_interval(values, alone(values), rng)
+        covered += low <= 0.9 <= high
+    assert covered >= 50
+
+
+def test_p_values_are_small_where_methods_differ_and_any_where_not():
+    rng = np.random.default_rng(5)
+    rooms = rng.random(200)
+    better = rooms + rng.normal(0.02, 0.05, 200)
+    assert paired_p_value(better, rooms, alone(rooms), rng) < 0.001
+    assert paired_p_value(rooms, better, alone(rooms), rng) < 0.001
+    null = [paired_p_value(rooms + rng.normal(0, 0.05, 200), rooms, alone(rooms), rng) for _ in range(40)]
+    assert 0.3 < np.mean(null) < 0.7
+    assert paired_p_value(rooms, rooms, alone(rooms), rng) == 1
