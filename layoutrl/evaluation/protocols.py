@@ -12,6 +12,8 @@ import torch
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.env.batch import BatchSimulator
 
+DISTINCT = 0.1  # metres: stopping places nearer to each other are one choice
+
 
 @dataclass(frozen=True)
 class Rollout:
@@ -21,6 +23,7 @@ class Rollout:
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
     final: np.ndarray  # (B, 2), metres: the stopping place
     moves: np.ndarray  # (B,): moves until the stopping place is first reached
+    value: np.ndarray  # (B,): Q of the move that entered the stopping place; -infinity where none did: it never moved
     looped: np.ndarray  # (B,): False where the budget of moves ended an episode before it repeated itself
     seconds: float
 
@@ -76,4 +79,44 @@ def rollout(
     last = np.where(loop_start >= 0, best, end)
     final = path[last, np.arange(batch)]
     moves = np.all(path == final, -1).argmax(0)
-    return Rollout(room, path, final, moves, (loop_start >= 0) | (end < max_moves), time.perf_counter() - began)
+    value = entered_by[last, np.arange(batch)]
+    looped = (loop_start >= 0) | (end < max_moves)
+    return Rollout(room, path, final, moves, value, looped, time.perf_counter() - began)
+
+
+def best_places(
+    agent: DQN,
+    simulator: BatchSimulator,
+    observe: Observe,
+    generator: torch.Generator,
+    max_moves: int,
+    on_illegal: Literal["stop", "mask"] = "mask",
+    *,
+    starts: int = 16,
+    count: int = 3,
+) -> np.ndarray:
+    """The agent's own first, second and third choice in every room: (rooms, count, 2), metres.
+
+    Real designs leave a choice open. Greedy episodes from `starts` places drawn uniformly in each room end
+    in one or several stopping places; of those the distinct ones entered by the moves of highest Q. The designer's
+    place is never consulted: which of them scores best is another's to say.
+    """
+    rooms = len(simulator.rooms)
+    room = torch.arange(rooms, device=simulator.device).repeat_interleave(starts)
+    drawn = simulator.starts(room, generator).cpu().numpy()
+    run = rollout(agent, simulator, observe, room.cpu().numpy(), drawn, max_moves, on_illegal)
+    return distinct_places(run.value.reshape(rooms, starts), run.final.reshape(rooms, starts, 2), count)
+
+
+def distinct_places(value: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
+    """Of places (rooms, n, 2) the `count` of highest value (rooms, n), best first: (rooms, count, 2).
+
+    Places nearer to each other than DISTINCT are one, of the higher value. Where there are fewer, the best is repeated.
+    """
+    place = np.take_along_axis(place, np.argsort(-value, axis=1, kind="stable")[..., None], 1)  # best first
+    left = np.ones(value.shape, dtype=bool)
+    best = np.empty((len(value), count, 2))
+    for k in range(count):
+        best[:, k] = place[np.arange(len(value)), left.argmax(1)]  # the first that is left; of all if none is
+        left &= np.linalg.norm(place - best[:, k, None], axis=-1) >= DISTINCT
+    return best

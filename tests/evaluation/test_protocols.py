@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
+import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,7 +17,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.protocols import Rollout, rollout
+from layoutrl.evaluation.protocols import Rollout, best_places, distinct_places, rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -64,6 +66,7 @@ def test_an_episode_stops_in_its_loop_at_the_position_entered_by_the_move_of_hig
     agent = scripted({1.0: (RIGHT, 9.0), 1.5: (RIGHT, 5.0), 2.0: (RIGHT, 1.0), 2.5: (LEFT, 3.0)})
     run = follow(agent, (1.0, 1.5))
     assert run.final.tolist() == [[2.0, 1.5]]  # the designer's place is 2.5
+    assert run.value.tolist() == [3.0]
     assert run.moves.tolist() == [2]
     assert run.looped.tolist() == [True]
 
@@ -103,6 +106,7 @@ def test_stop_ends_an_episode_where_its_choice_is_illegal():
     run = follow(agent, (2.5, 1.5), on_illegal="stop")
     assert run.final.tolist() == [[3.5, 1.5]]
     assert run.moves.tolist() == [2]
+    assert run.value.tolist() == [2.0]  # of the move that led there, not of the one that is illegal
     assert run.looped.tolist() == [True]
     assert run.path[2:, 0, 0].tolist() == [3.5] * 19
     at_once = follow(agent, (3.5, 1.5), on_illegal="stop")
@@ -123,6 +127,7 @@ def test_a_budget_that_runs_out_leaves_the_last_position_and_no_loop():
     run = follow(agent, (0.5, 1.5), max_moves=3)
     assert run.final.tolist() == [[2.0, 1.5]]
     assert run.moves.tolist() == [3]
+    assert run.value.tolist() == [-1.5]
     assert run.looped.tolist() == [False]
 
 
@@ -141,7 +146,65 @@ def test_an_item_that_cannot_move_at_all_stays():
         run = follow(Scripted(lambda x, y: [1.0, 2.0, 3.0, 4.0]), (0.5, 0.5), room=room, on_illegal=on_illegal)
         assert run.final.tolist() == [[0.5, 0.5]]
         assert run.moves.tolist() == [0]
+        assert run.value.tolist() == [-np.inf]
         assert run.looped.tolist() == [True]
+
+
+def to_corners(left_below: float, right_below: float, left_above: float, right_above: float):
+    """Slides into the nearest corner of the wide room and stays about there; each is entered with its value."""
+    slides = 4  # action 4 + d slides in direction d
+
+    def values(x: float, y: float) -> list[float]:
+        right, above = x > 2, y > 1.5
+        value = ((left_below, right_below), (left_above, right_above))[above][right]
+        at_side, at_end = abs(x - 2) > 1.49, abs(y - 1.5) > 0.99
+        if not at_side:
+            action = slides + (RIGHT if right else LEFT)
+        elif not at_end:
+            action = slides + (UP if above else BELOW)
+        else:
+            action = BELOW if above else UP  # half a metre away, and the next slide leads back
+        return [(value if action >= slides else value - 1) - 50 * (a != action) for a in range(8)]
+
+    return Scripted(values)
+
+
+def best_of(agent, rooms: list[Room], seed: int = 0, **settings) -> np.ndarray:
+    simulator = BatchSimulator(Simulator(rooms, Moves((0.5,)), Reward()))
+    return best_places(agent, simulator, position, torch.Generator().manual_seed(seed), 20, **settings)
+
+
+CORNERS = {"left_below": (0.5, 0.5), "right_below": (3.5, 0.5), "left_above": (0.5, 2.5), "right_above": (3.5, 2.5)}
+
+
+@pytest.mark.parametrize("order", list(permutations(CORNERS))[::5])
+def test_the_best_places_are_three_stopping_places_of_highest_value_wherever_the_designer_put_the_item(order):
+    agent = to_corners(**{corner: 10.0 - rank for rank, corner in enumerate(order)})
+    rooms = [wide_room(designer) for designer in ((2.5, 1.5), CORNERS[order[3]])]
+    best = best_of(agent, rooms)
+    np.testing.assert_allclose(best, [[CORNERS[corner] for corner in order[:3]]] * 2, atol=1e-5)
+    np.testing.assert_allclose(best_of(agent, rooms, count=4)[:, 3], [CORNERS[order[3]]] * 2, atol=1e-5)
+
+
+def test_the_best_places_hang_on_the_generator_alone_and_come_from_as_many_starts_as_asked():
+    agent = to_corners(4.0, 3.0, 2.0, 1.0)
+    rooms = [wide_room() for _ in range(8)]
+    few = best_of(agent, rooms, seed=1, starts=2)
+    np.testing.assert_array_equal(few, best_of(agent, rooms, seed=1, starts=2))
+    assert not np.array_equal(few, best_of(agent, rooms, seed=2, starts=2))
+    assert {len(np.unique(places, axis=0)) for places in few} <= {1, 2}
+    assert {len(np.unique(places, axis=0)) for places in best_of(agent, rooms, seed=1, starts=32)} == {3}
+
+
+def test_places_within_ten_centimetres_are_one_of_the_higher_value_and_the_best_fills_up():
+    place = np.array([[(1, 1), (2, 2), (1.06, 1.07), (3, 3)], [(1, 1), (1.05, 1), (1.099, 1), (1.0, 1.09)]])
+    value = np.array([[1.0, 5.0, 3.0, -np.inf], [2.0, 1.0, 7.0, -np.inf]])
+    best = distinct_places(value, place, 3)
+    assert best[0].tolist() == [[2, 2], [1.06, 1.07], [3, 3]]  # (1, 1) is the same as the better (1.06, 1.07)
+    assert best[1].tolist() == [[1.099, 1], [1.0, 1.09], [1.099, 1]]  # 13 cm apart: all others are near one of the two
+    assert distinct_places(value[:1], np.ones((1, 4, 2)), 3).tolist() == [[[1, 1]] * 3]
+    apart = np.array([[(1, 1), (1.1001, 1)]])
+    assert distinct_places(np.array([[1.0, 2.0]]), apart, 2).tolist() == [[[1.1001, 1], [1, 1]]]
 
 
 def hashed(seed: int, actions: int):
@@ -155,7 +218,7 @@ def hashed(seed: int, actions: int):
 
 
 def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, max_moves: int, on_illegal: str):
-    """(final, moves, looped) of one episode, followed step by step."""
+    """(final, moves, value, looped) of one episode, followed step by step."""
     way, entered_by = [tuple(start)], [-np.inf]
     for _ in range(max_moves):
         here = torch.tensor([way[-1]], dtype=torch.float64)
@@ -164,16 +227,16 @@ def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, 
         allowed = np.where(legal, q, -np.inf) if on_illegal == "mask" else q
         action = int(np.argmax(allowed))
         if not legal[action]:
-            return way[-1], way.index(way[-1]), True
+            return way[-1], way.index(way[-1]), entered_by[-1], True
         there = tuple(simulator.moved(here, torch.tensor([action]), length[[action]])[0].tolist())
         entered_by.append(q[action])
         if there in way:
             loop = range(way.index(there) + 1, len(way) + 1)
             way.append(there)
-            best = way[max(loop, key=lambda k: entered_by[k])]
-            return best, way.index(best), True
+            best = max(loop, key=lambda k: entered_by[k])
+            return way[best], way.index(way[best]), entered_by[best], True
         way.append(there)
-    return way[-1], max_moves, False
+    return way[-1], max_moves, entered_by[-1], False
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["mask", "stop"]), st.sampled_from([3, 60]), st.booleans())
@@ -189,9 +252,10 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
     run = rollout(Scripted(values), simulator, position, room, starts, max_moves, on_illegal)
     np.testing.assert_array_equal(run.path[0], starts)
     for b in range(8):
-        final, moves, looped = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
+        final, moves, value, looped = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
         assert tuple(run.final[b]) == final
         assert run.moves[b] == moves
+        assert run.value[b] == value
         assert run.looped[b] == looped
         assert tuple(run.path[run.moves[b], b]) == final
         # Every step is a legal one of the exact simulator, to the micrometre that a slide may be off.
