@@ -55,7 +55,7 @@ def far_end_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:
     """
     places = []
     for k in room:
-        low, high = _play(simulator.rooms[k])
+        low, high = play(simulator.rooms[k])
         axis = int(np.argmax(high - low))
         x0, y0, x1, y1 = simulator.rooms[k].indoor.bounds
         ends = np.array([(x0, x1), (y0, y1)])[axis]
@@ -72,7 +72,7 @@ def nearest_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarra
     """For each of B starts the item moved straight to the nearest side of the outline's bounding box."""
     nearest = []
     for k, start in zip(room, starts, strict=True):
-        low, high = _play(simulator.rooms[k])
+        low, high = play(simulator.rooms[k])
         ways = np.array([(low[0], start[1]), (high[0], start[1]), (start[0], low[1]), (start[0], high[1])])
         nearest.append(ways[np.argmin(np.abs(ways - start).sum(1))])
     return np.array(nearest)
@@ -109,16 +109,16 @@ def _features(room: Room) -> np.ndarray:
 
 def _relative_place(room: Room) -> np.ndarray:
     """Where the designer put the item within the free play of the outline's bounding box: 0 to 1 an axis."""
-    low, high = _play(room)
+    low, high = play(room)
     return (np.array(room.moving.center) - low) / np.maximum(high - low, 1e-9)
 
 
 def _from_relative(room: Room, relative: np.ndarray) -> np.ndarray:
-    low, high = _play(room)
+    low, high = play(room)
     return low + np.clip(relative, 0, 1) * np.maximum(high - low, 0)
 
 
-def _play(room: Room) -> tuple[np.ndarray, np.ndarray]:
+def play(room: Room) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest centre at which the item lies within the outline's bounding box."""
     bounds, item = np.array(room.indoor.bounds), np.array(room.moving.template.bounds)
     return bounds[:2] - item[:2], bounds[2:] - item[2:]
