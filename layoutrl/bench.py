@@ -5,10 +5,6 @@ Measures on one machine, in one run, what the project promises; prints a table a
 
 from __future__ import annotations
 
-import os
-import platform
-import re
-import subprocess
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from datetime import datetime
@@ -17,12 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-import numpy as np
-import shapely
-import torch
 from omegaconf import DictConfig, OmegaConf
 
-import layoutrl
 from layoutrl import build
 from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
 from layoutrl.benchmarks.learning import memory, speed
@@ -30,7 +22,7 @@ from layoutrl.benchmarks.simulation import ITEMS, growth, plot
 from layoutrl.config import BenchConfig, config_directory, register
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
-from layoutrl.runs import make_folder, write_json
+from layoutrl.runs import machine, make_folder, write_json
 
 Targets = str | dict[str, str]  # on two cores; of a measurement by name, by its names
 ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
@@ -77,28 +69,6 @@ ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
         "iou": ("  mean IoU after them", ""),
     },
 }
-
-
-def machine(device: torch.device) -> dict[str, Any]:
-    """What it was measured on, and with which versions."""
-    cpuinfo = Path("/proc/cpuinfo")
-    name = re.search(r"model name\s*: (.*)", cpuinfo.read_text()) if cpuinfo.exists() else None
-    package = Path(layoutrl.__file__).resolve().parent
-    describe = ["git", "-C", str(package), "describe", "--always", "--dirty", "--exclude=*"]
-    checkout = (package.parent / ".git").exists()
-    commit = subprocess.run(describe, capture_output=True, text=True, check=False).stdout.strip() if checkout else ""
-    return {
-        "cpu": name[1] if name else platform.processor(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "torch threads": torch.get_num_threads(),
-        "load before": round(os.getloadavg()[0], 1),  # processes that want a core, this one not yet
-        "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
-        "python": platform.python_version(),
-        "torch": torch.__version__,
-        "numpy": np.__version__,
-        "shapely": shapely.__version__,
-        "layoutrl": f"{layoutrl.__version__} {commit}".strip(),
-    }
 
 
 def table(about: dict[str, Any], parts: dict[str, dict[str, Any]]) -> str:

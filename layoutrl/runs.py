@@ -1,16 +1,23 @@
-"""The folder of a run: config.yaml, checkpoint.pt, metrics.csv, evaluation.json and TensorBoard events."""
+"""The folder of a run: config.yaml, checkpoint.pt, metrics.csv, evaluation.json, TensorBoard events; the machine."""
 
 from __future__ import annotations
 
 import json
+import os
 import pickle
+import platform
+import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import shapely
 import torch
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+import layoutrl
 from layoutrl.agents.dqn import DQN
 from layoutrl.config import TrainConfig
 from layoutrl.errors import InputError
@@ -75,3 +82,25 @@ def write_json(path: Path, content: Any) -> None:
     partial = path.with_suffix(".partial")
     partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     partial.replace(path)
+
+
+def machine(device: torch.device) -> dict[str, Any]:
+    """What it was measured on, and with which versions."""
+    cpuinfo = Path("/proc/cpuinfo")
+    name = re.search(r"model name\s*: (.*)", cpuinfo.read_text()) if cpuinfo.exists() else None
+    package = Path(layoutrl.__file__).resolve().parent
+    describe = ["git", "-C", str(package), "describe", "--always", "--dirty", "--exclude=*"]
+    checkout = (package.parent / ".git").exists()
+    commit = subprocess.run(describe, capture_output=True, text=True, check=False).stdout.strip() if checkout else ""
+    return {
+        "cpu": name[1] if name else platform.processor(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "torch threads": torch.get_num_threads(),
+        "load before": round(os.getloadavg()[0], 1),  # processes that want a core, this one not yet
+        "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+        "shapely": shapely.__version__,
+        "layoutrl": f"{layoutrl.__version__} {commit}".strip(),
+    }

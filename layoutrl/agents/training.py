@@ -16,7 +16,7 @@ from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
-from layoutrl.env.symmetry import Symmetry
+from layoutrl.env.symmetry import Symmetry, shares
 
 REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
@@ -148,16 +148,12 @@ def _turned(
 
     Poses stay what they are: nothing but what is observed of them is read from here on.
     """
-
-    def cut(column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
-        return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)
-
     turned = batch._replace(
-        action=torch.cat([symmetry.action[share.long()] for symmetry, share in cut(batch.action)]),
-        next_legal=torch.cat([share[:, symmetry.inverse] for symmetry, share in cut(batch.next_legal)]),
+        action=torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, batch.action)]),
+        next_legal=torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, batch.next_legal)]),
     )
     observation, next_observation = (
-        torch.cat([observe.turned(share, symmetry) for symmetry, share in cut(o)])
+        torch.cat([observe.turned(share, symmetry) for symmetry, share in shares(symmetries, o)])
         for o in (observation, next_observation)
     )
     return turned, observation, next_observation

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 import torch
+from torch import Tensor
 
 from layoutrl.env.simulator import DIRECTIONS, Moves
 from layoutrl.rooms.room import SYMMETRIES, symmetry
@@ -29,3 +32,8 @@ class Symmetry:
 def symmetries(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
     """All eight, first the one that changes nothing."""
     return [Symmetry(quarters, mirror, moves, device) for quarters, mirror in SYMMETRIES]
+
+
+def shares(symmetries: Sequence[Symmetry], column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
+    """A batch (B, ...) cut into equal shares, one for each symmetry."""
+    return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)

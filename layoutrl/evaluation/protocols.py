@@ -16,6 +16,8 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
 from layoutrl.env.symmetry import Symmetry
 
+DISTINCT = 0.1  # metres: places nearer to each other are one choice
+
 
 @dataclass(frozen=True)
 class Rollout:
@@ -35,6 +37,21 @@ class Rollout:
     def moves(self) -> np.ndarray:
         """Moves (B,) until the stopping place is reached."""
         return self.value.argmax(0)
+
+    def choices(self, count: int) -> np.ndarray:
+        """The agent's first, second, ... choice: (B, count, 2), metres. Real designs leave more than one open.
+
+        Of the places that it came by, those entered by the moves of highest Q, DISTINCT apart from each other; the
+        best is repeated where there are fewer.
+        """
+        path, value = self.path.swapaxes(0, 1), self.value.T
+        path = np.take_along_axis(path, np.argsort(-value, axis=1, kind="stable")[..., None], 1)  # best first
+        left = np.ones(value.shape, dtype=bool)
+        best = np.empty((len(value), count, 2))
+        for k in range(count):
+            best[:, k] = path[np.arange(len(path)), left.argmax(1)]  # the first that is left; of all if none is
+            left &= np.linalg.norm(path - best[:, k, None], axis=-1) >= DISTINCT
+        return best
 
 
 @dataclass(frozen=True)

@@ -69,12 +69,14 @@ def evaluate(
 
 def table(evaluation: dict[str, Any]) -> str:
     """The evaluation as text: IoU is mean ± standard deviation, and the standard error of the mean over groups."""
-    lines = [f"{'':28} {'IoU ± sd':>15} {'s.e.':>6} {'median':>7} {'>= 0.9':>7} {'overlap':>8} {'outside':>8} {'blocks':>7}"]
+    columns = f"{'s.e.':>6} {'median':>7} {'>= 0.9':>7} {'overlap':>8} {'outside':>8} {'blocks':>7}"
+    lines = [f"{'':28} {'IoU ± sd':>15} {columns}"]
     for name, row in evaluation["rows"].items():
         error = "     -" if row["standard_error"] is None else f"{row['standard_error']:6.3f}"
         lines.append(
             f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {error} "
-            f"{row['median_iou']:7.3f} {row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f} {row['blocked']:7.1%}"
+            f"{row['median_iou']:7.3f} {row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f} "
+            f"{row['blocked']:7.1%}"
         )
     lines.append(f"{'lattice ceiling':28} {evaluation['lattice_ceiling']:7.3f}")
     if len(evaluation["items"]) > 1:

@@ -15,7 +15,7 @@ def group_sums(value: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def bootstrap_interval(value: np.ndarray, group: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
-    """The 95% interval of the mean of values (B,): percentiles over resamples of whole groups (B,), with replacement."""
+    """The 95% interval of the mean of values (B,): percentiles over resamples of whole groups (B,), replaced."""
     total, count = group_sums(value, group)
     means = []
     for _ in range(0, RESAMPLES, BLOCK):

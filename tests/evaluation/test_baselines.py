@@ -10,13 +10,15 @@ from hypothesis import strategies as st
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.baselines import (
+    best_wall_place,
+    far_end_place,
     nearest_room_place,
     nearest_wall_place,
     random_wall_place,
     wall_places,
 )
-from layoutrl.rooms.room import Item, Opening
-from tests.builders import l_room, random_room, rectangle, rectangular_room, room_of
+from layoutrl.rooms.room import Item, Opening, symmetry
+from tests.builders import l_room, opening, random_room, rectangle, rectangular_room, room_of
 
 
 def simulator_of(*rooms) -> Simulator:
@@ -80,6 +82,56 @@ def test_wall_places_lie_within_the_box_around_the_outline_and_drawn_ones_are_le
     simulator, index = simulator_of(room), np.zeros(5, dtype=int)
     chosen = random_wall_place(simulator, index, simulator.starts(index, rng), rng)
     assert simulator.is_legal(index, chosen).all()
+
+
+def test_the_best_wall_place_is_the_one_that_meets_the_designers_most():
+    designers = [(0.7, 0.5), (2.1, 2.3), (3.4, 1.7), (0.5, 2.7)]
+    rooms = [rectangular_room(4, 3, Item("bed", (1.0, 0.6), designer)) for designer in designers]
+    places = best_wall_place(simulator_of(*rooms), np.array([3, 0, 1, 2, 0]))
+    best = [(0.5, 2.7), (0.5, 0.3), (2, 2.7), (3.5, 1.5), (0.5, 0.3)]
+    np.testing.assert_allclose(places, best)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_no_wall_place_is_better_than_the_best(seed):
+    room = random_room(np.random.default_rng(seed))
+    simulator = simulator_of(room)
+    iou = simulator.reward(np.array([0]), best_wall_place(simulator, np.array([0]))).iou
+    assert iou == simulator.reward(np.zeros(8, dtype=int), wall_places(room)).iou.max()
+
+
+def bath_room(door: float | None, windows: tuple[float, ...] = (), width: float = 1.4):
+    """A bath room of 2 m by 1.4 m whose tub spans the short side; door and windows are in the long wall below."""
+    at = [("window", x) for x in windows] + ([] if door is None else [("door", door)])
+    openings = tuple(Opening(kind, rectangle(x - 0.3, -0.2, x + 0.3, 0)) for kind, x in at)
+    return rectangular_room(2.0, 1.4, Item("bathtub", (0.7, width), (1.0, 0.7)), openings=openings)
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("quarters", range(4))
+@pytest.mark.parametrize(("door", "end"), [(0.4, 1.65), (0.9, 1.65), (1.6, 0.35)])
+def test_the_hand_rule_spans_the_short_side_at_the_end_far_from_the_door(door, end, quarters, mirror):
+    for width in (1.4, 1.3):  # one that leaves some play stands in the middle of it
+        room = bath_room(door, windows=(1.7,), width=width).turned(quarters, mirror)
+        place = far_end_place(simulator_of(room), np.array([0]))
+        np.testing.assert_allclose(place, [symmetry(quarters, mirror) @ (end, 0.7)], atol=1e-9)
+
+
+def test_the_hand_rule_follows_the_item_not_the_room_where_they_disagree():
+    door = (opening("door", 3.2, -0.2, 3.8, 0),)
+    room = rectangular_room(4, 3, Item("bathtub", (3.8, 0.8), (2, 1.5)), openings=door)  # along the longer side
+    np.testing.assert_allclose(far_end_place(simulator_of(room), np.array([0])), [(2, 2.6)])
+
+
+def test_of_several_doors_the_nearest_to_an_end_counts_and_without_doors_the_windows_do():
+    both = rectangular_room(
+        3, 1.4, Item("bathtub", (0.7, 1.4), (1.5, 0.7)),
+        openings=(opening("door", 0, -0.2, 0.6, 0), opening("door", 1.8, -0.2, 2.4, 0)),
+    )  # fmt: skip
+    rooms = [both, bath_room(None, windows=(1.6,)), bath_room(None, windows=(0.4,)), bath_room(None)]
+    places = far_end_place(simulator_of(*rooms), np.array([0, 1, 2, 3]))
+    np.testing.assert_allclose(places, [(2.65, 0.7), (0.35, 0.7), (1.65, 0.7), (1.65, 0.7)])
 
 
 def test_the_nearest_wall_is_reached_by_the_shortest_straight_way():
@@ -152,5 +204,6 @@ def test_the_place_of_the_nearest_room_lies_within_the_box_around_the_outline(se
 def test_the_designers_place_of_the_room_itself_is_not_read():
     training = [designed_room(k) for k in range(5)]
     rooms = [rectangular_room(4, 3, Item("bed", (1, 1), center)) for center in ((1, 1), (3, 2))]
-    places = [nearest_room_place(simulator_of(room), np.array([0]), training) for room in rooms]
-    np.testing.assert_array_equal(*places)
+    for places in (lambda simulator: nearest_room_place(simulator, np.array([0]), training),
+                   lambda simulator: far_end_place(simulator, np.array([0]))):  # fmt: skip
+        np.testing.assert_array_equal(*(places(simulator_of(room)) for room in rooms))

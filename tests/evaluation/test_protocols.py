@@ -78,6 +78,16 @@ def test_an_episode_stops_at_the_position_entered_by_the_move_of_highest_value()
     assert run.value[:, 0].tolist() == [-np.inf, 1.0, 5.0, 3.0, 4.0]
 
 
+def test_choices_are_the_places_of_highest_value_that_lie_apart():
+    x = np.array([0.0, 1.0, 1.05, 2.0, 3.0, 2.95])
+    path = np.stack([x, np.zeros(6)], 1)[:, None]
+    value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0])[:, None]
+    run = Rollout(np.array([0]), path, value, 0.0)
+    assert run.choices(4)[0, :, 0].tolist() == [1.05, 3.0, 2.0, 0.0]  # 1.0 and 2.95 are too near to a better one
+    assert run.choices(5)[0, :, 0].tolist() == [1.05, 3.0, 2.0, 0.0, 1.05]
+    assert run.final.tolist() == run.choices(1)[:, 0].tolist()
+
+
 def test_it_never_goes_back_to_where_it_has_been():
     def values(x, y):  # to x = 2 and back, over and over; then up
         return [9.0, 1.0, 0.0, 5.0] if x < 1.9 else [1.0, 9.0, 0.0, 5.0]

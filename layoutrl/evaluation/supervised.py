@@ -1,0 +1,202 @@
+"""What supervised learning makes of the same rooms, the same observation and the same network: two yardsticks.
+
+The regressor sees a start and says how far away the designer's place is. The scorer sees a place and says how good it
+is; its answer is the best of many candidates, none of which is drawn from the answer. Places are centres in metres.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import l1_loss, mse_loss
+
+from layoutrl.agents.networks import GeometryNetwork
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import padded, snap
+from layoutrl.env.observation import GeometryObservation
+from layoutrl.env.simulator import TOUCHING, Simulator
+from layoutrl.env.symmetry import shares, symmetries
+from layoutrl.evaluation.baselines import play
+
+SIDE = 11  # candidates along each side of the grid
+NEAR = (0.005, 0.5)  # metres: least and greatest spread of the training places around the designer's
+ALIGNED = 0.3  # chance that such a place is not off along an axis: at the right wall, or the very place
+BLOCK = 4096  # poses seen at once: memory, not speed
+
+Spent = Callable[[int], float]  # the share of a budget that is spent after so many updates; training ends at 1
+Draw = Callable[[torch.Generator], tuple[Tensor, Tensor]]  # a batch: what is seen (B, ...), what to say of it (B, n)
+Loss = Callable[[Tensor, Tensor], Tensor]
+
+
+def updates_budget(updates: int) -> Spent:
+    """So many updates."""
+    return lambda made: made / updates
+
+
+def seconds_budget(seconds: float) -> Spent:
+    """So many seconds from now, by the clock on the wall."""
+    began = time.perf_counter()
+    return lambda _: (time.perf_counter() - began) / seconds
+
+
+def train_regressor(
+    simulator: Simulator,
+    observe: GeometryObservation,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    *,
+    batch: int = 512,
+    learning_rate: float = 1e-3,
+    device: torch.device | str = "cpu",
+) -> GeometryNetwork:
+    """A network that says, of an item at a random start in one of the rooms, how far the designer's place is.
+
+    It has two outputs, metres to the right and up, and learns the least absolute error: of two walls that
+    designers choose it points at one, not between them. Each batch has an equal share in every symmetry, in which
+    the way is mirrored and turned like the room.
+    """
+    batch_simulator = BatchSimulator(simulator, device)
+    designed = torch.tensor(simulator.designer_position, device=device)
+    views = symmetries(simulator.moves, device)
+
+    def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        room = torch.randint(len(designed), (batch,), generator=generator, device=device)
+        start = batch_simulator.starts(room, generator)
+        way = (designed[room] - start).float()
+        observation = observe(room, start)
+        return (
+            torch.cat([observe.turned(share, view) for view, share in shares(views, observation)]),
+            torch.cat([share @ view.matrix.T for view, share in shares(views, way)]),
+        )
+
+    return _trained(observe, 2, draw, l1_loss, spent, seed, learning_rate, device)
+
+
+def regressed_places(
+    network: GeometryNetwork, observe: GeometryObservation, room: np.ndarray, starts: np.ndarray
+) -> np.ndarray:
+    """Where the regressor says the item goes from starts (B, 2) in rooms (B,), legal or not: (B, 2)."""
+    return starts + _said(network, observe, torch.as_tensor(room), torch.as_tensor(starts)).numpy()
+
+
+def train_scorer(
+    simulator: Simulator,
+    observe: GeometryObservation,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    *,
+    batch: int = 512,
+    learning_rate: float = 1e-3,
+    device: torch.device | str = "cpu",
+) -> GeometryNetwork:
+    """A network that says how good a place is: its IoU with the designer's, seen with the item standing there.
+
+    Of the places of every batch half are candidates as in a test, a quarter are drawn uniformly, and a quarter lie
+    around the designer's, at every scale of NEAR as many. Each batch has an equal share in every symmetry.
+    """
+    batch_simulator = BatchSimulator(simulator, device)
+    designed = torch.tensor(simulator.designer_position, device=device)
+    table = torch.tensor(candidates(simulator), device=device)
+    count = (~table[..., 0].isnan()).sum(1)
+    views = symmetries(simulator.moves, device)
+
+    def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        def chance(*shape: int) -> Tensor:
+            return torch.rand(shape, generator=generator, device=device, dtype=torch.float64)
+
+        room = torch.randint(len(designed), (batch,), generator=generator, device=device)
+        start = batch_simulator.starts(room, generator)
+        candidate = table[room, (chance(batch) * count[room]).long()]
+        spread = NEAR[0] * (NEAR[1] / NEAR[0]) ** chance(batch, 1)
+        off = torch.randn(batch, 2, generator=generator, device=device) * spread * (chance(batch, 2) >= ALIGNED)
+        near = snap(designed[room] + off)
+        near = torch.where(batch_simulator.is_legal(room, near)[:, None], near, start)
+        kind = (4 * chance(batch, 1)).long()
+        place = torch.where(kind < 2, candidate, torch.where(kind < 3, start, near))
+        observation = observe(room, place)
+        turned = torch.cat([observe.turned(share, view) for view, share in shares(views, observation)])
+        return turned, batch_simulator.reward(room, place).iou[:, None]
+
+    return _trained(observe, 1, draw, mse_loss, spent, seed, learning_rate, device)
+
+
+def scored_places(network: GeometryNetwork, simulator: Simulator, observe: GeometryObservation) -> np.ndarray:
+    """The candidate of each room that the scorer likes best: (rooms, 2)."""
+    places = candidates(simulator)
+    room, which = np.nonzero(~np.isnan(places[..., 0]))
+    score = np.full(places.shape[:2], -np.inf)
+    said = _said(network, observe, torch.as_tensor(room), torch.as_tensor(places[room, which]))
+    score[room, which] = said[:, 0]
+    return places[np.arange(len(places)), score.argmax(1)]
+
+
+def candidates(simulator: Simulator) -> np.ndarray:
+    """Places to choose from, in every room: (rooms, most, 2), rows of rooms with fewer filled up with NaN.
+
+    All legal places at which a side of the item touches the outline or the box around another item along both
+    axes, and the legal ones of a grid of SIDE by SIDE over the outline's bounding box. Nothing of them hangs on the
+    designer's place. Raises ValueError for a room that has none.
+    """
+    places, rooms = [], []
+    for k, room in enumerate(simulator.rooms):
+        low, high = play(room)
+        for x, y in (_contact_coordinates(simulator.contacts[k]), np.linspace(low, high, SIDE).T):
+            places.append(np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
+            rooms.append(np.full(len(places[-1]), k))
+    place, of = snap(np.concatenate(places)), np.concatenate(rooms)
+    legal = simulator.is_legal(of, place)
+    if without := set(range(len(simulator.rooms))) - set(of[legal].tolist()):
+        raise ValueError(f"no candidate is legal in room {simulator.rooms[min(without)].id}")
+    return padded(place[legal], of[legal], len(simulator.rooms))
+
+
+def _contact_coordinates(borders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where upright and level borders (n, 4) lie: x of the ones and y of the others, each once."""
+    coordinates = []
+    for start, end in (borders[:, [0, 2]].T, borders[:, [1, 3]].T):
+        level = np.sort(start[np.abs(start - end) < TOUCHING])  # NaN is not
+        coordinates.append(level[np.diff(level, prepend=-np.inf) > TOUCHING])
+    return coordinates[0], coordinates[1]
+
+
+def _trained(
+    observe: GeometryObservation,
+    outputs: int,
+    draw: Draw,
+    loss: Loss,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    learning_rate: float,
+    device: torch.device | str,
+) -> GeometryNetwork:
+    """A network trained by Adam on ever new batches, at a rate that falls with what is left of the budget."""
+    weights, drawing = (int(s.generate_state(1)[0]) for s in seed.spawn(2))
+    with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
+        torch.manual_seed(weights)
+        network = GeometryNetwork(observe.space.shape[1], outputs, dueling=False).to(device)
+    generator = torch.Generator(device).manual_seed(drawing)
+    optimizer = torch.optim.Adam(network.parameters(), fused=True)
+    updates = 0
+    while (share := spent(updates)) < 1:
+        for group in optimizer.param_groups:
+            group["lr"] = learning_rate * (1 - share)
+        observation, goal = draw(generator)
+        said = network(observation)
+        assert said.shape == goal.shape
+        optimizer.zero_grad(set_to_none=True)
+        loss(said, goal).backward()
+        optimizer.step()
+        updates += 1
+    return network
+
+
+@torch.no_grad()
+def _said(network: GeometryNetwork, observe: GeometryObservation, room: Tensor, position: Tensor) -> Tensor:
+    """The network's outputs (B, n), on the host, for poses on any device."""
+    device = next(network.parameters()).device
+    poses = zip(room.split(BLOCK), position.split(BLOCK), strict=True)
+    return torch.cat([network(observe(r.to(device), p.to(device))) for r, p in poses]).cpu()
