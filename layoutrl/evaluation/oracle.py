@@ -1,0 +1,169 @@
+"""What a perfect Q would score: where the greedy policy of the exact optimal action values puts an item.
+
+Training solves a Markov decision process without an end: the reward is that of the place entered, divided by
+REWARD_SCALE, illegal moves are masked, the future is discounted. Its optimal policy need not end at the designer's
+place: what a move costs now can outweigh what lies beyond, and no place can be stayed at. The gap between this
+yardstick and the lattice ceiling is owed to discount, reward and stopping rule; that between agent and yardstick to
+learning.
+
+The places that moves can reach are up to millions a room. Only those that can be on an optimal path are looked at:
+branch and bound, breadth first, many episodes at once. It minimises discounted costs = best reward - reward >= 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import shapely
+import torch
+from torch import Tensor
+
+from layoutrl.agents.training import REWARD_SCALE
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import GRID, snap
+from layoutrl.env.simulator import DIRECTIONS, Simulator
+
+TOLERANCE = 1e-6  # of discounted reward / REWARD_SCALE: branches that promise no more than this are cut
+EPISODES = 32  # searched together: many enough for tensors to pay, few enough for memory
+AT_ONCE = 8192  # poses in one call of the simulator, which then stays in the processor's cache
+BITS = 26  # of a coordinate in a key: 33 m from the start on the grid
+Ask = Callable[[Tensor, Tensor], tuple[Tensor, ...]]  # about poses: rooms (n,), positions (n, 2)
+
+
+def perfect_places(simulator: Simulator, room: np.ndarray, starts: np.ndarray, discount: float) -> np.ndarray:
+    """Where the greedy policy under the optimal Q stops, from starts (B, 2) in metres in rooms (B,): (B, 2), metres.
+
+    It ends in a loop, and stops at the loop's place that is entered by the move of highest Q, as a `rollout` does. From
+    every place on its way its return is the best possible but for TOLERANCE. The bounds hold where every reward
+    is at most theta1 times the IoU: theta2 and theta3 at most 0.
+    """
+    exact = BatchSimulator(simulator, dtype=torch.float64)
+    parts = np.split(np.arange(len(room)), range(EPISODES, len(room), EPISODES))
+    return np.concatenate([_Search(simulator, exact, room[part], starts[part], discount).stops() for part in parts])
+
+
+class _Search:
+    """The places that B episodes can reach, as far as they matter; place b < B is the start of episode b."""
+
+    def __init__(
+        self, simulator: Simulator, exact: BatchSimulator, room: np.ndarray, starts: np.ndarray, discount: float
+    ):
+        self._simulator, self._exact, self._discount = simulator, exact, discount
+        self._room, self._starts = room, starts
+        bounds = shapely.bounds(np.array([simulator.rooms[k].moving.template for k in room])).reshape(-1, 2, 2)
+        self._size = bounds[:, 1] - bounds[:, 0]  # (B, 2), of the box around the item
+        self._best_reward = simulator.weights.theta1 / REWARD_SCALE
+        episode = np.arange(len(room))
+        self._keys, self._places = self._key(episode, starts), episode  # sorted keys, and which place each is
+        self._episode, self._position = np.empty(0, dtype=int), np.empty((0, 2))
+        self._cost, self._to_come = np.empty((2, 0))  # of entering a place; a lower bound on what follows
+        self._leads_to: np.ndarray = np.empty((0, simulator.moves.count), dtype=np.int32)  # by each action; -1 for illegal
+        self._value = np.empty(0)  # discounted cost from here on, from above; infinite where not expanded
+        self._add(episode, starts)
+        self._explore()
+
+    def stops(self) -> np.ndarray:
+        """The stopping place of each episode (B, 2): of all places in the loop the one of the best move into it."""
+        value, follows = self._value, np.arange(len(self._value))
+        expanded = np.flatnonzero(np.isfinite(value))
+        while True:  # value iteration; the values of alternating moves are a start that is nearly the end
+            entering = self._cost + self._discount * value
+            q = np.append(entering, np.inf)[self._leads_to[expanded]]
+            best = np.minimum(q.min(1), value[expanded])
+            if (value[expanded] - best).max() < TOLERANCE / 1000:
+                break
+            value[expanded] = best
+        known = np.isfinite(q.min(1))
+        follows[expanded[known]] = self._leads_to[expanded[known], q[known].argmin(1)]
+        far = follows
+        for _ in range(len(follows).bit_length()):  # 2, 4, 8, ... moves: longer than any way into a loop
+            far = far[far]
+        first = stop = far[: len(self._starts)]
+        here = follows[first]
+        while (here != first).any():
+            stop = np.where(entering[here] < entering[stop], here, stop)
+            here = np.where(here == first, first, follows[here])
+        return self._position[stop]
+
+    def _explore(self) -> None:
+        """Expand every place that an optimal path from a start may visit."""
+        gamma, episodes = self._discount, len(self._starts)
+        place, paid = np.arange(episodes), np.zeros(episodes)  # the ends of all open paths, and their discounted cost
+        least = np.full(episodes, np.inf)  # of all that is known to be possible from a start
+        # How each place was first entered by the path that leaves most for what follows.
+        entered_at, entered_paid = np.zeros(episodes), np.full(episodes, np.inf)
+        depth = 0
+        while len(place):
+            self._expand(place[np.isinf(self._value[place])])
+            np.minimum.at(least, self._episode[place], paid + gamma**depth * self._value[place])
+            path, action = np.nonzero(self._leads_to[place] >= 0)
+            place = self._leads_to[place[path], action]
+            depth += 1
+            paid = paid[path] + gamma ** (depth - 1) * self._cost[place]
+            grown = len(self._cost) - len(entered_at)
+            entered_at = np.append(entered_at, np.zeros(grown))
+            entered_paid = np.append(entered_paid, np.full(grown, np.inf))
+            # A path pays if what it leaves for the rest, to be no worse than the least, is more than the rest must
+            # cost, and more than an earlier path to this place has left.
+            left = (least[self._episode[place]] - paid) / gamma**depth
+            left_before = (least[self._episode[place]] - entered_paid[place]) / gamma ** entered_at[place]
+            pays = left > np.maximum(self._to_come[place], left_before) + TOLERANCE
+            place, paid = place[pays], paid[pays]
+            cheapest = np.lexsort((paid, place))
+            place, which = np.unique(place[cheapest], return_index=True)
+            paid = paid[cheapest][which]
+            entered_at[place], entered_paid[place] = depth, paid
+
+    def _expand(self, place: np.ndarray) -> None:
+        """Find where every move from these places leads, and what alternating between each and a neighbour costs."""
+        if not len(place):
+            return
+        episode, position = self._episode[place], self._position[place]
+        length, legal = self._ask(self._exact.reach, episode, position)
+        stuck = ~legal.any(1)
+        legal[stuck, 0], length[stuck, 0] = True, 0.0
+        origin, action = np.nonzero(legal)
+        reached = snap(position[origin] + DIRECTIONS[action % 4] * length[origin, action][:, None])
+        keys, first, of_key = np.unique(self._key(episode[origin], reached), return_index=True, return_inverse=True)
+        at = np.searchsorted(self._keys, keys)
+        new = self._keys[np.minimum(at, len(self._keys) - 1)] != keys
+        places = self._places[np.minimum(at, len(self._keys) - 1)]
+        places[new] = len(self._cost) + np.arange(new.sum())
+        self._keys = np.insert(self._keys, at[new], keys[new])
+        self._places = np.insert(self._places, at[new], places[new])
+        self._add(episode[origin[first[new]]], reached[first[new]])
+        self._leads_to[place[origin], action] = places[of_key]
+        # Steps can be taken back; slides perhaps not.
+        steps = self._leads_to[place, : 4 * len(self._simulator.moves.steps)]
+        neighbour = np.append(self._cost, np.inf)[steps].min(1)
+        self._value[place] = (neighbour + self._discount * self._cost[place]) / (1 - self._discount**2)
+
+    def _add(self, episode: np.ndarray, position: np.ndarray) -> None:
+        """Note new places (n, 2)."""
+        if not len(episode):
+            return
+        (reward,) = self._ask(lambda *poses: (self._exact.reward(*poses).total,), episode, position)
+        # A move changes one coordinate: after the next one, IoU is at most what the other coordinate allows.
+        off = np.abs(position - self._simulator.designer_position[self._room[episode]])
+        size = self._size[episode]
+        next_iou = (np.maximum(size - off, 0) / (size + off)).max(1)
+        self._episode = np.append(self._episode, episode)
+        self._position = np.append(self._position, position, axis=0)
+        self._cost = np.append(self._cost, self._best_reward - reward / REWARD_SCALE)
+        self._to_come = np.append(self._to_come, self._best_reward * (1 - next_iou))
+        self._value = np.append(self._value, np.full(len(episode), np.inf))
+        unknown = np.full((len(episode), self._leads_to.shape[1]), -1, dtype=np.int32)
+        self._leads_to = np.append(self._leads_to, unknown, axis=0)
+
+    def _ask(self, question: Ask, episode: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
+        """What the simulator answers about poses, some at a time."""
+        parts = range(AT_ONCE, len(episode), AT_ONCE)
+        poses = zip(np.split(self._room[episode], parts), np.split(position, parts), strict=True)
+        answers = [question(torch.as_tensor(room), torch.as_tensor(at)) for room, at in poses]
+        return [torch.cat(answer).numpy() for answer in zip(*answers, strict=True)]
+
+    def _key(self, episode: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """One number for each episode and place on the grid."""
+        x, y = np.rint((position - self._starts[episode]) / GRID).astype(np.int64).T + (1 << BITS - 1)
+        return (episode << 2 * BITS) + (x << BITS) + y

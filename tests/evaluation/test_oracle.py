@@ -1,0 +1,166 @@
+"""The perfect Q's places, against the same decision process solved by brute force with the shapely simulator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation import oracle
+from layoutrl.evaluation.metrics import lattice_ceiling
+from layoutrl.evaluation.oracle import perfect_places
+from layoutrl.rooms.room import Item, Room
+from tests.builders import l_room, random_room, rectangular_room
+
+NEAR = 2e-5  # of IoU: what a few micrometres of grid and fit make
+MERGED = 5e-6  # metres: what is one place here, however slides were rounded
+TIED = 1e-5  # of Q: both simulators agree on areas to a tenth of this
+
+
+class Solved:
+    """All places that moves reach from a start, and their optimal values, by plain value iteration."""
+
+    def __init__(self, simulator: Simulator, start: np.ndarray, discount: float, most: int = 6000):
+        self.position, leads_to, known = [tuple(start)], [], {cell(start): 0}
+        while len(leads_to) < len(self.position):
+            assume(len(self.position) < most)
+            front = np.array(self.position[len(leads_to) :])
+            for places, legal in zip(*simulator.destinations(np.zeros(len(front), dtype=int), front), strict=True):
+                row = []
+                for place in places[legal]:
+                    row.append(known.setdefault(cell(place), len(self.position)))
+                    if row[-1] == len(self.position):
+                        self.position.append(tuple(place))
+                leads_to.append(row or [len(leads_to)])  # an item that cannot move stays
+        places = np.array(self.position)
+        reward = simulator.reward(np.zeros(len(places), dtype=int), places).total / 100
+        self.leads_to = np.array([(row * 16)[:16] for row in leads_to])
+        value = np.zeros(len(places))
+        for _ in range(int(np.log(1e-8) / np.log(discount))):
+            value = (reward + discount * value)[self.leads_to].max(1)
+        self.q = reward + discount * value  # of the move that enters each place
+
+    def loops(self) -> list[int]:
+        """The places on a loop of greedy policies, however ties are broken, that are the best of a loop."""
+        on_the_way = self._reached([0], np.inf)
+        return [k for k in on_the_way if k in self._reached(self._greedy(k), self.q[k] + TIED)]
+
+    def _greedy(self, place: int) -> list[int]:
+        row = self.leads_to[place]
+        return row[self.q[row] > self.q[row].max() - TIED].tolist()
+
+    def _reached(self, places: list[int], most: float) -> set[int]:
+        """What greedy moves reach through places of at most this Q."""
+        seen: set[int] = set()
+        while places:
+            new = {k for k in places if self.q[k] <= most} - seen
+            seen |= new
+            places = [n for k in new for n in self._greedy(k)]
+        return seen
+
+
+def cell(place: np.ndarray) -> tuple[int, ...]:
+    return tuple(np.round(np.asarray(place) / MERGED).astype(int).tolist())
+
+
+def solve(simulator: Simulator, start: np.ndarray, discount: float) -> np.ndarray:
+    """The places (n, 2) at which greedy policies can stop."""
+    solved = Solved(simulator, start, discount)
+    return np.array([solved.position[k] for k in solved.loops()])
+
+
+def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> None:
+    place = perfect_places(simulator, np.zeros(1, dtype=int), start[None], discount)[0]
+    assert np.abs(solve(simulator, start, discount) - place).max(1).min() < 2 * MERGED
+
+
+def some_room(rng: np.random.Generator, kind: str) -> Room:
+    """A random room in which a rectangle moves."""
+    if kind == "any":
+        while (room := random_room(rng)).moving.form == "circle":
+            pass
+        return room
+    item = Item("bed", tuple(map(float, rng.uniform(0.4, 1.0, 2))), (1.0, 1.0), float(rng.choice([0, 90, 30])))
+    if kind == "L":
+        return l_room(item)
+    others = (Item("chair", (0.5, 0.4), tuple(map(float, rng.uniform((0.4, 0.4), (1.8, 1.4))))),)
+    return rectangular_room(2.2, 1.8, item, others=others[: int(rng.integers(2))])
+
+
+@given(
+    st.sampled_from(["small", "L", "any"]),
+    st.sampled_from([Moves((0.5,)), Moves((0.6, 0.2), slide=False), Moves((8.0,), "pixel", slide=False)]),
+    st.sampled_from([0.5, 0.7, 0.95]),
+    st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=25)
+def test_the_place_is_that_of_the_greedy_policy_of_brute_force(kind, moves, discount, seed):
+    rng = np.random.default_rng(seed)
+    simulator = Simulator([some_room(rng, kind)], moves, Reward())
+    assert_perfect(simulator, simulator.starts(np.zeros(1, dtype=int), rng)[0], discount)
+
+
+@given(st.sampled_from([Reward(inside="iou"), Reward(theta1=30), Reward(100, -20, 0)]), st.integers(0, 2**32 - 1))
+@settings(max_examples=6)
+def test_other_rewards_are_solved_as_well(reward, seed):
+    rng = np.random.default_rng(seed)
+    simulator = Simulator([some_room(rng, "small")], Moves((0.4,)), reward)
+    assert_perfect(simulator, simulator.starts(np.zeros(1, dtype=int), rng)[0], 0.7)
+
+
+def between_two(gap: float, discount: float) -> tuple[Solved, np.ndarray]:
+    """An item that has this much room between two others, both solved and placed; its place is 2 cm off the left one."""
+    others = (Item("shelf", (0.5, 0.2), (1.25, 1.5)), Item("shelf", (0.5, 0.2), (3.75 + gap, 1.5)))
+    room = rectangular_room(5, 3, Item("bed", (2.0, 0.2), (2.52, 1.5)), others=others)
+    simulator, start = Simulator([room], Moves((0.02,)), Reward()), np.array([2.52, 1.5])
+    return simulator, start
+
+
+def test_a_loop_may_be_longer_than_two():
+    # Right contact 3 mm off, left contact 2 cm off: place, slide right, slide left, step back costs least on average.
+    simulator, start = between_two(0.023, 0.9)
+    search = oracle._Search(simulator, oracle.BatchSimulator(simulator), np.zeros(1, dtype=int), start[None], 0.9)
+    np.testing.assert_allclose(search.stops(), [start], atol=1e-6)
+    iou = (2 - np.array([0.003, 0.02, 0.0])) / (2 + np.array([0.003, 0.02, 0.0]))
+    around = (1 - iou) @ 0.9 ** np.arange(3) / (1 - 0.9**3)
+    assert search._value[0] == pytest.approx(around, abs=NEAR)
+
+
+@given(st.booleans(), st.integers(0, 2**32 - 1))
+@settings(max_examples=8)
+def test_no_place_exceeds_the_ceiling_and_none_hangs_on_its_batch(slide, seed):
+    rng = np.random.default_rng(seed)
+    rooms = [some_room(rng, kind) for kind in ("small", "L", "small")]
+    simulator = Simulator(rooms, Moves((0.4, 0.1), slide=slide), Reward())
+    room = rng.integers(3, size=7)
+    starts = simulator.starts(room, rng)
+    places = perfect_places(simulator, room, starts, 0.7)
+    upright = np.array([rooms[k].moving.rotation % 90 == 0 for k in room])
+    ceiling = lattice_ceiling(simulator, room, starts)
+    assert (simulator.reward(room, places).iou <= ceiling + NEAR)[upright].all()
+    assert simulator.is_legal(room, places).all()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(oracle, "EPISODES", 3)
+        patch.setattr(oracle, "AT_ONCE", 50)
+        np.testing.assert_allclose(perfect_places(simulator, room, starts, 0.7), places, atol=1e-9)
+    alone = [perfect_places(simulator, room[[b]], starts[[b]], 0.7)[0] for b in range(7)]
+    np.testing.assert_allclose(alone, places, atol=1e-9)
+
+
+def test_what_lies_behind_a_costly_way_is_left_where_the_future_counts_little():
+    # The designer's place is behind a shelf that cannot be gone around: over it, each of two moves costs.
+    shelf = Item("shelf", (1.0, 1.0), (2.5, 0.5))
+    room = rectangular_room(5, 1, Item("bed", (0.9, 0.9), (4.0, 0.5)), walls=(), others=(shelf,))
+    simulator, start = Simulator([room], Moves((0.5,), slide=False), Reward()), np.array([[1.0, 0.5]])
+    index = np.zeros(1, dtype=int)
+    np.testing.assert_allclose(perfect_places(simulator, index, start, 0.9), [[4.0, 0.5]], atol=1e-6)
+    assert perfect_places(simulator, index, start, 0.1)[0, 0] < 1.6
+
+
+def test_an_item_that_cannot_move_stays():
+    room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
+    simulator, start = Simulator([room], Moves((0.5,), slide=False), Reward()), np.array([[0.5, 0.5]])
+    np.testing.assert_array_equal(perfect_places(simulator, np.zeros(1, dtype=int), start, 0.7), start)
