@@ -105,6 +105,7 @@ class BudgetConfig:
     reports: int = 50  # lines in metrics.csv
     evaluations: int = 10  # of held-out rooms while training
     evaluation_rooms: int = 64  # training and held-out rooms in each of these, at most
+    random_starts: int = 2000  # of the paper's Table 2
 
 
 @dataclass
@@ -125,7 +126,7 @@ class TrainConfig:
         _one_of("room.type", self.room.type, *MAIN_ITEM)
         _one_of("data.labels", self.data.labels, "snapped", "raw")
         _one_of("reward.inside", self.reward.inside, "share", "iou")
-        for name in ("reports", "evaluations", "evaluation_rooms"):
+        for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)
             _within(f"budget.{name}", value, value >= 1, "1 or more")
         _one_of("budget.name", self.budget.name, *self.method.updates)

@@ -58,7 +58,9 @@ class _Search:
         self._keys, self._places = self._key(episode, starts), episode  # sorted keys, and which place each is
         self._episode, self._position = np.empty(0, dtype=int), np.empty((0, 2))
         self._cost, self._to_come = np.empty((2, 0))  # of entering a place; a lower bound on what follows
-        self._leads_to: np.ndarray = np.empty((0, simulator.moves.count), dtype=np.int32)  # by each action; -1 for illegal
+        self._leads_to: np.ndarray = np.empty(
+            (0, simulator.moves.count), dtype=np.int32
+        )  # by each action; -1 for illegal
         self._value = np.empty(0)  # discounted cost from here on, from above; infinite where not expanded
         self._add(episode, starts)
         self._explore()

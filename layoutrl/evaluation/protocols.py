@@ -95,6 +95,14 @@ class Greedy:
             value[t + 1, active] = highest[goes_on].squeeze(1)
         return Rollout(room, path.cpu().numpy(), value.cpu().numpy(), time.perf_counter() - began)
 
+    def highest(
+        self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, position: np.ndarray
+    ) -> np.ndarray:
+        """The highest Q of a legal move (B,) from positions (B, 2) in rooms (B,): what the agent thinks of them."""
+        rooms, here = (torch.as_tensor(array, device=simulator.device) for array in (room, position))
+        _, legal = simulator.reach(rooms, here)
+        return self._values(observe, observe(rooms, here)).masked_fill(~legal, -torch.inf).amax(1).cpu().numpy()
+
     def _values(self, observe: Observe, observation: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
         views = (self.agent.values(observe.turned(observation, s))[:, s.action] for s in self.symmetries)

@@ -112,7 +112,7 @@ def test_other_rewards_are_solved_as_well(reward, seed):
 
 
 def between_two(gap: float, discount: float) -> tuple[Solved, np.ndarray]:
-    """An item that has this much room between two others, both solved and placed; its place is 2 cm off the left one."""
+    """An item that has this much room between two others, solved, and where; its place is 2 cm off the left one."""
     others = (Item("shelf", (0.5, 0.2), (1.25, 1.5)), Item("shelf", (0.5, 0.2), (3.75 + gap, 1.5)))
     room = rectangular_room(5, 3, Item("bed", (2.0, 0.2), (2.52, 1.5)), others=others)
     simulator, start = Simulator([room], Moves((0.02,)), Reward()), np.array([2.52, 1.5])
