@@ -3,6 +3,8 @@ PYTHON ?= python3
 ROOM ?= bedroom
 ARGS ?=
 BIN := .venv/bin
+DATA ?= data
+TABLES = $(if $(budget),budget=$(budget)) $(ARGS)
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -28,10 +30,15 @@ lint: setup  ## ruff (lint and format) and mypy
 bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS="parts=[training]"
 	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
 
+tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke DATA=../shared/data
+	$(BIN)/python experiments/table1.py $(TABLES)
+	$(BIN)/python experiments/table2.py $(TABLES)
+	$(BIN)/python experiments/real_rooms.py $(TABLES) $(foreach s,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(s)),$(s)=$(DATA)/$(s)))
+
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs
 
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test lint bench board clean
+.PHONY: help setup train test lint bench tables board clean

@@ -205,9 +205,11 @@ def trained_agent(config: CellConfig, task: Task) -> tuple[Greedy, list[str], di
     """Train, or take the agent that was trained on the same rooms in the same way: (policy, categories, about it)."""
     own = {field.name for field in fields(TrainConfig)}
     training = TrainConfig(**{name: value for name, value in vars(config).items() if name in own})
-    rooms = [asdict(training.data) if config.trained_on != "designer" else None, config.trained_on, config.protocol]
-    identity = json.dumps([rooms, asdict(training.room), asdict(training.method), asdict(training.reward), config.seed])
-    training.name = f"{config.column}-{config.trained_on}-{config.protocol}-{zlib.crc32(identity.encode()):08x}"
+    # Designed rooms are the same, wherever else the agent is tested.
+    data = config.data.train_rooms if config.trained_on == "designer" else asdict(config.data)
+    what = [data, config.trained_on, config.protocol, config.fold, config.budget.name, config.seed]
+    how = [asdict(part) for part in (config.room, config.method, config.reward)]
+    training.name = f"{config.column}-{zlib.crc32(json.dumps([what, how]).encode()):08x}-seed{config.seed}"
     file = Path(config.runs) / config.room.type / training.name / "trained.json"
     if not file.exists():
         trained = training_entry.train(training, task.training, task.simulator.rooms)
@@ -215,7 +217,7 @@ def trained_agent(config: CellConfig, task: Task) -> tuple[Greedy, list[str], di
             raise KeyboardInterrupt
         about = {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
         write_json(trained.folder / file.name, about)
-        if trained.folder != file.parent:  # an earlier one was interrupted
+        if trained.folder != file.parent and not file.exists():  # an earlier training was interrupted
             file.parent.rename(trained.folder.with_name(f"{trained.folder.name}-interrupted"))
             trained.folder.rename(file.parent)
     checkpoint = load_checkpoint(file.parent, task.device)
@@ -292,21 +294,25 @@ def unpacked(text: str, kind: np.dtype[Any]) -> np.ndarray:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), kind)
 
 
-def multirun(table: str, sweep: Mapping[str, str], arguments: Sequence[str]) -> tuple[int, Path]:
-    """Fill the cells of a sweep, less or more by what the user gives: (exit status, folder of the cells).
-
-    The status is that of Hydra, or 1 where a cell failed.
-    """
-    given = dict(argument.split("=", 1) for argument in arguments if "=" in argument)
-    overrides = [f"{name}={value}" for name, value in (dict(sweep) | given).items()]
+def multirun(table: str, sweep: Mapping[str, str], arguments: Sequence[str]) -> int:
+    """Fill the cells of a sweep, less or more by what the user gives; the exit status: 1 where a cell failed."""
+    overrides = [f"{name}={value}" for name, value in (dict(sweep) | given(arguments)).items()]
     flags = [argument for argument in arguments if "=" not in argument]
     command = [sys.executable, str(Path(__file__).resolve()), f"table={table}", *overrides, *flags]
     status = subprocess.run(command, check=False).returncode
-    folder = Path(given.get("results", RESULTS)) / given.get("budget", "default") / table
-    failed = sorted(folder.glob("*.error"))
+    failed = sorted(cells_of(table, arguments).glob("*.error"))
     for error in failed:
         print(f"{error.stem} failed: {error.read_text().splitlines()[-1]}", file=sys.stderr)
-    return status or int(bool(failed)), folder
+    return status or int(bool(failed))
+
+
+def cells_of(table: str, arguments: Sequence[str], budget: str = "default") -> Path:
+    """The folder of a table's cells."""
+    return Path(given(arguments).get("results", RESULTS)) / given(arguments).get("budget", budget) / table
+
+
+def given(arguments: Sequence[str]) -> dict[str, str]:
+    return dict(argument.split("=", 1) for argument in arguments if "=" in argument)
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="cell")

@@ -28,12 +28,12 @@ YELLOW, PINK, VIOLET, CYAN, ORANGE, GREY = OTHERS = (
 )  # fmt: skip
 # What stands in one room together differs; of other categories the name decides.
 COLOR_OF = {
-    "bathtub": CYAN, "shower": PINK, "toilet": YELLOW, "vanity": VIOLET, "washing_basin": ORANGE,
+    "bathtub": CYAN, "shower": PINK, "toilet": YELLOW, "vanity": VIOLET,
     "washing_machine": GREY, "washer": GREY, "bed": PINK, "wardrobe": YELLOW, "nightstand": VIOLET, "tv_unit": CYAN,
     "bench": ORANGE, "desk": CYAN, "chair": ORANGE, "bookcase": VIOLET, "platform": PINK, "stool": ORANGE,
     "sofa": PINK, "armchair": YELLOW, "coffee_table": VIOLET, "side_table": GREY, "table": YELLOW,
-    "sideboard": VIOLET, "cooktop": YELLOW, "sink": PINK, "refrigerator": VIOLET, "fridge": VIOLET,
-    "cooking_counter": CYAN, "counter": ORANGE, "laundry_cabinet": YELLOW, "lounge_chair": CYAN, "plant_rack": VIOLET,
+    "sideboard": VIOLET, "cooktop": YELLOW, "sink": PINK, "fridge": VIOLET,
+    "counter": ORANGE, "laundry_cabinet": YELLOW, "lounge_chair": CYAN, "plant_rack": VIOLET,
 }  # fmt: skip
 DESIGNER = (0, 170, 170)
 PATH = (120, 20, 20)

@@ -32,7 +32,7 @@ from layoutrl.rooms.sources.plans import (
     read_plan,
 )
 
-MAIN_ITEM = {"bathroom": "bathtub", "kitchen": "cooking_counter"}  # the items that move by default here
+MAIN_ITEM = {"bathroom": "bathtub", "kitchen": "counter"}  # the items that move by default here
 
 PLANS = Path("data/floorplan_representation")
 NEAR_COPIES = "near_duplicates.tsv"
@@ -139,10 +139,13 @@ def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, gr
 
 
 def _item_name(category: str, style: int, room_type: str) -> str:
-    """A washing_basin is a basin, a refrigerator or a washing machine: its style tells, and the room if dashed."""
-    if category != "washing_basin" or style == BASIN:
-        return category
-    return "refrigerator" if style == DASHED and room_type == "kitchen" else "washing_machine"
+    """What the designer calls an icon. A washing_basin is a vanity, a fridge or a washing machine: its style tells, and
+    the room if dashed."""
+    if category != "washing_basin":
+        return {"cooking_counter": "counter"}.get(category, category)
+    if style == BASIN:
+        return "vanity"
+    return "fridge" if style == DASHED and room_type == "kitchen" else "washing_machine"
 
 
 def _item(name: str, bounds: Bounds, rotation: float) -> Item:
@@ -158,12 +161,12 @@ def _back(bounds: Bounds, drawn: int, name: str, rings: tuple[Ring, ...]) -> int
     The drawing tells no more than the axis for a bathtub or a counter, whose back is a long side, and mostly
     nothing for an appliance.
     """
-    if name in ("toilet", "washing_basin"):
+    if name in ("toilet", "vanity"):
         return drawn
     left, right = _spaces(bounds, 0, rings)
     bottom, top = _spaces(bounds, 1, rings)
     spaces = {1: bottom, 2: left, 3: top, 4: right}
-    if name in ("bathtub", "cooking_counter"):
+    if name in ("bathtub", "counter"):
         wide = bounds[2] - bounds[0] >= bounds[3] - bounds[1]
         spaces = {side: space for side, space in spaces.items() if (side in (1, 3)) == wide}
     return min(spaces, key=lambda side: (abs(spaces[side]), side != drawn))
