@@ -36,20 +36,18 @@ COLUMNS = (
 )
 HEADER = ("", "PlanIT (paper)", "ours (paper)", *(words for _, _, words in COLUMNS), "lattice ceiling")
 AGENTS = ("geometric", "paper", "regressor")
+ALL = ",".join(PAPER)
 WITHOUT_GPU = "bedroom,tatami"  # rooms in which the paper's network is trained on a processor
-SWEEP = {  # the first varies slowest: agents first, since the regressor trains for as long
-    "column": "geometric,rules,oracle,regressor",
-    "seed": "0,1,2",
-    "room": ",".join(PAPER),
-}
 
 
 def main(arguments: list[str]) -> int:
-    status, folder = multirun("table1", SWEEP, arguments), cells_of("table1", arguments)
-    everywhere = torch.cuda.is_available() or given(arguments).get("budget") == "smoke"
-    paper = {"column": "paper", "seed": "0,1,2", "room": ",".join(PAPER) if everywhere else WITHOUT_GPU}
-    if "column" not in given(arguments):
-        status = multirun("table1", paper, arguments) or status
+    chosen, folder, status = given(arguments), cells_of("table1", arguments), 0
+    everywhere = torch.cuda.is_available() or chosen.get("budget") == "smoke"
+    # One after the other: the regressor trains for as long as the agent did.
+    stages = {"geometric,rules,oracle": ALL, "regressor": ALL, "paper": ALL if everywhere else WITHOUT_GPU}
+    for columns, rooms in {chosen["column"]: ALL}.items() if "column" in chosen else stages.items():
+        # The first varies slowest.
+        status = multirun("table1", {"column": columns, "seed": "0,1,2", "room": rooms}, arguments) or status
 
     def found(room: str, column: str, which: str = "agent") -> Row | None:
         return row(folder, f"{room}-own-{column}", which)
