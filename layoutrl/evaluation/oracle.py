@@ -111,8 +111,9 @@ class Search:
             paid = paid[path] + self._gamma**depth * self._cost[place]
             depth += 1
 
-            new = np.full(len(self._cost) - len(entered_at), np.inf)
-            entered_at, entered_paid = np.append(entered_at, np.zeros(len(new))), np.append(entered_paid, new)
+            new = len(self._cost) - len(entered_at)
+            entered_at = np.append(entered_at, np.zeros(new))
+            entered_paid = np.append(entered_paid, np.full(new, np.inf))
             least = self.least_cost[self._episode[place]]
             left = (least - paid) / self._gamma**depth
             left_before = (least - entered_paid[place]) / self._gamma ** entered_at[place]
@@ -135,7 +136,7 @@ class Search:
         episode, position = self._episode[place], self._position[place]
         length, legal = self._ask(self._batch.reach, episode, position)
         stuck = ~legal.any(1)
-        legal[stuck, 0], length[stuck, 0] = True, 0.0
+        legal[stuck, 0], length[stuck, 0] = True, 0.0  # the item stays
         origin, action = np.nonzero(legal)
         reached = snap(position[origin] + DIRECTIONS[action % 4] * length[origin, action][:, None])
         keys, first, of_key = np.unique(self._key(episode[origin], reached), return_index=True, return_inverse=True)

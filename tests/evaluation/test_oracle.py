@@ -126,6 +126,17 @@ def test_a_loop_may_be_longer_than_two():
     assert search.least_cost[0] == pytest.approx(costs @ 0.9 ** np.arange(3) / (1 - 0.9**3), abs=NEAR)
 
 
+def test_the_bound_is_what_a_move_that_aligns_the_better_coordinate_attains():
+    simulator = Simulator(
+        [rectangular_room()], Moves((0.5,), slide=False), Reward()
+    )  # the item, 1 m square, at (2, 1.5)
+    batch_simulator, room = BatchSimulator(simulator, dtype=torch.float64), np.zeros(2, dtype=int)
+    search = Search(simulator, batch_simulator, room, np.array([[2.5, 1.8], [1.8, 1.0]]), 1e-9)
+    aligned = (1 - np.array([0.3, 0.2])) / (1 + np.array([0.3, 0.2]))
+    np.testing.assert_allclose(search.least_cost, 1 - aligned, atol=NEAR)
+    np.testing.assert_allclose(search._to_come[:2], 1 - aligned, atol=NEAR)
+
+
 @given(st.booleans(), st.integers(0, 2**32 - 1))
 @settings(max_examples=8)
 def test_no_place_exceeds_the_ceiling_and_none_hangs_on_its_batch(slide, seed):
