@@ -26,51 +26,57 @@ from layoutrl.env.simulator import DIRECTIONS, Simulator
 
 TOLERANCE = 1e-6  # of discounted reward / REWARD_SCALE: branches that promise no more than this are cut
 EPISODES = 32  # searched together: many enough for tensors to pay, few enough for memory
-AT_ONCE = 8192  # poses in one call of the simulator, which then stays in the processor's cache
+AT_ONCE = 8192  # poses in one call of the simulator: they stay in the processor's cache
+BEAM = 100  # open paths an episode in the first, incomplete search
 BITS = 26  # of a coordinate in a key: 33 m from the start on the grid
 Ask = Callable[[Tensor, Tensor], tuple[Tensor, ...]]  # about poses: rooms (n,), positions (n, 2)
 
 
-def perfect_places(simulator: Simulator, room: np.ndarray, starts: np.ndarray, discount: float) -> np.ndarray:
+def perfect_places(
+    simulator: Simulator, room: np.ndarray, starts: np.ndarray, discount: float, dtype: torch.dtype = torch.float32
+) -> np.ndarray:
     """Where the greedy policy under the optimal Q stops, from starts (B, 2) in metres in rooms (B,): (B, 2), metres.
 
     It ends in a loop, and stops at the loop's place that is entered by the move of highest Q, as a `rollout` does. From
-    every place on its way its return is the best possible but for TOLERANCE. The bounds hold where every reward
-    is at most theta1 times the IoU: theta2 and theta3 at most 0.
+    every place on its way its return is the best possible up to TOLERANCE, with moves and rewards as the BatchSimulator
+    of this `dtype` has them. No reward may exceed theta1 times the IoU: theta2 and theta3 are at most 0.
     """
-    exact = BatchSimulator(simulator, dtype=torch.float64)
+    batch_simulator = BatchSimulator(simulator, dtype=dtype)
     parts = np.split(np.arange(len(room)), range(EPISODES, len(room), EPISODES))
-    return np.concatenate([_Search(simulator, exact, room[part], starts[part], discount).stops() for part in parts])
+    return np.concatenate([Search(simulator, batch_simulator, room[k], starts[k], discount).stops() for k in parts])
 
 
-class _Search:
-    """The places that B episodes can reach, as far as they matter; place b < B is the start of episode b."""
+class Search:
+    """The places that B episodes can reach, as far as they matter; place b < B is the start of episode b.
+
+    `least_cost` (B,) is the discounted cost of the optimal policy from each start.
+    """
 
     def __init__(
-        self, simulator: Simulator, exact: BatchSimulator, room: np.ndarray, starts: np.ndarray, discount: float
+        self, simulator: Simulator, batch_simulator: BatchSimulator, room: np.ndarray, starts: np.ndarray, gamma: float
     ):
-        self._simulator, self._exact, self._discount = simulator, exact, discount
-        self._room, self._starts = room, starts
+        self._simulator, self._batch, self._room, self._starts = simulator, batch_simulator, room, starts
+        self._gamma = gamma
         bounds = shapely.bounds(np.array([simulator.rooms[k].moving.template for k in room])).reshape(-1, 2, 2)
         self._size = bounds[:, 1] - bounds[:, 0]  # (B, 2), of the box around the item
-        self._best_reward = simulator.weights.theta1 / REWARD_SCALE
+        self.best_reward = simulator.weights.theta1 / REWARD_SCALE
         episode = np.arange(len(room))
         self._keys, self._places = self._key(episode, starts), episode  # sorted keys, and which place each is
         self._episode, self._position = np.empty(0, dtype=int), np.empty((0, 2))
         self._cost, self._to_come = np.empty((2, 0))  # of entering a place; a lower bound on what follows
-        self._leads_to: np.ndarray = np.empty(
-            (0, simulator.moves.count), dtype=np.int32
-        )  # by each action; -1 for illegal
+        self._leads_to: np.ndarray = np.empty((0, simulator.moves.count), dtype=np.int32)  # by action; -1 for illegal
         self._value = np.empty(0)  # discounted cost from here on, from above; infinite where not expanded
         self._add(episode, starts)
-        self._explore()
+        self.least_cost = np.full(len(room), np.inf)  # from each start, of what is known to be possible
+        self._explore(BEAM)  # finds nearly the least cost, by which the complete search can cut more
+        self._explore(None)
 
     def stops(self) -> np.ndarray:
         """The stopping place of each episode (B, 2): of all places in the loop the one of the best move into it."""
         value, follows = self._value, np.arange(len(self._value))
         expanded = np.flatnonzero(np.isfinite(value))
         while True:  # value iteration; the values of alternating moves are a start that is nearly the end
-            entering = self._cost + self._discount * value
+            entering = self._cost + self._gamma * value
             q = np.append(entering, np.inf)[self._leads_to[expanded]]
             best = np.minimum(q.min(1), value[expanded])
             if (value[expanded] - best).max() < TOLERANCE / 1000:
@@ -88,33 +94,39 @@ class _Search:
             here = np.where(here == first, first, follows[here])
         return self._position[stop]
 
-    def _explore(self) -> None:
-        """Expand every place that an optimal path from a start may visit."""
-        gamma, episodes = self._discount, len(self._starts)
-        place, paid = np.arange(episodes), np.zeros(episodes)  # the ends of all open paths, and their discounted cost
-        least = np.full(episodes, np.inf)  # of all that is known to be possible from a start
-        # How each place was first entered by the path that leaves most for what follows.
-        entered_at, entered_paid = np.zeros(episodes), np.full(episodes, np.inf)
-        depth = 0
+    def _explore(self, beam: int | None) -> None:
+        """Expand every place that an optimal path from a start may visit; with a beam, only the best so many at a time.
+
+        An open path pays if what it leaves for the rest, to be no worse than the least cost, is more than the rest must
+        cost, and more than the best earlier path to its place has left.
+        """
+        place, paid, depth = np.arange(len(self._starts)), np.zeros(len(self._starts)), 0  # the ends of all open paths
+        entered_at, entered_paid = np.empty((2, 0))  # depth and cost of that earlier path
         while len(place):
             self._expand(place[np.isinf(self._value[place])])
-            np.minimum.at(least, self._episode[place], paid + gamma**depth * self._value[place])
+            possible = paid + self._gamma**depth * self._value[place]
+            np.minimum.at(self.least_cost, self._episode[place], possible)
             path, action = np.nonzero(self._leads_to[place] >= 0)
             place = self._leads_to[place[path], action]
+            paid = paid[path] + self._gamma**depth * self._cost[place]
             depth += 1
-            paid = paid[path] + gamma ** (depth - 1) * self._cost[place]
-            grown = len(self._cost) - len(entered_at)
-            entered_at = np.append(entered_at, np.zeros(grown))
-            entered_paid = np.append(entered_paid, np.full(grown, np.inf))
-            # A path pays if what it leaves for the rest, to be no worse than the least, is more than the rest must
-            # cost, and more than an earlier path to this place has left.
-            left = (least[self._episode[place]] - paid) / gamma**depth
-            left_before = (least[self._episode[place]] - entered_paid[place]) / gamma ** entered_at[place]
+
+            new = len(self._cost) - len(entered_at)
+            entered_at = np.append(entered_at, np.zeros(new))
+            entered_paid = np.append(entered_paid, np.full(new, np.inf))
+            least = self.least_cost[self._episode[place]]
+            left = (least - paid) / self._gamma**depth
+            left_before = (least - entered_paid[place]) / self._gamma ** entered_at[place]
             pays = left > np.maximum(self._to_come[place], left_before) + TOLERANCE
             place, paid = place[pays], paid[pays]
             cheapest = np.lexsort((paid, place))
-            place, which = np.unique(place[cheapest], return_index=True)
-            paid = paid[cheapest][which]
+            place, first = np.unique(place[cheapest], return_index=True)
+            paid = paid[cheapest][first]
+            if beam:
+                promise = np.lexsort((paid + self._gamma**depth * self._to_come[place], self._episode[place]))
+                of = self._episode[place[promise]]
+                chosen = promise[np.arange(len(of)) - np.searchsorted(of, of) < beam]
+                place, paid = place[chosen], paid[chosen]
             entered_at[place], entered_paid[place] = depth, paid
 
     def _expand(self, place: np.ndarray) -> None:
@@ -122,9 +134,9 @@ class _Search:
         if not len(place):
             return
         episode, position = self._episode[place], self._position[place]
-        length, legal = self._ask(self._exact.reach, episode, position)
+        length, legal = self._ask(self._batch.reach, episode, position)
         stuck = ~legal.any(1)
-        legal[stuck, 0], length[stuck, 0] = True, 0.0
+        legal[stuck, 0], length[stuck, 0] = True, 0.0  # the item stays
         origin, action = np.nonzero(legal)
         reached = snap(position[origin] + DIRECTIONS[action % 4] * length[origin, action][:, None])
         keys, first, of_key = np.unique(self._key(episode[origin], reached), return_index=True, return_inverse=True)
@@ -139,21 +151,21 @@ class _Search:
         # Steps can be taken back; slides perhaps not.
         steps = self._leads_to[place, : 4 * len(self._simulator.moves.steps)]
         neighbour = np.append(self._cost, np.inf)[steps].min(1)
-        self._value[place] = (neighbour + self._discount * self._cost[place]) / (1 - self._discount**2)
+        self._value[place] = (neighbour + self._gamma * self._cost[place]) / (1 - self._gamma**2)
 
     def _add(self, episode: np.ndarray, position: np.ndarray) -> None:
         """Note new places (n, 2)."""
         if not len(episode):
             return
-        (reward,) = self._ask(lambda *poses: (self._exact.reward(*poses).total,), episode, position)
+        (reward,) = self._ask(lambda *poses: (self._batch.reward(*poses).total,), episode, position)
         # A move changes one coordinate: after the next one, IoU is at most what the other coordinate allows.
         off = np.abs(position - self._simulator.designer_position[self._room[episode]])
         size = self._size[episode]
         next_iou = (np.maximum(size - off, 0) / (size + off)).max(1)
         self._episode = np.append(self._episode, episode)
         self._position = np.append(self._position, position, axis=0)
-        self._cost = np.append(self._cost, self._best_reward - reward / REWARD_SCALE)
-        self._to_come = np.append(self._to_come, self._best_reward * (1 - next_iou))
+        self._cost = np.append(self._cost, self.best_reward - reward / REWARD_SCALE)
+        self._to_come = np.append(self._to_come, self.best_reward * (1 - next_iou))
         self._value = np.append(self._value, np.full(len(episode), np.inf))
         unknown = np.full((len(episode), self._leads_to.shape[1]), -1, dtype=np.int32)
         self._leads_to = np.append(self._leads_to, unknown, axis=0)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation import oracle
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.oracle import perfect_places
+from layoutrl.evaluation.oracle import Search, perfect_places
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -66,15 +68,14 @@ def cell(place: np.ndarray) -> tuple[int, ...]:
     return tuple(np.round(np.asarray(place) / MERGED).astype(int).tolist())
 
 
-def solve(simulator: Simulator, start: np.ndarray, discount: float) -> np.ndarray:
-    """The places (n, 2) at which greedy policies can stop."""
-    solved = Solved(simulator, start, discount)
-    return np.array([solved.position[k] for k in solved.loops()])
-
-
 def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> None:
-    place = perfect_places(simulator, np.zeros(1, dtype=int), start[None], discount)[0]
-    assert np.abs(solve(simulator, start, discount) - place).max(1).min() < 2 * MERGED
+    solved, room = Solved(simulator, start, discount), np.zeros(1, dtype=int)
+    search = Search(simulator, BatchSimulator(simulator, dtype=torch.float64), room, start[None], discount)
+    best = search.best_reward / (1 - discount) - search.least_cost[0]
+    assert best == pytest.approx(solved.q[solved.leads_to[0]].max(), abs=TIED)
+    stops = np.array([solved.position[k] for k in solved.loops()])
+    place = perfect_places(simulator, room, start[None], discount, torch.float64)[0]
+    assert np.abs(stops - place).max(1).min() < 2 * MERGED
 
 
 def some_room(rng: np.random.Generator, kind: str) -> Room:
@@ -92,7 +93,9 @@ def some_room(rng: np.random.Generator, kind: str) -> Room:
 
 @given(
     st.sampled_from(["small", "L", "any"]),
-    st.sampled_from([Moves((0.5,)), Moves((0.6, 0.2), slide=False), Moves((8.0,), "pixel", slide=False)]),
+    st.sampled_from(
+        [Moves((0.5,)), Moves((0.4, 0.1)), Moves((0.6, 0.2), slide=False), Moves((8.0,), "pixel", slide=False)]
+    ),
     st.sampled_from([0.5, 0.7, 0.95]),
     st.integers(0, 2**32 - 1),
 )
@@ -111,22 +114,27 @@ def test_other_rewards_are_solved_as_well(reward, seed):
     assert_perfect(simulator, simulator.starts(np.zeros(1, dtype=int), rng)[0], 0.7)
 
 
-def between_two(gap: float, discount: float) -> tuple[Solved, np.ndarray]:
-    """An item that has this much room between two others, solved, and where; its place is 2 cm off the left one."""
-    others = (Item("shelf", (0.5, 0.2), (1.25, 1.5)), Item("shelf", (0.5, 0.2), (3.75 + gap, 1.5)))
-    room = rectangular_room(5, 3, Item("bed", (2.0, 0.2), (2.52, 1.5)), others=others)
-    simulator, start = Simulator([room], Moves((0.02,)), Reward()), np.array([2.52, 1.5])
-    return simulator, start
-
-
 def test_a_loop_may_be_longer_than_two():
-    # Right contact 3 mm off, left contact 2 cm off: place, slide right, slide left, step back costs least on average.
-    simulator, start = between_two(0.023, 0.9)
-    search = oracle._Search(simulator, oracle.BatchSimulator(simulator), np.zeros(1, dtype=int), start[None], 0.9)
-    np.testing.assert_allclose(search.stops(), [start], atol=1e-6)
-    iou = (2 - np.array([0.003, 0.02, 0.0])) / (2 + np.array([0.003, 0.02, 0.0]))
-    around = (1 - iou) @ 0.9 ** np.arange(3) / (1 - 0.9**3)
-    assert search._value[0] == pytest.approx(around, abs=NEAR)
+    # Right contact 3 mm off, left contact 2 cm off: slide right, slide left and a step back cost least on average.
+    others = (Item("shelf", (0.5, 0.2), (1.25, 1.5)), Item("shelf", (0.5, 0.2), (3.773, 1.5)))
+    room = rectangular_room(5, 3, Item("bed", (2.0, 0.2), (2.52, 1.5)), others=others)
+    simulator, start = Simulator([room], Moves((0.02,)), Reward()), np.array([[2.52, 1.5]])
+    search = Search(simulator, BatchSimulator(simulator), np.zeros(1, dtype=int), start, 0.9)
+    np.testing.assert_allclose(search.stops(), start, atol=1e-6)
+    off = np.array([0.003, 0.02, 0.0])
+    costs = 1 - (2 - off) / (2 + off)
+    assert search.least_cost[0] == pytest.approx(costs @ 0.9 ** np.arange(3) / (1 - 0.9**3), abs=NEAR)
+
+
+def test_the_bound_is_what_a_move_that_aligns_the_better_coordinate_attains():
+    simulator = Simulator(
+        [rectangular_room()], Moves((0.5,), slide=False), Reward()
+    )  # the item, 1 m square, at (2, 1.5)
+    batch_simulator, room = BatchSimulator(simulator, dtype=torch.float64), np.zeros(2, dtype=int)
+    search = Search(simulator, batch_simulator, room, np.array([[2.5, 1.8], [1.8, 1.0]]), 1e-9)
+    aligned = (1 - np.array([0.3, 0.2])) / (1 + np.array([0.3, 0.2]))
+    np.testing.assert_allclose(search.least_cost, 1 - aligned, atol=NEAR)
+    np.testing.assert_allclose(search._to_come[:2], 1 - aligned, atol=NEAR)
 
 
 @given(st.booleans(), st.integers(0, 2**32 - 1))
@@ -145,6 +153,7 @@ def test_no_place_exceeds_the_ceiling_and_none_hangs_on_its_batch(slide, seed):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(oracle, "EPISODES", 3)
         patch.setattr(oracle, "AT_ONCE", 50)
+        patch.setattr(oracle, "BEAM", 1)
         np.testing.assert_allclose(perfect_places(simulator, room, starts, 0.7), places, atol=1e-9)
     alone = [perfect_places(simulator, room[[b]], starts[[b]], 0.7)[0] for b in range(7)]
     np.testing.assert_allclose(alone, places, atol=1e-9)
