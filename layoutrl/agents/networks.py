@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor, nn
 
@@ -13,7 +15,9 @@ PRESENT, WALL, WINDOW, ITEM, COS2, CIRCLE = (
 )
 TYPICAL = 8  # elements: what sums are divided by, to be about as large as maxima
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
-SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, so that both a room and a move are visible
+SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, next to nothing best
+WAVES = (1.0, 0.25)  # metres: and within each, so that a centimetre is seen far from everything, too
+SHOWN = len(SCALES) + 2 * len(WAVES)  # numbers for a distance
 
 
 class PaperNetwork(nn.Module):
@@ -48,24 +52,30 @@ class PaperNetwork(nn.Module):
 class GeometryNetwork(nn.Module):
     """Values from the set of a room's elements, however many there are.
 
-    Each element is described relative to the moving item, passes the same layers, and the set is
-    pooled by maximum and sum: its order does not matter. Beside it stands how far the item can go.
-    Input: (B, elements, columns) as made by GeometryObservation. Output: (B, actions).
+    Each element is described relative to the moving item and passes the same layers, twice: the second time it has
+    heard of all others. The set is pooled by maximum and sum: its order does not matter. Beside it stands how far the
+    item can go. Input: (B, elements, columns) as made by GeometryObservation. Output: (B, actions).
     """
 
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):
         super().__init__()
         seen = columns - 2  # all but x and y: what counts is how things stand to each other
-        relations = 6 * len(SCALES)  # four gaps and two offsets an element
-        ways = (8 + 4 + 4) * len(SCALES)  # clearances, how far off their middle, slides
+        relations = 6 * SHOWN  # four gaps and two offsets an element
+        ways = (12 + 6 + 4) * SHOWN  # clearances, how far off their middle, slides
+        pooled = 2 * element_width
         self.element = nn.Sequential(
             nn.Linear(seen + relations, element_width),
             nn.ReLU(inplace=True),
             nn.Linear(element_width, element_width),
             nn.ReLU(inplace=True),
         )
+        self.itself = nn.Linear(element_width, element_width)
+        self.others = nn.Linear(pooled + seen + ways, element_width)
+        self.again = nn.Sequential(
+            nn.ReLU(inplace=True), nn.Linear(element_width, element_width), nn.ReLU(inplace=True)
+        )
         self.trunk = nn.Sequential(
-            nn.Linear(2 * element_width + seen + ways, width),
+            nn.Linear(2 * pooled + seen + ways, width),
             nn.ReLU(inplace=True),
             nn.Linear(width, width),
             nn.ReLU(inplace=True),
@@ -77,16 +87,26 @@ class GeometryNetwork(nn.Module):
         moving, others = elements.movedim(-1, 0).contiguous().tensor_split([1], -1)  # (columns, B, 1), (columns, B, N)
         gap = _gaps(moving, others)
         relations = torch.cat([gap, others[: Y + 1] - moving[: Y + 1]])
-        described = torch.cat([elements[:, 1:, Y + 1 :], _scaled(relations.movedim(0, -1))], -1)
+        described = torch.cat([elements[:, 1:, Y + 1 :], _shown(relations.movedim(0, -1))], -1)
+        present = elements[:, 1:, PRESENT, None]  # rows of padding are none
         # Flat: activations in place on a view would cost copies on the way back.
-        described = self.element(described.flatten(0, 1)).unflatten(0, described.shape[:2])
-        described = described * elements[:, 1:, PRESENT, None]  # rows of padding are none
-        pooled = torch.cat([described.amax(1), described.sum(1) / TYPICAL], -1)
+        shape = described.shape[:2]
+        described = self.element(described.flatten(0, 1)).unflatten(0, shape) * present
 
-        clearance = torch.stack(_clearances(gap, others))  # (border or items, 4, B)
+        border, items = _clearances(gap, others)
+        clearance = torch.stack([border, items, torch.minimum(border, items)])  # (border, items or either, 4, B)
         uncentred = clearance[:, ::3] - clearance[:, 1:3]  # right less left, up less below
         ways = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), _slides(gap, others)]).T
-        return self.head(self.trunk(torch.cat([pooled, elements[:, 0, Y + 1 :], _scaled(ways)], -1)))
+        known = torch.cat([_pooled(described), elements[:, 0, Y + 1 :], _shown(ways)], -1)
+
+        heard = self.itself(described.flatten(0, 1)).unflatten(0, shape) + self.others(known)[:, None]
+        described = self.again(heard.flatten(0, 1)).unflatten(0, shape) * present
+        return self.head(self.trunk(torch.cat([_pooled(described), known], -1)))
+
+
+def _pooled(described: Tensor) -> Tensor:
+    """Maximum and sum over the elements of (B, N, width): (B, 2 width)."""
+    return torch.cat([described.amax(1), described.sum(1) / TYPICAL], -1)
 
 
 def _gaps(moving: Tensor, others: Tensor) -> Tensor:
@@ -151,9 +171,11 @@ def _is_item(elements: Tensor) -> Tensor:
     return elements[ITEM] > 0
 
 
-def _scaled(distance: Tensor) -> Tensor:
-    """Distances in metres, (..., n), at every scale: (..., n x scales), within -1 to 1."""
-    return torch.cat([distance / scale for scale in SCALES], -1).tanh_()
+def _shown(distance: Tensor) -> Tensor:
+    """Distances in metres, (..., n), so that a room and a centimetre both are visible: (..., n x SHOWN), in -1 to 1."""
+    level = torch.cat([distance / scale for scale in SCALES], -1).tanh_()
+    phase = torch.cat([distance * (math.tau / wave) for wave in WAVES], -1)
+    return torch.cat([level, phase.sin(), phase.cos()], -1)
 
 
 class _Dueling(nn.Module):

@@ -33,7 +33,7 @@ class Moves:
     Steps are metres, or pixels of the room's picture (1/120 of the envelope's longest side).
     """
 
-    steps: tuple[float, ...] = (0.32, 0.08, 0.02)
+    steps: tuple[float, ...] = (0.32, 0.08, 0.02, 0.005)
     unit: Literal["metre", "pixel"] = "metre"
     slide: bool = True
 

@@ -337,7 +337,7 @@ def test_all_answers_come_without_reading_a_value_from_the_device() -> None:
     room = torch.zeros(5, dtype=torch.int64, device="meta")
     position = torch.zeros(5, 2, dtype=torch.float64, device="meta")
     length, legal = batch.reach(room, position)
-    assert (length.shape, legal.shape) == ((5, 16), (5, 16))
+    assert (length.shape, legal.shape) == ((5, 20), (5, 16))
     assert batch.moved(position, room, length[:, 0]).shape == (5, 2)
     assert batch.reward(room, position).total.shape == (5,)
     assert batch.is_legal(room, position).shape == (5,)
