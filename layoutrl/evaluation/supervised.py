@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.nn.functional import l1_loss, mse_loss
 
 from layoutrl.agents.networks import GeometryNetwork
+from layoutrl.agents.training import in_every_view
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import padded, snap
 from layoutrl.env.observation import GeometryObservation
@@ -67,11 +68,8 @@ def train_regressor(
         room = torch.randint(len(designed), (batch,), generator=generator, device=device)
         start = batch_simulator.starts(room, generator)
         way = (designed[room] - start).float()
-        observation = observe(room, start)
-        return (
-            torch.cat([observe.turned(share, view) for view, share in shares(views, observation)]),
-            torch.cat([share @ view.matrix.T for view, share in shares(views, way)]),
-        )
+        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, way)])
+        return in_every_view(observe, views, observe(room, start)), turned
 
     return _trained(observe, 2, draw, l1_loss, spent, seed, learning_rate, device)
 
@@ -126,9 +124,8 @@ def train_scorer(
         near = torch.where(batch_simulator.is_legal(room, near)[:, None], near, start)
         kind = (4 * chance(batch, 1)).long()
         place = torch.where(kind < 2, candidate, torch.where(kind < 3, start, near))
-        observation = observe(room, place)
-        turned = torch.cat([observe.turned(share, view) for view, share in shares(views, observation)])
-        return turned, batch_simulator.reward(room, place).iou[:, None]
+        iou = batch_simulator.reward(room, place).iou
+        return in_every_view(observe, views, observe(room, place)), iou[:, None]
 
     return _trained(observe, 1, draw, mse_loss, spent, seed, learning_rate, device)
 
