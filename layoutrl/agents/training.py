@@ -152,8 +152,10 @@ def _turned(
         action=torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, batch.action)]),
         next_legal=torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, batch.next_legal)]),
     )
-    observation, next_observation = (
-        torch.cat([observe.turned(share, symmetry) for symmetry, share in shares(symmetries, o)])
-        for o in (observation, next_observation)
-    )
+    observation, next_observation = (in_every_view(observe, symmetries, o) for o in (observation, next_observation))
     return turned, observation, next_observation
+
+
+def in_every_view(observe: Observe, symmetries: Sequence[Symmetry], observation: Tensor) -> Tensor:
+    """The same observations (B, ...), an equal share of them in each symmetry."""
+    return torch.cat([observe.turned(share, symmetry) for symmetry, share in shares(symmetries, observation)])

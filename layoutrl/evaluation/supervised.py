@@ -7,7 +7,7 @@ is; its answer is the best of many candidates, none of which is drawn from the a
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -15,11 +15,12 @@ from torch import Tensor
 from torch.nn.functional import l1_loss, mse_loss
 
 from layoutrl.agents.networks import GeometryNetwork
+from layoutrl.agents.training import in_every_view
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import padded, snap
 from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.simulator import TOUCHING, Simulator
-from layoutrl.env.symmetry import shares, symmetries
+from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.evaluation.baselines import play
 
 SIDE = 11  # candidates along each side of the grid
@@ -67,20 +68,26 @@ def train_regressor(
         room = torch.randint(len(designed), (batch,), generator=generator, device=device)
         start = batch_simulator.starts(room, generator)
         way = (designed[room] - start).float()
-        observation = observe(room, start)
-        return (
-            torch.cat([observe.turned(share, view) for view, share in shares(views, observation)]),
-            torch.cat([share @ view.matrix.T for view, share in shares(views, way)]),
-        )
+        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, way)])
+        return in_every_view(observe, views, observe(room, start)), turned
 
     return _trained(observe, 2, draw, l1_loss, spent, seed, learning_rate, device)
 
 
 def regressed_places(
-    network: GeometryNetwork, observe: GeometryObservation, room: np.ndarray, starts: np.ndarray
+    network: GeometryNetwork,
+    observe: GeometryObservation,
+    room: np.ndarray,
+    starts: np.ndarray,
+    views: Sequence[Symmetry],
 ) -> np.ndarray:
-    """Where the regressor says the item goes from starts (B, 2) in rooms (B,), legal or not: (B, 2)."""
-    return starts + _said(network, observe, torch.as_tensor(room), torch.as_tensor(starts)).numpy()
+    """Where the regressor says the item goes from starts (B, 2) in rooms (B,), legal or not: (B, 2).
+
+    Along each axis the median of what it says in each of the `views`, turned back: they may point at two walls.
+    """
+    said = _said(network, observe, room, starts, views)
+    ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
+    return starts + np.median(torch.stack(ways).numpy(), 0)
 
 
 def train_scorer(
@@ -117,20 +124,20 @@ def train_scorer(
         near = torch.where(batch_simulator.is_legal(room, near)[:, None], near, start)
         kind = (4 * chance(batch, 1)).long()
         place = torch.where(kind < 2, candidate, torch.where(kind < 3, start, near))
-        observation = observe(room, place)
-        turned = torch.cat([observe.turned(share, view) for view, share in shares(views, observation)])
-        return turned, batch_simulator.reward(room, place).iou[:, None]
+        iou = batch_simulator.reward(room, place).iou
+        return in_every_view(observe, views, observe(room, place)), iou[:, None]
 
     return _trained(observe, 1, draw, mse_loss, spent, seed, learning_rate, device)
 
 
-def scored_places(network: GeometryNetwork, simulator: Simulator, observe: GeometryObservation) -> np.ndarray:
-    """The candidate of each room that the scorer likes best: (rooms, 2)."""
+def scored_places(
+    network: GeometryNetwork, simulator: Simulator, observe: GeometryObservation, views: Sequence[Symmetry]
+) -> np.ndarray:
+    """The candidate of each room that the scorer likes best, on the average over the `views`: (rooms, 2)."""
     places = candidates(simulator)
     room, which = np.nonzero(~np.isnan(places[..., 0]))
     score = np.full(places.shape[:2], -np.inf)
-    said = _said(network, observe, torch.as_tensor(room), torch.as_tensor(places[room, which]))
-    score[room, which] = said[:, 0]
+    score[room, which] = _said(network, observe, room, places[room, which], views).mean(0)[:, 0]
     return places[np.arange(len(places)), score.argmax(1)]
 
 
@@ -195,8 +202,18 @@ def _trained(
 
 
 @torch.no_grad()
-def _said(network: GeometryNetwork, observe: GeometryObservation, room: Tensor, position: Tensor) -> Tensor:
-    """The network's outputs (B, n), on the host, for poses on any device."""
+def _said(
+    network: GeometryNetwork,
+    observe: GeometryObservation,
+    room: np.ndarray,
+    position: np.ndarray,
+    views: Sequence[Symmetry],
+) -> Tensor:
+    """The network's outputs, on the host, for poses (B,), (B, 2) in each view: (views, B, n)."""
     device = next(network.parameters()).device
-    poses = zip(room.split(BLOCK), position.split(BLOCK), strict=True)
-    return torch.cat([network(observe(r.to(device), p.to(device))) for r, p in poses]).cpu()
+    said = []
+    for first in range(0, len(room), BLOCK):
+        block = slice(first, first + BLOCK)
+        seen = observe(torch.as_tensor(room[block], device=device), torch.as_tensor(position[block], device=device))
+        said.append(torch.stack([network(observe.turned(seen, view)) for view in views]))
+    return torch.cat(said, 1).cpu()
