@@ -146,7 +146,8 @@ def filled(config: CellConfig) -> dict[str, Any]:
         "date": f"{began:%Y-%m-%d}",
         "minutes": (datetime.now(UTC) - began).total_seconds() / 60,
         "machine": machine(device) | {"cores": cores},
-        "config": asdict(config),
+        # Where files lay is nobody's business.
+        "config": asdict(replace(config, runs="", results=None, data=replace(config.data, root=None))),
     }
 
 
@@ -229,13 +230,15 @@ def trained_agent(config: CellConfig, task: Task) -> tuple[Greedy, list[str], di
 def regressor(config: CellConfig, task: Task) -> dict[str, Any]:
     """The agent's network, told the designer's place for as long as the agent was trained."""
     network, observe, about = supervised(config, task, train_regressor)
-    return {"places": {"agent": (task.room, regressed_places(network, observe, task.room, task.starts))}, **about}
+    place = regressed_places(network, observe, task.room, task.starts, build.views(config.method, task.device))
+    return {"places": {"agent": (task.room, place)}, **about}
 
 
 def scorer(config: CellConfig, task: Task) -> dict[str, Any]:
     """The same network, told how good a place is; it takes the best of many. It needs no start."""
     network, observe, about = supervised(config, task, train_scorer)
-    return {"places": {"agent": (task.room, scored_places(network, task.simulator, observe)[task.room])}, **about}
+    place = scored_places(network, task.simulator, observe, build.views(config.method, task.device))
+    return {"places": {"agent": (task.room, place[task.room])}, **about}
 
 
 def supervised(config: CellConfig, task: Task, train: Callable[..., Any]) -> tuple[Any, Any, dict[str, Any]]:

@@ -27,6 +27,7 @@ def config_directory() -> Path:
 class RoomConfig:
     type: str = MISSING
     item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
+    updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
 
 
 @dataclass

@@ -23,7 +23,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def simulator_of(*rooms: Room, moves: Moves | None = None, reward: Reward | None = None) -> Simulator:
-    return Simulator(rooms, moves or Moves(), reward or Reward())
+    return Simulator(rooms, moves or Moves((0.32, 0.08, 0.02)), reward or Reward())
 
 
 def drawn(
@@ -248,7 +248,7 @@ def test_steps_that_are_no_multiples_of_the_shortest_are_refused(steps: tuple[fl
 
 
 def test_there_are_four_actions_a_step_and_four_slides() -> None:
-    assert Moves().count == 16
+    assert Moves().count == 20
     assert Moves((0.02, 0.3), slide=False).count == 8
     simulator = simulator_of(rectangular_room(4, 3))
     reached, legal = simulator.destinations(*at(simulator, (2.0, 1.5)))

@@ -20,10 +20,10 @@ EIGHT = [(quarters, mirror) for mirror in (False, True) for quarters in range(4)
 def test_there_are_eight_and_the_first_changes_nothing() -> None:
     eight = symmetries(Moves())
     assert [(symmetry.quarters, symmetry.mirror) for symmetry in eight] == EIGHT
-    assert eight[0].action.tolist() == list(range(16))
+    assert eight[0].action.tolist() == list(range(20))
     assert len({tuple(symmetry.action.tolist()) for symmetry in eight}) == 8
     for symmetry in eight:
-        assert symmetry.action[symmetry.inverse].tolist() == list(range(16))
+        assert symmetry.action[symmetry.inverse].tolist() == list(range(20))
 
 
 @pytest.mark.parametrize(("quarters", "mirror"), EIGHT)
