@@ -302,8 +302,11 @@ def multirun(table: str, sweep: Mapping[str, str], arguments: Sequence[str]) -> 
     overrides = [f"{name}={value}" for name, value in (dict(sweep) | given(arguments)).items()]
     flags = [argument for argument in arguments if "=" not in argument]
     command = [sys.executable, str(Path(__file__).resolve()), f"table={table}", *overrides, *flags]
-    status = subprocess.run(command, check=False).returncode
-    failed = sorted(cells_of(table, arguments).glob("*.error"))
+    folder, status, filled_before = cells_of(table, arguments), 1, -1
+    # A job that is killed takes the others with it: they begin again, as long as any is finished in between.
+    while status and (filled_now := len(list(folder.glob("*.json")))) > filled_before:
+        filled_before, status = filled_now, subprocess.run(command, check=False).returncode
+    failed = sorted(folder.glob("*.error"))
     for error in failed:
         print(f"{error.stem} failed: {error.read_text().splitlines()[-1]}", file=sys.stderr)
     return status or int(bool(failed))

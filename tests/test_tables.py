@@ -133,6 +133,24 @@ def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, desi
     assert (folder.parent / "table1.md").exists()
 
 
+def test_jobs_that_died_with_another_begin_again_while_that_helps(tmp_path, monkeypatch):
+    """A job that is killed for its memory, say, each time after others were finished."""
+    statuses, runs = iter([1, 1, 1]), []
+
+    def dies(command: list[str], check: bool) -> subprocess.CompletedProcess[str]:
+        runs.append(command)
+        if len(runs) < 3:
+            folder = tmp_path / "default" / "table1"
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / f"{len(runs)}.json").touch()
+        return subprocess.CompletedProcess(command, next(statuses))
+
+    monkeypatch.setattr(subprocess, "run", dies)
+    assert cells.multirun("table1", {"column": "rules", "room": "study"}, [f"results={tmp_path}", "room=tatami"]) == 1
+    assert len(runs) == 3
+    assert runs[0][2:] == ["table=table1", "column=rules", "room=tatami", f"results={tmp_path}"]
+
+
 def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed):
     config = configured(tmp_path, designed, "column=regressor", "room=tatami")
     fill(config)

@@ -1,0 +1,103 @@
+"""Why a type falls short: the ten worst rooms of a cell as pictures, and what went wrong in all that failed.
+
+    python experiments/worst_rooms.py bathroom-own-geometric-seed0 [--table table1] [--budget default] [--root FOLDER]
+
+The name is that of a filled cell; `--root` is where the rooms' files are, if they are not the designer's. A room fails
+with an IoU below 0.9; the first that is true says why:
+  imprecise   the agent's place is off by less than a quarter of the item, along both axes
+  ambiguous   it is the designer's own second choice, by a margin of less than 20 cm
+  stuck       the agent values the designer's place higher than the one where it stopped: it did not get there
+  wrong place it values the wrong one higher
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cells import METRES, RESULTS, CellConfig, unpacked
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from omegaconf import OmegaConf
+
+from layoutrl import build
+from layoutrl.gallery import draw
+from layoutrl.rooms.designer.generator import design_room
+from layoutrl.rooms.room import Room
+
+FAILED = 0.9
+SLIGHTLY = 0.25  # of the item's breadth along an axis
+CLOSE = 20  # centimetres by which the designer's choice was better than its second
+WORST = 10
+
+
+def why(room: Room, place: np.ndarray, knew_better: bool, config: CellConfig) -> str:
+    """Why the item was not put where the designer did."""
+    bounds = np.array(room.moving.template.bounds)
+    off = np.abs(place - room.moving.center)
+    if (off < SLIGHTLY * (bounds[2:] - bounds[:2])).all():
+        return "imprecise"
+    if config.data.source == "designer" and second_choice(room, place, config):
+        return "ambiguous"
+    return "stuck" if knew_better else "wrong place"
+
+
+def second_choice(room: Room, place: np.ndarray, config: CellConfig) -> bool:
+    """Whether a place is the designer's runner-up, by a margin that few would decide by."""
+    assert config.data.seed is not None
+    index = int(room.id.rpartition("-")[2])
+    for choice in design_room(config.room.type, "test", config.data.seed, index).choices:
+        if choice.place.piece.category == room.moving.category and choice.runner_up and choice.margin is not None:
+            x, y = (half / 200 for half in choice.runner_up.twice_center)  # half centimetres
+            return choice.margin < CLOSE and bool(np.hypot(place[0] - x, place[1] - y) < 0.1)
+    return False
+
+
+def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: dict[int, str]) -> Figure:
+    """The worst rooms as designed, with the agent's place outlined."""
+    figure = Figure(figsize=(12, 5.5), layout="constrained")
+    for axes, k in zip(figure.subplots(2, WORST // 2).flat, np.argsort(iou)[:WORST], strict=True):
+        draw(axes, rooms[k])
+        footprint = rooms[k].moving.footprint_at(tuple(places[k]))
+        axes.add_patch(Polygon(np.asarray(footprint.exterior.coords), fill=False, edgecolor="magenta", linewidth=2))
+        axes.set_title(f"{rooms[k].id}\nIoU {iou[k]:.2f}, {reasons.get(int(k), '')}", fontsize=7)
+    return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cell")
+    parser.add_argument("--table", default="table1")
+    parser.add_argument("--budget", default="default")
+    parser.add_argument("--root", help="data.root of the rooms")
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    folder = options.results / options.budget
+    cell: dict[str, Any] = json.loads((folder / options.table / f"{options.cell}.json").read_text())
+    config: CellConfig = OmegaConf.to_object(OmegaConf.merge(CellConfig, cell["config"]))  # type: ignore[assignment]
+    config.data.root = options.root
+    rooms = build.two_parts(config.room, config.data, config.fold)[1]
+    places = unpacked(cell["rows"]["agent"]["place"], METRES).reshape(-1, 2).astype(float)
+    iou = build.simulator(rooms, config.method, config.reward).reward(np.arange(len(rooms)), places).iou
+    knew_better = unpacked(cell["knew_better"], np.dtype("u1")).astype(bool)
+    reasons = {int(k): why(rooms[k], places[k], knew_better[k], config) for k in np.flatnonzero(iou < FAILED)}
+
+    lost = Counter[str]()
+    for k, reason in reasons.items():
+        lost[reason] += (1 - iou[k]) / len(rooms)
+    print(f"{options.cell}: mean IoU {iou.mean():.3f}, {len(reasons)} of {len(rooms)} rooms below {FAILED}")
+    for reason, count in Counter(reasons.values()).most_common():
+        print(f"  {reason:12} {count:4} rooms, {lost[reason]:.3f} of IoU")
+    print(f"  {'the others':12} {len(rooms) - len(reasons):4} rooms, {1 - iou.mean() - lost.total():.3f} of IoU")
+    picture = folder / "worst" / f"{options.cell}.png"
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    pictures(rooms, places, iou, reasons).savefig(picture, dpi=80)
+    print(f"wrote {picture}")
+
+
+if __name__ == "__main__":
+    main()
