@@ -101,7 +101,14 @@ def fill(config: CellConfig) -> None:
     """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells."""
     folder, name = folder_of(config), name_of(config)
     file, error = folder / f"{name}.json", folder / f"{name}.error"
-    if file.exists() or (config.seed > 0 and config.fill in SEEDLESS):
+    if config.seed > 0 and config.fill in SEEDLESS:
+        return
+    if file.exists():
+        error.unlink(missing_ok=True)
+        if others := differences(json.loads(file.read_text())["config"], stated(config)):
+            what = f"filled with another {', '.join(others)}; expected a new folder (results=...), or delete the cell"
+            error.write_text(f"error: {name} is {what}\n")
+            print(f"{config.table}: {name} is {what}", flush=True)
         return
     log = Path(config.runs) / config.table / f"{name}.log"
     for needed in (folder, log.parent):
@@ -146,9 +153,25 @@ def filled(config: CellConfig) -> dict[str, Any]:
         "date": f"{began:%Y-%m-%d}",
         "minutes": (datetime.now(UTC) - began).total_seconds() / 60,
         "machine": machine(device) | {"cores": cores},
-        # Where files lay is nobody's business.
-        "config": asdict(replace(config, runs="", results=None, data=replace(config.data, root=None))),
+        "config": stated(config),
     }
+
+
+def stated(config: CellConfig) -> dict[str, Any]:
+    """The configuration of a cell, as JSON has it, but for where files lie."""
+    return json.loads(json.dumps(asdict(replace(config, runs="", results=None, data=replace(config.data, root=None)))))
+
+
+def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
+    """The names of what both have, and have differently; the device is not counted."""
+    names = []
+    for name in first.keys() & second.keys() - {"device"}:
+        one, other = first[name], second[name]
+        if isinstance(one, dict) and isinstance(other, dict):
+            names += differences(one, other, f"{prefix}{name}.")
+        elif one != other:
+            names.append(prefix + name)
+    return sorted(names)
 
 
 def task_of(config: CellConfig, device: torch.device) -> Task:
@@ -183,14 +206,12 @@ def agent(config: CellConfig, task: Task) -> dict[str, Any]:
         places["random starts"] = room, policy.rollout(batch_simulator, observe, room, starts).final
     # In analysis alone: did it know better, and not get there?
     designed = simulator.designer_position[task.room]
-    knew = policy.highest(batch_simulator, observe, task.room, designed) > policy.highest(
-        batch_simulator, observe, task.room, run.final
-    )
+    there, here = (policy.highest(batch_simulator, observe, task.room, place) for place in (designed, run.final))
     return {
         "places": places,
         "moves": float(run.moves.mean()),
         "ms_a_room": 1000 * run.seconds / len(task.room),
-        "knew_better": packed(knew, np.dtype("u1")),
+        "knew_better": packed(there > here, np.dtype("u1")),
         **about,
     }
 

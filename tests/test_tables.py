@@ -89,6 +89,12 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     fill(config)
     assert file.read_text() == before
     assert "begins" in capsys.readouterr().out.split("done")[0]
+    fill(configured(tmp_path, designed, "column=geometric", "room=tatami", "method.discount=0.5", "device=cpu"))
+    error = folder_of(config) / f"{name_of(config)}.error"
+    assert "filled with another method.discount; expected a new folder" in error.read_text()
+    assert file.read_text() == before
+    fill(config)
+    assert not error.exists()
     file.unlink()
     fill(config)
     again = json.loads(file.read_text())
