@@ -8,18 +8,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 
+from layoutrl.env.geometry import CONTACT, edges, fitting_positions
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.room import SYMMETRIES, Room, symmetry
+from layoutrl.rooms.room import SYMMETRIES, TOLERANCE, Room, symmetry
+
+MILLIMETRE = 3  # decimals of a metre
 
 
 def wall_places(room: Room) -> np.ndarray:
-    """The eight places in the corners and at the middle of the walls of the outline's bounding box: (8, 2)."""
-    x0, y0, x1, y1 = room.indoor.bounds
-    left, below, right, up = room.moving.template.bounds
-    x = (x0 - left, (x0 + x1) / 2, x1 - right)
-    y = (y0 - below, (y0 + y1) / 2, y1 - up)
-    return np.array([(x[i], y[j]) for i in range(3) for j in range(3) if (i, j) != (1, 1)])
+    """The places (n, 2) at which the item, or the upright box around it, fits into a corner or at the middle of a wall.
+
+    Those of the outline itself: what bounds the centres at which the box lies indoors has its corners and middles
+    there. Of the outline's bounding box where it fits nowhere.
+    """
+    around = shapely.box(*room.moving.template.bounds)
+    fits = fitting_positions(np.array([room.indoor]), np.array([around]), CONTACT)[0]
+    if fits.is_empty:
+        fits = shapely.box(*np.concatenate(play(room)))
+    border, _ = edges(np.array([fits.simplify(TOLERANCE)]))
+    places = np.concatenate([border[:, :2], (border[:, :2] + border[:, 2:]) / 2])
+    return np.unique(places.round(MILLIMETRE), axis=0)  # what it just fits between has each wall's places twice
 
 
 def random_wall_place(
@@ -36,13 +46,15 @@ def random_wall_place(
 
 
 def best_wall_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:
-    """For each of B rooms the one of its eight wall places that has the highest IoU with the designer's place.
+    """For each of B rooms the wall place that has the highest IoU with the designer's place.
 
     Chosen with knowledge of the answer: what a method can reach that knows the right wall or corner and nothing else.
     """
-    places = np.array([wall_places(simulator.rooms[k]) for k in room])  # (B, 8, 2)
-    iou = simulator.reward(np.repeat(room, 8), places.reshape(-1, 2)).iou.reshape(-1, 8)
-    return places[np.arange(len(room)), iou.argmax(1)]
+    best = []
+    for k in room:
+        places = wall_places(simulator.rooms[k])
+        best.append(places[simulator.reward(np.repeat(k, len(places)), places).iou.argmax()])
+    return np.array(best)
 
 
 def far_end_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely import box
 
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -30,18 +31,29 @@ def as_set(places: np.ndarray) -> set[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("item", [Item("bed", (1.0, 0.6), (2, 1.5)), Item("bed", (0.6, 1.0), (2, 1.5), 270)])
-def test_the_eight_wall_places_of_a_rectangular_room_are_its_corners_and_the_middles_of_its_walls(item):
+def test_the_wall_places_of_a_rectangular_room_are_its_corners_and_the_middles_of_its_walls(item):
     right = {(0.5, 0.3), (2, 0.3), (3.5, 0.3), (0.5, 1.5), (3.5, 1.5), (0.5, 2.7), (2, 2.7), (3.5, 2.7)}
     places = wall_places(rectangular_room(4, 3, item))
     assert places.shape == (8, 2)
     assert as_set(places) == right
 
 
-def test_wall_places_of_another_shape_touch_the_box_around_its_outline():
+def test_wall_places_of_another_shape_are_those_of_its_own_walls():
     item = Item("bed", (0.8, 0.8), (1, 1), form="circle")
-    assert as_set(wall_places(l_room(item))) == {
-        (x, y) for x in (0.4, 2, 3.6) for y in (0.4, 2, 3.6) if (x, y) != (2, 2)
-    }
+    corners = {(0.4, 0.4), (3.6, 0.4), (3.6, 1.6), (1.6, 1.6), (1.6, 3.6), (0.4, 3.6)}
+    middles = {(2.0, 0.4), (3.6, 1.0), (2.6, 1.6), (1.6, 2.6), (1.0, 3.6), (0.4, 2.0)}
+    assert as_set(wall_places(l_room(item))) == corners | middles
+
+
+def test_what_spans_a_room_has_its_places_once():
+    assert as_set(wall_places(rectangular_room(4, 3, Item("bed", (1.0, 3.0), (2, 1.5))))) == {
+        (0.5, 1.5), (2, 1.5), (3.5, 1.5)
+    }  # fmt: skip
+
+
+def test_what_fits_nowhere_has_the_places_of_the_box_around_the_outline():
+    places = wall_places(rectangular_room(4, 3, Item("bed", (1.0, 3.2), (2, 1.5))))  # 10 cm into two walls
+    assert {x for x, _ in as_set(places)} == {0.5, 2.0, 3.5}
 
 
 def test_only_legal_wall_places_are_drawn_each_of_them():
@@ -51,14 +63,14 @@ def test_only_legal_wall_places_are_drawn_each_of_them():
     starts = simulator.starts(index, rng)
     chosen = random_wall_place(simulator, index, starts, rng)
     assert simulator.is_legal(index, chosen).all()
-    assert as_set(chosen) == {(0.5, 0.5), (2, 0.5), (3.5, 0.5), (0.5, 2), (0.5, 3.5)}
+    assert as_set(chosen) == as_set(wall_places(room))
     counts = np.unique(chosen, axis=0, return_counts=True)[1]
-    assert counts.min() > 300 / 5 / 2
+    assert counts.min() > 300 / 12 / 3
 
 
 def test_where_no_wall_place_is_legal_the_start_is_kept():
     diamond = ((2.0, 0.0), (4.0, 2.0), (2.0, 4.0), (0.0, 2.0))
-    rooms = [room_of(diamond, Item("bed", (1.5, 1.5), (2, 2))), rectangular_room(id="plain")]
+    rooms = [room_of(diamond, Item("bed", (2.1, 2.1), (2, 2))), rectangular_room(id="plain")]
     simulator, rng = simulator_of(*rooms), np.random.default_rng(0)
     index = np.array([0, 1, 0])
     starts = simulator.starts(index, rng)
@@ -71,14 +83,14 @@ def test_where_no_wall_place_is_legal_the_start_is_kept():
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=15)
-def test_wall_places_lie_within_the_box_around_the_outline_and_drawn_ones_are_legal(seed):
+def test_wall_places_lie_indoors_at_a_wall_and_drawn_ones_are_legal(seed):
     rng = np.random.default_rng(seed)
     room = random_room(rng)
-    x0, y0, x1, y1 = room.indoor.bounds
-    for x, y in wall_places(room):
-        a, b, c, d = room.moving.footprint_at((x, y)).bounds
-        assert min(a - x0, b - y0, x1 - c, y1 - d) >= -1e-9
-        assert min(a - x0, b - y0, x1 - c, y1 - d) <= 1e-9
+    x0, y0, x1, y1 = room.moving.template.bounds
+    boxes = [box(x0 + x, y0 + y, x1 + x, y1 + y) for x, y in wall_places(room)]
+    if any(room.indoor.buffer(1e-3).covers(around) for around in boxes):  # it fits
+        assert all(room.indoor.buffer(1e-3).covers(around) for around in boxes)
+        assert all(room.indoor.exterior.distance(around.exterior) < 2e-3 for around in boxes if not room.holes)
     simulator, index = simulator_of(room), np.zeros(5, dtype=int)
     chosen = random_wall_place(simulator, index, simulator.starts(index, rng), rng)
     assert simulator.is_legal(index, chosen).all()
@@ -98,7 +110,8 @@ def test_no_wall_place_is_better_than_the_best(seed):
     room = random_room(np.random.default_rng(seed))
     simulator = simulator_of(room)
     iou = simulator.reward(np.array([0]), best_wall_place(simulator, np.array([0]))).iou
-    assert iou == simulator.reward(np.zeros(8, dtype=int), wall_places(room)).iou.max()
+    places = wall_places(room)
+    assert iou == simulator.reward(np.zeros(len(places), dtype=int), places).iou.max()
 
 
 def bath_room(door: float | None, windows: tuple[float, ...] = (), width: float = 1.4):
