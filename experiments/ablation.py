@@ -25,8 +25,8 @@ CHANGES = {
     "the method": [],
     "no mirrored and turned views": ["method.symmetries=false"],
     "no slides": ["method.slide=false"],
-    "one step of 2 cm, and slides": ["method.steps=[0.02]"],
-    "no double Q-learning": ["method.double=false"],
+    "no steps of half a centimetre": ["method.steps=[0.32,0.08,0.02]"],
+    "double Q-learning": ["method.double=true"],
     "no dueling head": ["method.dueling=false"],
     "discount 0.9": ["method.discount=0.9"],
 }
