@@ -4,6 +4,7 @@ ROOM ?= bedroom
 ARGS ?=
 BIN := .venv/bin
 DATA ?= data
+REAL = $(foreach source,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(source)),$(source)=$(DATA)/$(source)))
 TABLES = $(if $(budget),budget=$(budget)) $(ARGS)
 
 help:  ## show this list
@@ -31,9 +32,11 @@ bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS=
 	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
 
 tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke DATA=../shared/data
-	$(BIN)/python experiments/table1.py $(TABLES)
-	$(BIN)/python experiments/table2.py $(TABLES)
-	$(BIN)/python experiments/real_rooms.py $(TABLES) $(foreach s,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(s)),$(s)=$(DATA)/$(s)))
+	@status=0; \
+	$(BIN)/python experiments/table1.py $(TABLES) || status=1; \
+	$(BIN)/python experiments/table2.py $(TABLES) || status=1; \
+	$(BIN)/python experiments/real_rooms.py $(REAL) $(TABLES) || status=1; \
+	exit $$status
 
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs

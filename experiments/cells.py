@@ -11,9 +11,9 @@ from __future__ import annotations
 import base64
 import contextlib
 import json
-import os
 import subprocess
 import sys
+import time
 import traceback
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -30,6 +30,8 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 from layoutrl import build
 from layoutrl import train as training_entry
+from layoutrl.agents.dqn import Observe
+from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.config import DataConfig, TrainConfig, config_directory
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import categories_of
@@ -47,7 +49,7 @@ from layoutrl.evaluation.supervised import (
     train_scorer,
 )
 from layoutrl.rooms.room import Room
-from layoutrl.runs import load_checkpoint, machine, write_json
+from layoutrl.runs import machine, write_json
 
 RESULTS = Path(__file__).parent / "results"
 STARTS_SEED = 0  # of the one list of starts that every method is scored from
@@ -75,7 +77,7 @@ ConfigStore.instance().store(name="cell_schema", node=CellConfig)
 
 
 @dataclass(frozen=True)
-class Task:
+class Setting:
     """Rooms to learn from, rooms to be scored in, and one start in each of these or many in the only one."""
 
     training: list[Room]
@@ -101,7 +103,7 @@ def fill(config: CellConfig) -> None:
     """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells."""
     folder, name = folder_of(config), name_of(config)
     file, error = folder / f"{name}.json", folder / f"{name}.error"
-    if config.seed > 0 and config.fill in SEEDLESS:
+    if config.seed > 0 and config.fill in SEEDLESS and config.protocol == "unseen":
         return
     if file.exists():
         error.unlink(missing_ok=True)
@@ -110,10 +112,11 @@ def fill(config: CellConfig) -> None:
             error.write_text(f"error: {name} is {what}\n")
             print(f"{config.table}: {name} is {what}", flush=True)
         return
-    log = Path(config.runs) / config.table / f"{name}.log"
+    log = Path(config.runs) / config.table / f"{config.budget.name}-{name}.log"
     for needed in (folder, log.parent):
         needed.mkdir(parents=True, exist_ok=True)
     print(f"{config.table}: {name} begins", flush=True)
+    error.write_text(f"{name} began and did not end: it was killed, or is running\n")
     try:
         with log.open("w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
             result = filled(config)
@@ -129,12 +132,11 @@ def fill(config: CellConfig) -> None:
 
 def filled(config: CellConfig) -> dict[str, Any]:
     """All that is kept of a cell: where it comes from, and a row of numbers for each set of places."""
-    began = datetime.now(UTC)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    device = build.device(config.device)
-    task = task_of(config, device)
-    found = FILLS[config.fill](config, task)
-    simulator = task.simulator
+    began, device = datetime.now(UTC), build.device(config.device)
+    about = machine(device)
+    setting = setting_of(config, device)
+    found = FILLS[config.fill](config, setting)
+    simulator = setting.simulator
     groups = {group: k for k, group in enumerate(sorted({room.group for room in simulator.rooms}))}
     rows = {}
     for row, (room, place) in found.pop("places").items():
@@ -146,13 +148,13 @@ def filled(config: CellConfig) -> dict[str, Any]:
         }
     return {
         "rows": rows,
-        "ceiling": float(lattice_ceiling(simulator, task.room, task.starts).mean()),
+        "ceiling": float(lattice_ceiling(simulator, setting.room, setting.starts).mean()),
         **found,
         "rooms": len(simulator.rooms),
-        "training_rooms": len(task.training),
+        "training_rooms": len(setting.training),
         "date": f"{began:%Y-%m-%d}",
         "minutes": (datetime.now(UTC) - began).total_seconds() / 60,
-        "machine": machine(device) | {"cores": cores},
+        "machine": about,
         "config": stated(config),
     }
 
@@ -174,43 +176,51 @@ def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "")
     return sorted(names)
 
 
-def task_of(config: CellConfig, device: torch.device) -> Task:
+def setting_of(config: CellConfig, device: torch.device) -> Setting:
     """The rooms of a cell, and its starts: the same for every column and seed."""
     if config.protocol == "scene":
-        scene = build.designed_rooms(config.room, config.data, "test")[config.seed]
-        training, held_out = [scene], [scene]
+        scenes = build.designed_rooms(config.room, config.data, "test")
+        if config.seed >= len(scenes):
+            raise InputError(f"seed: expected a scene, 0 to {len(scenes) - 1}; got {config.seed}")
+        training = held_out = [scenes[config.seed]]
         room = np.zeros(config.budget.random_starts, dtype=int)
     else:
         training, held_out = build.two_parts(config.room, config.data, config.fold)
         if config.trained_on != "own":
-            given = config.data
-            designer = DataConfig("designer", train_rooms=given.train_rooms, test_rooms=given.test_rooms)
-            designed = build.designed_rooms(config.room, designer, "train")
+            designed = build.designed_rooms(config.room, designer(config), "train")
             training = designed + (training if config.trained_on == "both" else [])
         room = np.arange(len(held_out))
     simulator = build.simulator(held_out, config.method, config.reward)
-    return Task(training, simulator, room, simulator.starts(room, np.random.default_rng(STARTS_SEED)), device)
+    return Setting(training, simulator, room, simulator.starts(room, np.random.default_rng(STARTS_SEED)), device)
 
 
-def agent(config: CellConfig, task: Task) -> dict[str, Any]:
+def designer(config: CellConfig) -> DataConfig:
+    """Designed rooms, as many as the budget has."""
+    return DataConfig("designer", train_rooms=config.data.train_rooms, test_rooms=config.data.test_rooms)
+
+
+def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The agent: from the one start; best of three; and, of designed rooms never seen, from many starts."""
-    policy, categories, about = trained_agent(config, task)
-    simulator = task.simulator
-    observe = build.observation(simulator.rooms, config.method, categories, task.device)
-    batch_simulator = BatchSimulator(simulator, task.device)
-    run = policy.rollout(batch_simulator, observe, task.room, task.starts)
-    places = {"agent": (task.room, run.final), "best of 3": (task.room, best_of(run.choices(3), simulator, task.room))}
+    policy, categories, about = trained_agent(config, setting)
+    simulator = setting.simulator
+    observe = build.observation(simulator.rooms, config.method, categories, setting.device)
+    batch_simulator = BatchSimulator(simulator, setting.device)
+    run = policy.rollout(batch_simulator, observe, setting.room, setting.starts)
+    places = {
+        "agent": (setting.room, run.final),
+        "best of 3": (setting.room, best_of(run.choices(3), simulator, setting.room)),
+    }
     if config.protocol == "unseen" and config.data.source == "designer":
-        room = np.resize(task.room, config.budget.random_starts)
+        room = np.resize(setting.room, config.budget.random_starts)
         starts = simulator.starts(room, np.random.default_rng([STARTS_SEED, 1]))
         places["random starts"] = room, policy.rollout(batch_simulator, observe, room, starts).final
     # In analysis alone: did it know better, and not get there?
-    designed = simulator.designer_position[task.room]
-    there, here = (policy.highest(batch_simulator, observe, task.room, place) for place in (designed, run.final))
+    designed = simulator.designer_position[setting.room]
+    there, here = (policy.highest(batch_simulator, observe, setting.room, place) for place in (designed, run.final))
     return {
         "places": places,
         "moves": float(run.moves.mean()),
-        "ms_a_room": 1000 * run.seconds / len(task.room),
+        "ms_a_room": 1000 * run.seconds / len(setting.room),
         "knew_better": packed(there > here, np.dtype("u1")),
         **about,
     }
@@ -223,83 +233,86 @@ def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.n
     return choices[np.arange(len(room)), iou.argmax(1)]
 
 
-def trained_agent(config: CellConfig, task: Task) -> tuple[Greedy, list[str], dict[str, Any]]:
+def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[str], dict[str, Any]]:
     """Train, or take the agent that was trained on the same rooms in the same way: (policy, categories, about it)."""
     own = {field.name for field in fields(TrainConfig)}
     training = TrainConfig(**{name: value for name, value in vars(config).items() if name in own})
-    # Designed rooms are the same, wherever else the agent is tested.
-    data = config.data.train_rooms if config.trained_on == "designer" else asdict(config.data)
-    what = [data, config.trained_on, config.protocol, config.fold, config.budget.name, config.seed]
+    if config.trained_on == "designer":  # the same agent, wherever it is tested
+        training.data = designer(config)
+    what = [asdict(training.data), config.trained_on, config.protocol, config.fold, config.budget.name, config.seed]
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
-    training.name = f"{config.column}-{zlib.crc32(json.dumps([what, how]).encode()):08x}-seed{config.seed}"
-    file = Path(config.runs) / config.room.type / training.name / "trained.json"
-    if not file.exists():
-        trained = training_entry.train(training, task.training, task.simulator.rooms)
+    name = f"{config.column}-{zlib.crc32(json.dumps([what, how]).encode()):08x}-seed{config.seed}"
+    folder = Path(config.runs) / config.room.type / name
+    if not folder.exists():
+        training.name = f"{name}-unfinished"
+        trained = training_entry.train(training, setting.training, setting.simulator.rooms)
         if trained.learner.agent.updates < trained.learner.updates:
             raise KeyboardInterrupt
         about = {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
-        write_json(trained.folder / file.name, about)
-        if trained.folder != file.parent and not file.exists():  # an earlier training was interrupted
-            file.parent.rename(trained.folder.with_name(f"{trained.folder.name}-interrupted"))
-            trained.folder.rename(file.parent)
-    checkpoint = load_checkpoint(file.parent, task.device)
-    agent = build.agent(config.method, checkpoint["categories"], 1, np.random.SeedSequence(0), task.device)
-    agent.network.load_state_dict(checkpoint["network"])
-    return build.greedy(agent, config.method), checkpoint["categories"], json.loads(file.read_text())
+        write_json(trained.folder / "trained.json", about | {"trained_on_machine": machine(setting.device)})
+        with contextlib.suppress(OSError):  # another job was faster: its agent is the same
+            trained.folder.rename(folder)
+    agent, categories = build.trained_agent(folder, config.method, setting.device)
+    return build.greedy(agent, config.method), categories, json.loads((folder / "trained.json").read_text())
 
 
-def regressor(config: CellConfig, task: Task) -> dict[str, Any]:
+def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The agent's network, told the designer's place for as long as the agent was trained."""
-    network, observe, about = supervised(config, task, train_regressor)
-    place = regressed_places(network, observe, task.room, task.starts, build.views(config.method, task.device))
-    return {"places": {"agent": (task.room, place)}, **about}
+    network, observe, about = supervised(config, setting, train_regressor)
+    place = regressed_places(network, observe, setting.room, setting.starts, build.views(config.method, setting.device))
+    return {"places": {"agent": (setting.room, place)}, **about}
 
 
-def scorer(config: CellConfig, task: Task) -> dict[str, Any]:
+def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The same network, told how good a place is; it takes the best of many. It needs no start."""
-    network, observe, about = supervised(config, task, train_scorer)
-    place = scored_places(network, task.simulator, observe, build.views(config.method, task.device))
-    return {"places": {"agent": (task.room, place[task.room])}, **about}
+    network, observe, about = supervised(config, setting, train_scorer)
+    place = scored_places(network, setting.simulator, observe, build.views(config.method, setting.device))
+    return {"places": {"agent": (setting.room, place[setting.room])}, **about}
 
 
-def supervised(config: CellConfig, task: Task, train: Callable[..., Any]) -> tuple[Any, Any, dict[str, Any]]:
-    agents = folder_of(config) / f"{name_of(replace(config, column='geometric'))}.json"
+def supervised(
+    config: CellConfig, setting: Setting, train: Callable[..., GeometryNetwork]
+) -> tuple[GeometryNetwork, Observe, dict[str, Any]]:
+    """The agent's network, trained otherwise for as long: (network, what it sees of the test rooms, about it)."""
+    file = folder_of(config) / f"{name_of(replace(config, column='geometric'))}.json"
     try:
-        seconds = json.loads(agents.read_text())["training_seconds"]
+        agent = json.loads(file.read_text())
     except FileNotFoundError:
         raise InputError(f"column: {config.column} trains for as long as geometric, which is not done") from None
+    seconds, theirs, ours = agent["training_seconds"], agent["machine"]["gpu"], machine(setting.device)["gpu"]
+    if theirs != ours:
+        raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
     build.keep_freed_memory()
-    categories = categories_of(task.training)
-    training = build.simulator(task.training, config.method, config.reward)
-    observe = build.observation(task.training, config.method, categories, task.device)
+    categories = categories_of(setting.training)
+    training = build.simulator(setting.training, config.method, config.reward)
+    observe = build.observation(setting.training, config.method, categories, setting.device)
     seed = np.random.SeedSequence(config.seed)
-    network = train(training, observe, seconds_budget(seconds), seed, device=task.device)
-    observe = build.observation(task.simulator.rooms, config.method, categories, task.device)
+    network = train(training, observe, seconds_budget(seconds), seed, device=setting.device)
+    observe = build.observation(setting.simulator.rooms, config.method, categories, setting.device)
     return network, observe, {"training_seconds": seconds}
 
 
-def rules(_: CellConfig, task: Task) -> dict[str, Any]:
+def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:
     """What needs no learning."""
-    simulator, room, starts = task.simulator, task.room, task.starts
+    simulator, room, starts = setting.simulator, setting.room, setting.starts
     places = {
         "random start": starts,
         "nearest wall": nearest_wall_place(simulator, room, starts),
-        "nearest room": nearest_room_place(simulator, room, task.training),
+        "nearest room": nearest_room_place(simulator, room, setting.training),
         "best wall or corner": best_wall_place(simulator, room),  # with knowledge of the answer
-        "designer": simulator.designer_position[room],
     }
     if simulator.rooms[0].moving.category == "bathtub":
         places["hand rule"] = far_end_place(simulator, room)
     return {"places": {name: (room, place) for name, place in places.items()}}
 
 
-def oracle(config: CellConfig, task: Task) -> dict[str, Any]:
-    """A perfect Q, with the same moves and the same stopping rule."""
-    place = perfect_places(task.simulator, task.room, task.starts, config.method.discount)
-    return {"places": {"oracle": (task.room, place)}}
+def oracle(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """A perfect Q, with the same moves."""
+    place = perfect_places(setting.simulator, setting.room, setting.starts, config.method.discount)
+    return {"places": {"oracle": (setting.room, place)}}
 
 
-FILLS: dict[str, Callable[[CellConfig, Task], dict[str, Any]]] = {
+FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
     "agent": agent,
     "regressor": regressor,
     "scorer": scorer,
@@ -318,28 +331,41 @@ def unpacked(text: str, kind: np.dtype[Any]) -> np.ndarray:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), kind)
 
 
-def multirun(table: str, sweep: Mapping[str, str], arguments: Sequence[str]) -> int:
-    """Fill the cells of a sweep, less or more by what the user gives; the exit status: 1 where a cell failed."""
-    overrides = [f"{name}={value}" for name, value in (dict(sweep) | given(arguments)).items()]
-    flags = [argument for argument in arguments if "=" not in argument]
-    command = [sys.executable, str(Path(__file__).resolve()), f"table={table}", *overrides, *flags]
-    folder, status, filled_before = cells_of(table, arguments), 1, -1
-    # A job that is killed takes the others with it: they begin again, as long as any is finished in between.
+def multirun(table: str, chosen: Mapping[str, str]) -> int:
+    """Fill the cells of a sweep, given as values by name; the exit status: 1 where a cell failed."""
+    overrides = [f"{name}={value}" for name, value in chosen.items()]
+    command = [sys.executable, str(Path(__file__).resolve()), f"table={table}", *overrides]
+    folder, began, status, filled_before = cells_of(table, chosen), time.time(), 1, -1
+    # On this machine a job that is killed takes the others with it: they begin again, as long as any is finished.
     while status and (filled_now := len(list(folder.glob("*.json")))) > filled_before:
         filled_before, status = filled_now, subprocess.run(command, check=False).returncode
-    failed = sorted(folder.glob("*.error"))
+        if "hydra/launcher" in chosen:  # a cluster's jobs are on their own
+            break
+    failed = [error for error in sorted(folder.glob("*.error")) if error.stat().st_mtime >= began]
     for error in failed:
         print(f"{error.stem} failed: {error.read_text().splitlines()[-1]}", file=sys.stderr)
     return status or int(bool(failed))
 
 
-def cells_of(table: str, arguments: Sequence[str], budget: str = "default") -> Path:
-    """The folder of a table's cells."""
-    return Path(given(arguments).get("results", RESULTS)) / given(arguments).get("budget", budget) / table
+def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
+    """The folder of a table's cells, by what was chosen."""
+    return Path(chosen.get("results", RESULTS)) / chosen.get("budget", "default") / table
 
 
 def given(arguments: Sequence[str]) -> dict[str, str]:
-    return dict(argument.split("=", 1) for argument in arguments if "=" in argument)
+    """What the user gives, as name=value. Raises InputError for anything else."""
+    for argument in arguments:
+        if "=" not in argument:
+            raise InputError(f"{argument}: expected options as name=value; --help says which")
+    return dict(argument.split("=", 1) for argument in arguments)
+
+
+def asked(script: str | None) -> list[str]:
+    """The command line's arguments; --help is answered with what the script says of itself."""
+    if {"-h", "--help"} & set(sys.argv):
+        print(script)
+        sys.exit()
+    return sys.argv[1:]
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="cell")

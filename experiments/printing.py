@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cells import INDEX, IOU, unpacked
+from cells import INDEX, IOU, differences, unpacked
 
+from layoutrl.errors import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
 
 NOT_RUN = "not run"
@@ -19,12 +20,12 @@ NOT_RUN = "not run"
 
 @dataclass(frozen=True)
 class Row:
-    """One set of places in one task, over all seeds that were run."""
+    """One set of places in one setting, over all seeds that were run."""
 
     iou: np.ndarray  # (seeds, B)
     group: np.ndarray  # (B,)
     numbers: list[dict[str, Any]]  # of each seed
-    cells: list[dict[str, Any]]
+    cells: dict[Path, dict[str, Any]]
 
     @property
     def mean(self) -> float:
@@ -33,6 +34,10 @@ class Row:
     def text(self) -> str:
         """Mean ± standard deviation over rooms."""
         return f"{self.mean:.3f} ± {self.iou.std():.3f}"
+
+    def ceiling(self) -> str:
+        """The lattice ceiling of its moves, from its starts."""
+        return f"{np.mean([cell['ceiling'] for cell in self.cells.values()]):.3f}"
 
     def error_over_seeds(self) -> str:
         means = self.iou.mean(1)
@@ -52,17 +57,34 @@ class Row:
         """Mean over seeds."""
         return float(np.mean([numbers[name] for numbers in self.numbers]))
 
+    def about(self, name: str) -> float | None:
+        """Mean over seeds of what a cell says beside its rows, if it does."""
+        said = [cell[name] for cell in self.cells.values() if name in cell]
+        return float(np.mean(said)) if said else None
 
-def row(folder: Path, name: str, row: str = "agent") -> Row | None:
-    """A row of the cells <name>-seed<k>.json, or None where there is none."""
-    cells = [json.loads(file.read_text()) for file in sorted(folder.glob(f"{name}-seed*.json"))]
+
+def row(folder: Path, name: str, which: str = "agent") -> Row | None:
+    """A row of the cells <name>-seed<k>.json; None where there is no such cell, or they have no such row.
+
+    Raises InputError for cells of one name that were filled with different configurations.
+    """
+    cells = {file: json.loads(file.read_text()) for file in sorted(folder.glob(f"{name}-seed*.json"))}
+    cells = {file: cell for file, cell in cells.items() if which in cell["rows"]}
     if not cells:
         return None
-    found = [cell["rows"][row] for cell in cells]
-    iou = np.stack([unpacked(numbers["iou"], IOU) / 65535 for numbers in found])
-    group = unpacked(found[0]["group"], INDEX)
+    first, *others = cells.values()
+    if other := {name for cell in others for name in differences(first["config"], cell["config"])} - {"seed"}:
+        raise InputError(f"{folder / name}: cells of different {', '.join(sorted(other))}; delete those of one")
+    numbers = [cell["rows"][which] for cell in cells.values()]
+    iou = np.stack([unpacked(seed["iou"], IOU) / 65535 for seed in numbers])
     # Starts in one scene are independent of each other.
-    return Row(iou, group if len(set(group)) > 1 else np.arange(len(group)), found, cells)
+    scene = first["config"]["protocol"] == "scene"
+    group = np.arange(iou.shape[1]) if scene else unpacked(numbers[0]["group"], INDEX)
+    return Row(iou, group, numbers, cells)
+
+
+def text(found: Row | None, missing: str = NOT_RUN) -> str:
+    return found.text() if found else missing
 
 
 @dataclass(frozen=True)
@@ -78,9 +100,9 @@ class Table:
 
     def latex(self) -> str:
         def tex(text: str) -> str:
-            for sign, command in (("%", r"\%"), ("_", r"\_"), ("±", r"$\pm$"), (">=", r"$\ge$"), ("<", "$<$")):
+            for sign, command in (("&", r"\&"), ("%", r"\%"), ("_", r"\_"), ("±", r"$\pm$"), (">=", r"$\ge$")):
                 text = text.replace(sign, command)
-            return text
+            return text.replace("<", "$<$")
 
         rows = [" & ".join(map(tex, line)) + r" \\" for line in (self.header, *self.lines)]
         body = "\n".join([r"\hline", rows[0], r"\hline", *rows[1:], r"\hline"])
@@ -94,22 +116,21 @@ class Table:
 def write(tables: Sequence[Table], stem: Path) -> None:
     """Write the tables as stem.md, .tex and .csv, and print them."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    text = "\n".join(table.markdown() for table in tables)
-    stem.with_suffix(".md").write_text(text, encoding="utf-8")
+    markdown = "\n".join(table.markdown() for table in tables)
+    stem.with_suffix(".md").write_text(markdown, encoding="utf-8")
     stem.with_suffix(".tex").write_text("\n".join(table.latex() for table in tables), encoding="utf-8")
     with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
         for table in tables:
             csv.writer(file).writerows([[table.title], table.header, *table.lines, []])
-    print(f"\n{text}\nwrote {stem.with_suffix('.md')}, .tex and .csv")
+    print(f"\n{markdown}\nwrote {stem.with_suffix('.md')}, .tex and .csv")
 
 
-def minutes(rows: Sequence[Row | None]) -> str:
-    """When, where and how long the cells were filled."""
-    cells = [cell for row in rows if row for cell in row.cells]
-    if not cells:
-        return "nothing is run yet"
+def provenance(rows: Sequence[Row | None]) -> str:
+    """When, where, with which version and how long the cells were filled."""
+    cells = {file: cell for found in rows if found for file, cell in found.cells.items()}.values()
+    machines = [cell["machine"] for cell in cells]
     dates = sorted({cell["date"] for cell in cells})
-    about = [cell["machine"] for cell in cells]
-    machines = sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in about})
-    total = sum(cell["minutes"] for cell in cells)
-    return f"{len(cells)} cells, {total:.0f} core minutes, {' and '.join(dates)}, {' and '.join(machines)}"
+    hardware = sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in machines})
+    versions = sorted({f"layoutrl {machine['layoutrl']}" for machine in machines})
+    minutes = sum(cell["minutes"] for cell in cells)
+    return "; ".join([f"{len(cells)} cells, {minutes:.0f} minutes in sum", *dates, *hardware, *versions])

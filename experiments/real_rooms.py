@@ -1,6 +1,6 @@
 """Real rooms: trained on real rooms, on designed ones alone, and on both; rooms never seen, one random start each.
 
-    python experiments/real_rooms.py floorplans=<folder> designer_rooms=<folder> [budget=smoke] [task=toilet]
+    python experiments/real_rooms.py floorplans=<folder> designer_rooms=<folder> [budget=smoke] [task=toilet,bed]
 
 The folders are what data.root is for each source; a source without one is left out. One fifth of the rooms is held out
 (fold). `labels=snapped` edits the truth, test rooms included: both label sets stand side by side.
@@ -9,10 +9,13 @@ The folders are what data.root is for each source; a source without one is left 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-from cells import cells_of, given, multirun
-from printing import NOT_RUN, Table, minutes, row, write
+from cells import asked, cells_of, given, multirun
+from printing import NOT_RUN, Row, Table, provenance, row, text, write
+
+from layoutrl.build import answers_errors
 
 TASKS = {
     "floorplans": {"bathtub": "bathroom", "toilet": "bathroom", "vanity": "bathroom", "counter": "kitchen"},
@@ -30,54 +33,64 @@ COLUMNS = (
     ("own", "rules", "hand rule", "hand rule"),
     ("own", "rules", "nearest room", "nearest room"),
     ("own", "rules", "best wall or corner", "best wall or corner"),
+    ("own", "rules", "random start", "random start"),
 )
 HEADER = (
-    "",
-    "labels",
-    "rooms (training)",
-    *(words for *_, words in COLUMNS),
-    "95% interval, real",
+    "", "labels", "rooms (training)", *(words for *_, words in COLUMNS), "lattice ceiling", "95% interval, real",
     "p, real against scorer",
-)
+)  # fmt: skip
 
 
+def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
+    """The sweeps of a source, one after the other: the scorer trains for as long as the agent."""
+    tasks = [task for task in chosen.get("task", ",".join(TASKS[source])).split(",") if task in TASKS[source]]
+    if not tasks:
+        return []
+    common = {name: value for name, value in chosen.items() if name not in TASKS}
+    common |= {"data.root": str(Path(chosen[source]).absolute()), "task": ",".join(tasks)}
+    labels = {"data.labels": ",".join(LABELS[source])}
+    agents = {"column": "geometric", "trained_on": "own,designer,both"}
+    others = {"column": "rules,scorer", "trained_on": "own"}
+    return [sweep | labels | common for sweep in (agents, others)]
+
+
+@answers_errors
 def main(arguments: list[str]) -> int:
-    roots = {source: folder for source, folder in given(arguments).items() if source in TASKS}
-    arguments = [argument for argument in arguments if argument.split("=")[0] not in TASKS]
-    folder, status = cells_of("real", arguments), 0
-    for source, tasks in TASKS.items():
-        if source not in roots:
+    chosen, status = given(arguments), 0
+    for source in TASKS:
+        if source not in chosen:
             print(f"{source}: left out; {source}=<folder> says where its files are")
             continue
-        for columns, trained_on in (("geometric", "own,designer,both"), ("rules,scorer", "own")):
-            sweep = {
-                "data.root": str(Path(roots[source]).absolute()),
-                "column": columns,
-                "trained_on": trained_on,
-                "data.labels": ",".join(LABELS[source]),
-                "task": ",".join(tasks),
-            }
-            status = multirun("real", sweep, arguments) or status
+        for sweep in stages(source, chosen):
+            status = max(status, multirun("real", sweep))
 
+    folder = cells_of("real", chosen)
     lines, every = [], []
     for source, tasks in TASKS.items():
         for item, room in tasks.items():
             for labels in LABELS[source]:
                 name = f"{room}-{item}-{source}-{labels}"
-                found = {
-                    (on, column, which): row(folder, f"{name}-{on}-{column}", which) for on, column, which, _ in COLUMNS
-                }
-                own, scorer = found["own", "geometric", "agent"], found["own", "scorer", "agent"]
-                size = f"{own.cells[0]['rooms']} ({own.cells[0]['training_rooms']})" if own else NOT_RUN
-                texts = [r.text() if r else NOT_RUN for r in found.values()]
-                sure = own.interval() if own else NOT_RUN
-                p = own.p_value(scorer) if own and scorer else NOT_RUN
-                lines.append([item, labels if source == "floorplans" else "", size, *texts, sure, p])
-                every += found.values()
-    title = f"Real rooms never seen ({minutes(every)}; mean IoU ± standard deviation over rooms)"
+                rows = [row(folder, f"{name}-{on}-{column}", which) for on, column, which, _ in COLUMNS]
+                lines.append([item, labels if source == "floorplans" else "", *line(rows)])
+                every += rows
+    title = f"Real rooms never seen ({provenance(every)}; mean IoU ± standard deviation over rooms)"
     write([Table(title, HEADER, lines)], folder.with_name("real"))
     return status
 
 
+def line(rows: list[Row | None]) -> list[str]:
+    """Of one item and label set."""
+    own, scorer = rows[0], rows[5]
+    missing = dict.fromkeys((which for *_, which, _ in COLUMNS), NOT_RUN) | {"hand rule": "-"}  # it is for bathtubs
+    size = f"{own.about('rooms'):.0f} ({own.about('training_rooms'):.0f})" if own else NOT_RUN
+    return [
+        size,
+        *(text(found, missing[which]) for found, (*_, which, _) in zip(rows, COLUMNS, strict=True)),
+        own.ceiling() if own else NOT_RUN,
+        own.interval() if own else NOT_RUN,
+        own.p_value(scorer) if own and scorer else NOT_RUN,
+    ]
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main(asked(__doc__)))

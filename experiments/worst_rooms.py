@@ -6,8 +6,8 @@ The name is that of a filled cell; `--root` is where the rooms' files are, if th
 with an IoU below 0.9; the first that is true says why:
   imprecise   the agent's place is off by less than a quarter of the item, along both axes
   ambiguous   it is the designer's own second choice, by a margin of less than 20 cm
-  stuck       the agent values the designer's place higher than the one where it stopped: it did not get there
-  wrong place it values the wrong one higher
+  knew better the agent values the designer's place higher than its own: it was not led there
+  wrong place it values its own higher
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cells import METRES, RESULTS, CellConfig, unpacked
+from cells import IOU, METRES, RESULTS, CellConfig, unpacked
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from omegaconf import OmegaConf
 
 from layoutrl import build
+from layoutrl.errors import InputError
 from layoutrl.gallery import draw
 from layoutrl.rooms.designer.generator import design_room
 from layoutrl.rooms.room import Room
@@ -43,7 +44,7 @@ def why(room: Room, place: np.ndarray, knew_better: bool, config: CellConfig) ->
         return "imprecise"
     if config.data.source == "designer" and second_choice(room, place, config):
         return "ambiguous"
-    return "stuck" if knew_better else "wrong place"
+    return "knew better" if knew_better else "wrong place"
 
 
 def second_choice(room: Room, place: np.ndarray, config: CellConfig) -> bool:
@@ -60,7 +61,9 @@ def second_choice(room: Room, place: np.ndarray, config: CellConfig) -> bool:
 def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: dict[int, str]) -> Figure:
     """The worst rooms as designed, with the agent's place outlined."""
     figure = Figure(figsize=(12, 5.5), layout="constrained")
-    for axes, k in zip(figure.subplots(2, WORST // 2).flat, np.argsort(iou)[:WORST], strict=True):
+    for axes in (grid := figure.subplots(2, WORST // 2)).flat:
+        axes.axis("off")
+    for axes, k in zip(grid.flat, np.argsort(iou)[:WORST], strict=False):
         draw(axes, rooms[k])
         footprint = rooms[k].moving.footprint_at(tuple(places[k]))
         axes.add_patch(Polygon(np.asarray(footprint.exterior.coords), fill=False, edgecolor="magenta", linewidth=2))
@@ -68,6 +71,7 @@ def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: di
     return figure
 
 
+@build.answers_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cell")
@@ -77,12 +81,22 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=RESULTS)
     options = parser.parse_args()
     folder = options.results / options.budget
-    cell: dict[str, Any] = json.loads((folder / options.table / f"{options.cell}.json").read_text())
+    file = folder / options.table / f"{options.cell}.json"
+    if not file.exists():
+        raise InputError(f"{options.cell}: no such cell; expected one of {file.parent}")
+    cell: dict[str, Any] = json.loads(file.read_text())
+    if "knew_better" not in cell:
+        raise InputError(f"{options.cell}: expected the cell of an agent; got {cell['config']['fill']}")
     config: CellConfig = OmegaConf.to_object(OmegaConf.merge(CellConfig, cell["config"]))  # type: ignore[assignment]
     config.data.root = options.root
     rooms = build.two_parts(config.room, config.data, config.fold)[1]
     places = unpacked(cell["rows"]["agent"]["place"], METRES).reshape(-1, 2).astype(float)
-    iou = build.simulator(rooms, config.method, config.reward).reward(np.arange(len(rooms)), places).iou
+    stored = unpacked(cell["rows"]["agent"]["iou"], IOU) / 65535
+    iou = np.zeros(len(rooms))
+    if len(rooms) == len(places):
+        iou = build.simulator(rooms, config.method, config.reward).reward(np.arange(len(rooms)), places).iou
+    if len(rooms) != len(places) or np.abs(iou - stored).max() > 1e-3:
+        raise InputError(f"{options.cell}: was filled with other rooms; expected those rules again, or another --root")
     knew_better = unpacked(cell["knew_better"], np.dtype("u1")).astype(bool)
     reasons = {int(k): why(rooms[k], places[k], knew_better[k], config) for k in np.flatnonzero(iou < FAILED)}
 

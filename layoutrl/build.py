@@ -33,6 +33,7 @@ from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache, read_files
+from layoutrl.runs import load_checkpoint
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 P = ParamSpec("P")
@@ -142,6 +143,14 @@ def greedy(agent: DQN, method: MethodConfig) -> Greedy:
     """The agent's policy, as the method tests it."""
     device = next(agent.network.parameters()).device
     return Greedy(agent, method.evaluation_moves, method.on_illegal, views(method, device))
+
+
+def trained_agent(folder: Path, method: MethodConfig, device: torch.device) -> tuple[DQN, list[str]]:
+    """The agent of a run's folder, and the furniture categories that it knows."""
+    checkpoint = load_checkpoint(folder, device)
+    trained = agent(method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
+    trained.network.load_state_dict(checkpoint["network"])
+    return trained, checkpoint["categories"]
 
 
 class Learner:

@@ -14,7 +14,7 @@ from layoutrl import build
 from layoutrl.config import EvaluateConfig, config_directory, register
 from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
-from layoutrl.runs import load_checkpoint, load_config, write_json
+from layoutrl.runs import load_config, write_json
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
@@ -22,9 +22,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     folder = Path(config.run)
     trained = load_config(folder)
     device = build.device(config.device)
-    checkpoint = load_checkpoint(folder, device)
-    agent = build.agent(trained.method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
-    agent.network.load_state_dict(checkpoint["network"])
+    agent, categories = build.trained_agent(folder, trained.method, device)
 
     own, data = trained.data, config.data
     if data.source is None:  # the run's own, but for what is given
@@ -55,7 +53,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     result = evaluate(
         build.greedy(agent, method),
         simulator,
-        build.observation(rooms, method, checkpoint["categories"], device),
+        build.observation(rooms, method, categories, device),
         training,
         starts_a_room=config.starts,
         seed=np.random.SeedSequence(config.seed),

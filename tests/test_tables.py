@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,12 +14,17 @@ from typing import Any
 import cells
 import numpy as np
 import pytest
+import table1
+import worst_rooms
 from cells import CellConfig, fill, folder_of, name_of, packed, unpacked
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from printing import NOT_RUN, Table, row, write
 
-from layoutrl.config import config_directory
+from layoutrl.config import DataConfig, config_directory
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import Item
+from tests.builders import rectangular_room
 
 EXPERIMENTS = Path(cells.__file__).parent
 LITTLE = ("budget=smoke", "data.train_rooms=12", "data.test_rooms=6")
@@ -69,13 +75,11 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     best = unpacked(found["rows"]["best of 3"]["iou"], cells.IOU)
     assert (best >= unpacked(found["rows"]["agent"]["iou"], cells.IOU)).all()
     rules = cell(replace(agent, column="rules"))["rows"]
-    assert rules["designer"]["mean_iou"] == 1
-    assert rules["designer"]["blocked"] == 0
-    another = configured(tmp_path, designed, "column=geometric", "room=tatami", "seed=1", "method.max_moves=3")
-    tasks = [cells.task_of(config, "cpu") for config in (agent, another)]
-    np.testing.assert_array_equal(tasks[0].starts, tasks[1].starts)
+    another = configured(tmp_path, designed, "column=paper", "room=tatami", "seed=1", "method.max_moves=3")
+    settings = [cells.setting_of(config, "cpu") for config in (agent, another)]
+    np.testing.assert_array_equal(settings[0].starts, settings[1].starts)
     np.testing.assert_allclose(
-        unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), tasks[0].starts, atol=1e-5
+        unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
     )
     assert cell(regressor)["training_seconds"] == found["training_seconds"]
 
@@ -120,8 +124,8 @@ def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypat
     fill(config)
     assert cell(config)["updates"] == config.method.updates["smoke"]
     assert sorted(path.name.split("-")[-1] for path in (tmp_path / "runs" / "tatami").iterdir()) == [
-        "interrupted",
         "seed0",
+        "unfinished",
     ]
 
 
@@ -146,15 +150,15 @@ def test_jobs_that_died_with_another_begin_again_while_that_helps(tmp_path, monk
     def dies(command: list[str], check: bool) -> subprocess.CompletedProcess[str]:
         runs.append(command)
         if len(runs) < 3:
-            folder = tmp_path / "default" / "table1"
+            folder = tmp_path / "scene" / "table1"
             folder.mkdir(parents=True, exist_ok=True)
             (folder / f"{len(runs)}.json").touch()
         return subprocess.CompletedProcess(command, next(statuses))
 
     monkeypatch.setattr(subprocess, "run", dies)
-    assert cells.multirun("table1", {"column": "rules", "room": "study"}, [f"results={tmp_path}", "room=tatami"]) == 1
+    assert cells.multirun("table1", {"budget": "scene", "room": "tatami", "results": str(tmp_path)}) == 1
     assert len(runs) == 3
-    assert runs[0][2:] == ["table=table1", "column=rules", "room=tatami", f"results={tmp_path}"]
+    assert runs[0][2:] == ["table=table1", "budget=scene", "room=tatami", f"results={tmp_path}"]
 
 
 def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed):
@@ -176,13 +180,15 @@ def test_the_slurm_launchers_local_executor_fills_cells(tmp_path, designed):
 
 def test_one_scene_is_trained_and_tested_in(tmp_path, designed):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami", "protocol=scene", "seed=2")
-    task = cells.task_of(config, "cpu")
-    assert task.training == task.simulator.rooms
-    assert len(task.training) == 1
-    assert len(task.starts) == 16
-    assert len(np.unique(task.starts, axis=0)) == 16
-    other = cells.task_of(replace(config, seed=1), "cpu")
-    assert other.training != task.training
+    setting = cells.setting_of(config, "cpu")
+    assert setting.training == setting.simulator.rooms
+    assert len(setting.training) == 1
+    assert len(setting.starts) == 16
+    assert len(np.unique(setting.starts, axis=0)) == 16
+    other = cells.setting_of(replace(config, seed=1), "cpu")
+    assert other.training != setting.training
+    with pytest.raises(InputError, match="expected a scene, 0 to 5; got 6"):
+        cells.setting_of(replace(config, seed=6), "cpu")
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
@@ -196,7 +202,7 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
             "column=geometric",
             f"trained_on={trained_on}",
         )
-        tasks[trained_on] = cells.task_of(config, "cpu")
+        tasks[trained_on] = cells.setting_of(config, "cpu")
     real, designed, both = (tasks[name].training for name in ("own", "designer", "both"))
     assert both == designed + real
     assert len(designed) == 12
@@ -205,6 +211,79 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
         assert {room.group for room in task.simulator.rooms} == held_out
         assert not held_out & {room.group for room in task.training}
         np.testing.assert_array_equal(task.starts, tasks["own"].starts)
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
+def test_the_tables_scripts_fill_and_print_what_is_asked_of_them(tmp_path, designed):
+    roots = [f"{source}={REAL / source}" for source in ("designer_rooms", "floorplans")]
+    real = script("real_rooms.py", *roots, "task=platform", "trained_on=own", cwd=tmp_path)
+    assert real.returncode == 0, real.stderr
+    cells_of_platforms = sorted(path.name for path in (tmp_path / "results" / "smoke" / "real").iterdir())
+    assert cells_of_platforms == [
+        f"tatami-platform-designer_rooms-snapped-own-{column}-seed0.json" for column in ("geometric", "rules", "scorer")
+    ]
+    platform = next(line for line in real.stdout.splitlines() if line.startswith("| platform"))
+    assert platform.count("not run") == 3  # trained on designed rooms, on both, and the best of three of these
+    assert "| -" in platform  # the hand rule is for bathtubs
+
+    scenes = script("table2.py", "column=geometric", "room=tatami,study", "seed=0", designed, cwd=tmp_path)
+    assert scenes.returncode == 0, scenes.stderr
+    assert "Table 2, 16 random starts" in scenes.stdout
+    tatami = next(line for line in scenes.stdout.splitlines() if line.startswith("| tatami"))
+    assert tatami.split(" | ")[1] == "0.949 ± 0.009"
+    assert tatami.count("not run") == 4
+
+
+def test_the_worst_rooms_are_drawn_and_explained(tmp_path, designed, monkeypatch, capsys):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami")
+    fill(config)
+    root = f"--root={config.data.root}"
+    arguments = ["worst_rooms.py", name_of(config), "--budget=smoke", root, f"--results={tmp_path / 'results'}"]
+    monkeypatch.setattr("sys.argv", arguments)
+    capsys.readouterr()
+    worst_rooms.main()
+    assert (tmp_path / "results" / "smoke" / "worst" / f"{name_of(config)}.png").stat().st_size > 10_000
+    counts = dict(re.findall(r"  ([a-z ]+?) +(\d+) rooms", capsys.readouterr().out))
+    assert sum(map(int, counts.values())) == 6
+    monkeypatch.setattr("sys.argv", [*arguments, "--table=table9"])
+    with pytest.raises(SystemExit, match="no such cell"):
+        worst_rooms.main()
+
+
+def test_why_a_room_failed(tmp_path):
+    room = rectangular_room(4, 3, Item("bed", (1.0, 0.6), (2.0, 1.5)))
+    config = replace(configured(tmp_path, "column=geometric"), data=DataConfig("json"))
+    assert worst_rooms.why(room, np.array([2.2, 1.5]), True, config) == "imprecise"
+    assert worst_rooms.why(room, np.array([2.2, 1.7]), True, config) == "knew better"
+    assert worst_rooms.why(room, np.array([2.2, 1.7]), False, config) == "wrong place"
+
+
+def test_a_script_says_what_it_expects(tmp_path):
+    assert "Table 1 of Di & Yu" in script("table1.py", "--help", cwd=tmp_path).stdout
+    wrong = script("table1.py", "smoke", cwd=tmp_path)
+    assert wrong.returncode != 0
+    assert wrong.stderr == "error: smoke: expected options as name=value; --help says which\n"
+    assert not (tmp_path / "results").exists()
+
+
+def test_the_slurm_launcher_is_composed():
+    with initialize_config_dir(str(config_directory()), version_base="1.3"):
+        config = compose("cell", ["table=table1", "column=rules", "hydra/launcher=slurm"], return_hydra_config=True)
+    assert config.hydra.launcher._target_.endswith("SlurmLauncher")
+    assert config.hydra.launcher.cpus_per_task == 2
+
+
+@pytest.mark.parametrize(("chosen", "gpu", "expected"), [
+    ({}, True, [("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3), ("paper", 8, 3)]),
+    ({}, False, [("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3), ("paper", 2, 1)]),
+    ({"room": "kitchen"}, False, [("rules,oracle", 1, 3), ("geometric", 1, 3), ("regressor", 1, 3)]),
+    ({"column": "paper"}, False, [("paper", 8, 3)]),
+])  # fmt: skip
+def test_table_1_trains_the_papers_network_where_there_is_a_gpu(chosen, gpu, expected, monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: gpu)
+    sweeps = table1.stages(chosen)
+    found = [(sweep["column"], len(sweep["room"].split(",")), len(sweep["seed"].split(","))) for sweep in sweeps]
+    assert found == expected
 
 
 def test_arrays_survive_packing():
@@ -219,7 +298,9 @@ def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
             "group": packed([0, 1, 2], cells.INDEX),
             "overlap": 0.1 * seed,
         }
-        (tmp_path / f"study-own-geometric-seed{seed}.json").write_text(json.dumps({"rows": {"agent": numbers}}))
+        config = {"protocol": "unseen", "seed": seed, "fold": 0}
+        cell = {"rows": {"agent": numbers}, "config": config, "ceiling": 0.9}
+        (tmp_path / f"study-own-geometric-seed{seed}.json").write_text(json.dumps(cell))
     found = row(tmp_path, "study-own-geometric")
     assert found
     assert found.mean == pytest.approx(0.75, abs=1e-4)
@@ -228,7 +309,13 @@ def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
     assert found.number("overlap") == pytest.approx(0.05)
     low, high = map(float, found.interval().split(" to "))
     assert 0.6 <= low < 0.75 < high <= 1
+    assert found.ceiling() == "0.900"
     assert row(tmp_path, "study-own-paper") is None
+    assert row(tmp_path, "study-own-geometric", "hand rule") is None
+    cell["config"] |= {"seed": 2, "fold": 3}
+    (tmp_path / "study-own-geometric-seed2.json").write_text(json.dumps(cell))
+    with pytest.raises(InputError, match="cells of different fold"):
+        row(tmp_path, "study-own-geometric")
 
 
 def test_tables_are_written_in_three_formats(tmp_path):

@@ -3,8 +3,8 @@
 Training solves a Markov decision process without an end: the reward is that of the place entered, divided by
 REWARD_SCALE, illegal moves are masked, the future is discounted. Its optimal policy need not end at the designer's
 place: what a move costs now can outweigh what lies beyond, and no place can be stayed at. The gap between this
-yardstick and the lattice ceiling is owed to discount, reward and stopping rule; that between agent and yardstick to
-learning.
+yardstick and the lattice ceiling is owed to discount, reward and the lack of a move that stays. It stops in the loop
+that its policy ends in; a trained agent spends the rest of its moves on looking further, which helps one that errs.
 
 The places that moves can reach are up to millions a room. Only those that can be on an optimal path are looked at:
 branch and bound, breadth first, many episodes at once. It minimises discounted costs = best reward - reward >= 0.
@@ -37,7 +37,7 @@ def perfect_places(
 ) -> np.ndarray:
     """Where the greedy policy under the optimal Q stops, from starts (B, 2) in metres in rooms (B,): (B, 2), metres.
 
-    It ends in a loop, and stops at the loop's place that is entered by the move of highest Q, as a `rollout` does. From
+    It ends in a loop, and stops at the loop's place that is entered by the move of highest Q. From
     every place on its way its return is the best possible up to TOLERANCE, with moves and rewards as the BatchSimulator
     of this `dtype` has them. No reward may exceed theta1 times the IoU: theta2 and theta3 are at most 0.
     """

@@ -39,14 +39,16 @@ class Rollout:
         return self.value.argmax(0)
 
     def choices(self, count: int) -> np.ndarray:
-        """The agent's first, second, ... choice: (B, count, 2), metres. Real designs leave more than one open.
+        """The agent's first, second, ... stopping place: (B, count, 2), metres. Real designs leave a choice open.
 
-        Of the places that it came by, those entered by the moves of highest Q, DISTINCT apart from each other; the
-        best is repeated where there are fewer.
+        Of the places that it came by, those that it went on from only to lower Q, as it does where it stops: of these
+        the ones of highest Q, DISTINCT apart from each other. The best is repeated where there are fewer.
         """
         path, value = self.path.swapaxes(0, 1), self.value.T
+        before, after = (np.pad(value, ((0, 0), pad), constant_values=-np.inf) for pad in ((1, 0), (0, 1)))
+        value = np.where((value > before[:, :-1]) & (value >= after[:, 1:]), value, -np.inf)
         path = np.take_along_axis(path, np.argsort(-value, axis=1, kind="stable")[..., None], 1)  # best first
-        left = np.ones(value.shape, dtype=bool)
+        left = -np.sort(-value, axis=1) > -np.inf
         best = np.empty((len(value), count, 2))
         for k in range(count):
             best[:, k] = path[np.arange(len(path)), left.argmax(1)]  # the first that is left; of all if none is

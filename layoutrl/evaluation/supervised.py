@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import shapely
 import torch
 from torch import Tensor
 from torch.nn.functional import l1_loss, mse_loss
@@ -39,9 +40,14 @@ def updates_budget(updates: int) -> Spent:
 
 
 def seconds_budget(seconds: float) -> Spent:
-    """So many seconds from now, by the clock on the wall."""
-    began = time.perf_counter()
-    return lambda _: (time.perf_counter() - began) / seconds
+    """So many seconds from when it is first asked, by the clock on the wall."""
+    began: list[float] = []
+
+    def spent(_: int) -> float:
+        began[:] = began or [time.perf_counter()]
+        return (time.perf_counter() - began[0]) / seconds
+
+    return spent
 
 
 def train_regressor(
@@ -145,19 +151,19 @@ def candidates(simulator: Simulator) -> np.ndarray:
     """Places to choose from, in every room: (rooms, most, 2), rows of rooms with fewer filled up with NaN.
 
     All legal places at which a side of the item touches the outline or the box around another item along both
-    axes, and the legal ones of a grid of SIDE by SIDE over the outline's bounding box. Nothing of them hangs on the
-    designer's place. Raises ValueError for a room that has none.
+    axes, the legal ones of a grid of SIDE by SIDE over the outline's bounding box, and one that is always legal.
+    Nothing of them hangs on the designer's place.
     """
     places, rooms = [], []
     for k, room in enumerate(simulator.rooms):
+        places.append(shapely.get_coordinates(shapely.point_on_surface(simulator.legal[k])))
+        rooms.append(np.array([k]))
         low, high = play(room)
         for x, y in (_contact_coordinates(simulator.contacts[k]), np.linspace(low, high, SIDE).T):
             places.append(np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
             rooms.append(np.full(len(places[-1]), k))
     place, of = snap(np.concatenate(places)), np.concatenate(rooms)
     legal = simulator.is_legal(of, place)
-    if without := set(range(len(simulator.rooms))) - set(of[legal].tolist()):
-        raise ValueError(f"no candidate is legal in room {simulator.rooms[min(without)].id}")
     return padded(place[legal], of[legal], len(simulator.rooms))
 
 

@@ -79,13 +79,21 @@ def test_an_episode_stops_at_the_position_entered_by_the_move_of_highest_value()
 
 
 def test_choices_are_the_places_of_highest_value_that_lie_apart():
-    x = np.array([0.0, 1.0, 1.05, 2.0, 3.0, 2.95])
-    path = np.stack([x, np.zeros(6)], 1)[:, None]
-    value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0])[:, None]
+    x = np.array([0.0, 1.0, 1.5, 1.9, 3.0, 2.95, 5.0, 2.96, 5.5])
+    path = np.stack([x, np.zeros(9)], 1)[:, None]
+    value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0, 2.0, 1.5, 1.7])[:, None]
     run = Rollout(np.array([0]), path, value, 0.0)
-    assert run.choices(4)[0, :, 0].tolist() == [1.05, 3.0, 2.0, 0.0]  # 1.0 and 2.95 are too near to a better one
-    assert run.choices(5)[0, :, 0].tolist() == [1.05, 3.0, 2.0, 0.0, 1.05]
+    # 1.0 is on the way to 1.5, 1.9 and 2.96 on that to others; the start was not chosen.
+    assert run.choices(4)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5]
+    assert run.choices(5)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5, 1.5]
     assert run.final.tolist() == run.choices(1)[:, 0].tolist()
+    near = replace(run, path=np.where(path == 3.0, 1.55, path))
+    assert near.choices(3)[0, :, 0].tolist() == [1.5, 5.0, 5.5]
+
+
+def test_who_never_moved_has_one_choice():
+    run = Rollout(np.array([0]), np.ones((4, 1, 2)), np.full((4, 1), -np.inf), 0.0)
+    assert run.choices(3).tolist() == [[[1, 1]] * 3]
 
 
 def test_it_never_goes_back_to_where_it_has_been():
@@ -193,10 +201,10 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
         final, moves = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
         assert tuple(run.final[b]) == final
         assert run.moves[b] == moves
-        # Every step is a legal one of the exact simulator, to the micrometre that a slide may be off.
+        # Every step is a legal one of the exact simulator, to the few micrometres that a slide may be off.
         before, after = run.path[:-1, b], run.path[1:, b]
         reached, legal = exact.destinations(np.repeat(room[b], max_moves), before)
-        led = (np.abs(reached - after[:, None]).max(-1) < 1.1e-6) & legal
+        led = (np.abs(reached - after[:, None]).max(-1) < 3.1e-6) & legal
         assert (led.any(1) | (before == after).all(1)).all()
         assert exact.is_legal(np.repeat(room[b], max_moves), after).all()
 
