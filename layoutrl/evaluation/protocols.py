@@ -17,6 +17,7 @@ from layoutrl.env.geometry import snap
 from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
+SHORTLIST = 8  # places of an episode that may be the stopping place
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Rollout:
     room: np.ndarray  # (B,) index
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
     value: np.ndarray  # (T + 1, B): Q of the move that led to each position; -inf for the start, and after the end
+    moves: np.ndarray  # (B,) until the stopping place is reached
     seconds: float
 
     @property
@@ -33,27 +35,23 @@ class Rollout:
         """The stopping places (B, 2), in metres."""
         return self.path[self.moves, np.arange(len(self.room))]
 
-    @property
-    def moves(self) -> np.ndarray:
-        """Moves (B,) until the stopping place is reached."""
-        return self.value.argmax(0)
-
     def choices(self, count: int) -> np.ndarray:
         """The agent's first, second, ... stopping place: (B, count, 2), metres. Real designs leave a choice open.
 
-        Of the places that it came by, those that it went on from only to lower Q, as it does where it stops: of these
-        the ones of highest Q, DISTINCT apart from each other. The best is repeated where there are fewer.
+        After the first those of the places that it came by that it went on from only to lower Q, the highest before the
+        lower, DISTINCT apart from each other. The first is repeated where there are fewer.
         """
         path, value = self.path.swapaxes(0, 1), self.value.T
         before, after = (np.pad(value, ((0, 0), pad), constant_values=-np.inf) for pad in ((1, 0), (0, 1)))
         value = np.where((value > before[:, :-1]) & (value >= after[:, 1:]), value, -np.inf)
         path = np.take_along_axis(path, np.argsort(-value, axis=1, kind="stable")[..., None], 1)  # best first
         left = -np.sort(-value, axis=1) > -np.inf
-        best = np.empty((len(value), count, 2))
-        for k in range(count):
-            best[:, k] = path[np.arange(len(path)), left.argmax(1)]  # the first that is left; of all if none is
-            left &= np.linalg.norm(path - best[:, k, None], axis=-1) >= DISTINCT
-        return best
+        chosen = [self.final]
+        while len(chosen) < count:
+            left &= np.linalg.norm(path - chosen[-1][:, None], axis=-1) >= DISTINCT
+            next_best = path[np.arange(len(path)), left.argmax(1)]
+            chosen.append(np.where(left.any(1, keepdims=True), next_best, self.final))
+        return np.stack(chosen, 1)
 
 
 @dataclass(frozen=True)
@@ -61,10 +59,11 @@ class Greedy:
     """The greedy policy of an agent, as it is tested.
 
     There is no move that stays, so that it would end in a loop; instead it never goes back to where it has been, and
-    looks further for `max_moves` moves. The stopping place is the one that is entered by the move of highest Q; the
-    designer's place is never consulted. Q is the mean over the `symmetries`, in whose views a design is as good. With
-    `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice ends the episode; with `"mask"` the best
-    legal move is taken.
+    looks further for `max_moves` moves. Of the SHORTLIST places that it entered by the moves of highest Q, it stops at
+    the one that the shortest moves into it, from all around, value highest on average: the Q of one move errs by more
+    than half a centimetre is worth. The designer's place is never consulted. Q is the mean over the `symmetries`, in
+    whose views a design is as good. With `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice
+    ends the episode; with `"mask"` the best legal move is taken.
     """
 
     agent: DQN
@@ -95,7 +94,31 @@ class Greedy:
                 break
             path[t + 1 :, active] = reached[goes_on, action.squeeze(1)]
             value[t + 1, active] = highest[goes_on].squeeze(1)
-        return Rollout(room, path.cpu().numpy(), value.cpu().numpy(), time.perf_counter() - began)
+        moves = self._settled(simulator, observe, rooms, path, value)
+        seconds = time.perf_counter() - began
+        return Rollout(room, path.cpu().numpy(), value.cpu().numpy(), moves.cpu().numpy(), seconds)
+
+    def _settled(
+        self, simulator: BatchSimulator, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor
+    ) -> Tensor:
+        """Which position of the path (T + 1, B, 2) each episode stops at: (B,)."""
+        shortest = 4 * int(np.argmin(simulator.moves.steps))
+        shortlist = value.topk(min(SHORTLIST, len(value)), 0)
+        means = []
+        for which, raw in zip(shortlist.indices, shortlist.values, strict=True):
+            place = path[which, torch.arange(len(which), device=which.device)]
+            length, legal = simulator.reach(rooms, place)
+            promised, around = torch.zeros_like(raw), torch.zeros_like(raw)
+            for way in range(4):
+                there, back = shortest + way, shortest + (way ^ 1)  # right and left, below and up
+                from_there = simulator.moved(place, torch.full_like(which, there), length[:, there])
+                q = self._values(observe, observe(rooms, from_there))[:, back]
+                promised += q.where(legal[:, there], 0.0)
+                around += legal[:, there]
+            mean = (promised / around).where(around > 0, raw)
+            means.append(mean.where(raw.isfinite(), -torch.inf))
+        best = torch.stack(means).argmax(0, keepdim=True)
+        return shortlist.indices.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
 
     def highest(
         self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, position: np.ndarray

@@ -17,7 +17,7 @@ from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
-from layoutrl.evaluation.protocols import Greedy, Rollout
+from layoutrl.evaluation.protocols import SHORTLIST, Greedy, Rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -45,16 +45,6 @@ class Place:
         return observation @ symmetry.matrix.double().T
 
 
-def scripted(choices: dict[float, tuple[int, float]]) -> Scripted:
-    """Takes, at each x, the action with the value given; the value of every other action is 50 less."""
-
-    def values(x: float, y: float) -> list[float]:
-        action, q = choices[round(x, 3)]
-        return [q - 50 * (a != action) for a in range(4)]
-
-    return Scripted(values)
-
-
 def wide_room(designer: tuple[float, float] = (2.5, 1.5)) -> Room:
     """The item's centre may go from 0.3 to 3.7 and from 0.3 to 2.7."""
     return rectangular_room(4, 3, Item("bed", (1.0, 1.0), designer))
@@ -70,19 +60,42 @@ def follow(agent, start, max_moves=20, on_illegal="mask", room: Room | None = No
     return policy.rollout(simulator, Place(), np.array([0]), np.array([start]))
 
 
-def test_an_episode_stops_at_the_position_entered_by_the_move_of_highest_value():
-    agent = scripted({1.0: (RIGHT, 1.0), 1.5: (RIGHT, 5.0), 2.0: (RIGHT, 3.0), 2.5: (RIGHT, 4.0)})
-    run = follow(agent, (1.0, 1.5), max_moves=4)
+def nearing(home: tuple[float, float], overrated: dict[tuple[float, float, int], float] | None = None) -> Scripted:
+    """Values a move by how near it leads to a place, but for moves that it overrates, from (x, y) in a direction."""
+
+    def values(x: float, y: float) -> list[float]:
+        reached = [(x + 0.5, y), (x - 0.5, y), (x, y - 0.5), (x, y + 0.5)]
+        promised = [-abs(u - home[0]) - abs(v - home[1]) for u, v in reached]
+        return [q + (overrated or {}).get((round(x, 3), round(y, 3), a), 0.0) for a, q in enumerate(promised)]
+
+    return Scripted(values)
+
+
+def test_an_episode_stops_where_the_moves_lead_that_are_valued_highest():
+    run = follow(nearing((2.0, 1.5)), (1.0, 1.5), max_moves=4)
     assert run.final.tolist() == [[2.0, 1.5]]  # the designer's place is 2.5
     assert run.moves.tolist() == [2]
-    assert run.value[:, 0].tolist() == [-np.inf, 1.0, 5.0, 3.0, 4.0]
+    assert run.value[:3, 0].tolist() == [-np.inf, -0.5, 0.0]
+
+
+def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
+    run = follow(nearing((2.0, 1.5), {(1.0, 1.5, RIGHT): 1.0}), (1.0, 1.5), max_moves=4)
+    assert run.value[:3, 0].tolist() == [-np.inf, 0.5, 0.0]
+    assert run.final.tolist() == [[2.0, 1.5]]
+    often = follow(nearing((2.0, 1.5), {(1.0, 1.5, RIGHT): 3.0}), (1.0, 1.5), max_moves=4)
+    assert often.final.tolist() == [[1.5, 1.5]]  # on average of the four moves into it
+
+
+def test_at_the_border_fewer_moves_are_averaged_over():
+    home = (3.5, 1.5)  # from the right there is no way to it
+    assert follow(nearing(home), (2.0, 1.5), max_moves=6).final.tolist() == [list(home)]
 
 
 def test_choices_are_the_places_of_highest_value_that_lie_apart():
     x = np.array([0.0, 1.0, 1.5, 1.9, 3.0, 2.95, 5.0, 2.96, 5.5])
     path = np.stack([x, np.zeros(9)], 1)[:, None]
     value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0, 2.0, 1.5, 1.7])[:, None]
-    run = Rollout(np.array([0]), path, value, 0.0)
+    run = Rollout(np.array([0]), path, value, np.array([2]), 0.0)
     # 1.0 is on the way to 1.5, 1.9 and 2.96 on that to others; the start was not chosen.
     assert run.choices(4)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5]
     assert run.choices(5)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5, 1.5]
@@ -92,7 +105,7 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
 
 
 def test_who_never_moved_has_one_choice():
-    run = Rollout(np.array([0]), np.ones((4, 1, 2)), np.full((4, 1), -np.inf), 0.0)
+    run = Rollout(np.array([0]), np.ones((4, 1, 2)), np.full((4, 1), -np.inf), np.array([0]), 0.0)
     assert run.choices(3).tolist() == [[[1, 1]] * 3]
 
 
@@ -113,7 +126,7 @@ def test_it_ends_where_every_way_leads_back():
 
 
 def test_stop_ends_an_episode_where_its_choice_is_illegal():
-    agent = scripted({2.5: (RIGHT, 1.0), 3.0: (RIGHT, 2.0), 3.5: (RIGHT, 3.0)})
+    agent = nearing((9.0, 1.5))
     run = follow(agent, (2.5, 1.5), on_illegal="stop")
     assert run.final.tolist() == [[3.5, 1.5]]
     assert run.moves.tolist() == [2]
@@ -180,7 +193,20 @@ def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, 
             break
         way.append(there[action])
         entered_by.append(q[action])
-    moves = int(np.argmax(entered_by))
+    if len(way) == 1:
+        return way[0], 0
+    shortest, promised = 4 * int(np.argmin(simulator.moves.steps)), {}
+    for k in np.argsort(entered_by)[::-1][:SHORTLIST]:
+        if k:
+            here = torch.tensor([way[k]], dtype=torch.float64)
+            length, legal = (x[0] for x in simulator.reach(torch.tensor([room]), here))
+            into = []
+            for there, back in zip(range(shortest, shortest + 4), (1, 0, 3, 2), strict=True):
+                if legal[there]:
+                    beside = simulator.moved(here, torch.tensor([there]), length[[there]])[0].tolist()
+                    into.append(np.float32(values(*beside)[shortest + back]))
+            promised[int(k)] = np.mean(into) if into else entered_by[k]
+    moves = max(promised, key=lambda k: promised[k])
     return way[moves], moves
 
 
