@@ -28,6 +28,7 @@ TOLERANCE = 1e-6  # of discounted reward / REWARD_SCALE: branches that promise n
 EPISODES = 32  # searched together: many enough for tensors to pay, few enough for memory
 AT_ONCE = 8192  # poses in one call of the simulator: they stay in the processor's cache
 BEAM = 100  # open paths an episode in the first, incomplete search
+SLACK = 0.01  # of reward / REWARD_SCALE: how tight the bound on the best place of a room is
 BITS = 26  # of a coordinate in a key: 33 m from the start on the grid
 Ask = Callable[[Tensor, Tensor], tuple[Tensor, ...]]  # about poses: rooms (n,), positions (n, 2)
 
@@ -42,8 +43,44 @@ def perfect_places(
     of this `dtype` has them. No reward may exceed theta1 times the IoU: theta2 and theta3 are at most 0.
     """
     batch_simulator = BatchSimulator(simulator, dtype=dtype)
+    best = best_rewards(simulator, batch_simulator)
     parts = np.split(np.arange(len(room)), range(EPISODES, len(room), EPISODES))
-    return np.concatenate([Search(simulator, batch_simulator, room[k], starts[k], discount).stops() for k in parts])
+    searches = (Search(simulator, batch_simulator, best[room[k]], room[k], starts[k], discount) for k in parts)
+    return np.concatenate([search.stops() for search in searches])
+
+
+def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.ndarray:
+    """A bound on the reward / REWARD_SCALE of any place in each room (rooms,), at most SLACK above the best there is.
+
+    It can be far below 1: chairs stand under the table that moves. Rectangles of places are quartered until none can
+    hold a better one, by how much an IoU can change: by at most 2 / the larger area for each square metre swept.
+    """
+    weights, rooms = simulator.weights, len(simulator.rooms)
+    bounds = shapely.bounds(np.array([room.moving.template for room in simulator.rooms])).reshape(-1, 2, 2)
+    size = bounds[:, 1] - bounds[:, 0]
+    own = shapely.area([room.moving.template for room in simulator.rooms])
+    of_shape = simulator.room_of_shape
+    an_area = 2 / np.maximum(shapely.area(simulator.shapes), own[of_shape])
+    steepest = max(abs(weights.theta1), abs(weights.theta2)) * np.bincount(of_shape, an_area, rooms)
+    steepest = (steepest + abs(weights.theta3) * 2 / own) / REWARD_SCALE  # of reward, for each square metre swept
+    slope = steepest[:, None] * size[:, ::-1]  # for each metre along x and y
+
+    def rewards(of: np.ndarray, place: np.ndarray) -> np.ndarray:
+        parts = zip(*(np.split(array, range(AT_ONCE, len(of), AT_ONCE)) for array in (of, place)), strict=True)
+        totals = [batch_simulator.reward(torch.as_tensor(room), torch.as_tensor(at)).total for room, at in parts]
+        return torch.cat(totals).numpy() / REWARD_SCALE
+
+    of, center = np.arange(rooms), simulator.designer_position
+    best = np.maximum(rewards(of, center), 0)
+    least_iou = np.minimum(best * REWARD_SCALE / weights.theta1, 1)[:, None]  # of a better place
+    half = size * (1 - least_iou) / (1 + least_iou)
+    while len(of):
+        reward = rewards(of, center)
+        np.maximum.at(best, of, reward)
+        promising = reward + (slope[of] * half).sum(1) > best[of] + SLACK
+        of, center, half = of[promising].repeat(4), center[promising].repeat(4, 0), half[promising].repeat(4, 0) / 2
+        center += half * np.tile([(-1, -1), (-1, 1), (1, -1), (1, 1)], (len(of) // 4, 1))
+    return best + SLACK
 
 
 class Search:
@@ -53,13 +90,19 @@ class Search:
     """
 
     def __init__(
-        self, simulator: Simulator, batch_simulator: BatchSimulator, room: np.ndarray, starts: np.ndarray, gamma: float
+        self,
+        simulator: Simulator,
+        batch_simulator: BatchSimulator,
+        best_reward: np.ndarray,
+        room: np.ndarray,
+        starts: np.ndarray,
+        gamma: float,
     ):
         self._simulator, self._batch, self._room, self._starts = simulator, batch_simulator, room, starts
         self._gamma = gamma
         bounds = shapely.bounds(np.array([simulator.rooms[k].moving.template for k in room])).reshape(-1, 2, 2)
         self._size = bounds[:, 1] - bounds[:, 0]  # (B, 2), of the box around the item
-        self.best_reward = simulator.weights.theta1 / REWARD_SCALE
+        self._best_reward = best_reward  # (B,)
         episode = np.arange(len(room))
         self._keys, self._places = self._key(episode, starts), episode  # sorted keys, and which place each is
         self._episode, self._position = np.empty(0, dtype=int), np.empty((0, 2))
@@ -164,8 +207,9 @@ class Search:
         next_iou = (np.maximum(size - off, 0) / (size + off)).max(1)
         self._episode = np.append(self._episode, episode)
         self._position = np.append(self._position, position, axis=0)
-        self._cost = np.append(self._cost, self.best_reward - reward / REWARD_SCALE)
-        self._to_come = np.append(self._to_come, self.best_reward * (1 - next_iou))
+        best_next = self._simulator.weights.theta1 * next_iou / REWARD_SCALE
+        self._cost = np.append(self._cost, self._best_reward[episode] - reward / REWARD_SCALE)
+        self._to_come = np.append(self._to_come, np.maximum(self._best_reward[episode] - best_next, 0))
         self._value = np.append(self._value, np.full(len(episode), np.inf))
         unknown = np.full((len(episode), self._leads_to.shape[1]), -1, dtype=np.int32)
         self._leads_to = np.append(self._leads_to, unknown, axis=0)

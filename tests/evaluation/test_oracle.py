@@ -13,7 +13,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation import oracle
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.oracle import Search, perfect_places
+from layoutrl.evaluation.oracle import SLACK, Search, best_rewards, perfect_places
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -38,7 +38,7 @@ class Solved:
                         self.position.append(tuple(place))
                 leads_to.append(row or [len(leads_to)])  # an item that cannot move stays
         places = np.array(self.position)
-        reward = simulator.reward(np.zeros(len(places), dtype=int), places).total / 100
+        self.reward = reward = simulator.reward(np.zeros(len(places), dtype=int), places).total / 100
         self.leads_to = np.array([(row * 16)[:16] for row in leads_to])
         value = np.zeros(len(places))
         for _ in range(int(np.log(1e-8) / np.log(discount))):
@@ -70,8 +70,11 @@ def cell(place: np.ndarray) -> tuple[int, ...]:
 
 def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> None:
     solved, room = Solved(simulator, start, discount), np.zeros(1, dtype=int)
-    search = Search(simulator, BatchSimulator(simulator, dtype=torch.float64), room, start[None], discount)
-    best = search.best_reward / (1 - discount) - search.least_cost[0]
+    batch_simulator = BatchSimulator(simulator, dtype=torch.float64)
+    bound = best_rewards(simulator, batch_simulator)
+    assert solved.reward.max() <= bound[0] + TIED
+    search = Search(simulator, batch_simulator, bound, room, start[None], discount)
+    best = bound[0] / (1 - discount) - search.least_cost[0]
     assert best == pytest.approx(solved.q[solved.leads_to[0]].max(), abs=TIED)
     stops = np.array([solved.position[k] for k in solved.loops()])
     place = perfect_places(simulator, room, start[None], discount, torch.float64)[0]
@@ -119,7 +122,7 @@ def test_a_loop_may_be_longer_than_two():
     others = (Item("shelf", (0.5, 0.2), (1.25, 1.5)), Item("shelf", (0.5, 0.2), (3.773, 1.5)))
     room = rectangular_room(5, 3, Item("bed", (2.0, 0.2), (2.52, 1.5)), others=others)
     simulator, start = Simulator([room], Moves((0.02,)), Reward()), np.array([[2.52, 1.5]])
-    search = Search(simulator, BatchSimulator(simulator), np.zeros(1, dtype=int), start, 0.9)
+    search = Search(simulator, BatchSimulator(simulator), np.ones(1), np.zeros(1, dtype=int), start, 0.9)
     np.testing.assert_allclose(search.stops(), start, atol=1e-6)
     off = np.array([0.003, 0.02, 0.0])
     costs = 1 - (2 - off) / (2 + off)
@@ -131,7 +134,7 @@ def test_the_bound_is_what_a_move_that_aligns_the_better_coordinate_attains():
         [rectangular_room()], Moves((0.5,), slide=False), Reward()
     )  # the item, 1 m square, at (2, 1.5)
     batch_simulator, room = BatchSimulator(simulator, dtype=torch.float64), np.zeros(2, dtype=int)
-    search = Search(simulator, batch_simulator, room, np.array([[2.5, 1.8], [1.8, 1.0]]), 1e-9)
+    search = Search(simulator, batch_simulator, np.ones(2), room, np.array([[2.5, 1.8], [1.8, 1.0]]), 1e-9)
     aligned = (1 - np.array([0.3, 0.2])) / (1 + np.array([0.3, 0.2]))
     np.testing.assert_allclose(search.least_cost, 1 - aligned, atol=NEAR)
     np.testing.assert_allclose(search._to_come[:2], 1 - aligned, atol=NEAR)
@@ -173,3 +176,17 @@ def test_an_item_that_cannot_move_stays():
     room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
     simulator, start = Simulator([room], Moves((0.5,), slide=False), Reward()), np.array([[0.5, 0.5]])
     np.testing.assert_array_equal(perfect_places(simulator, np.zeros(1, dtype=int), start, 0.7), start)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_no_reward_exceeds_the_bound_and_it_is_tight(seed):
+    rng = np.random.default_rng(seed)
+    table = Item("table", (1.2, 0.9), (2.0, 1.5))
+    chairs = tuple(Item("chair", (0.4, 0.4), (x, y)) for x in (1.7, 2.3) for y in rng.uniform((0.9, 1.8), (1.2, 2.1)))
+    simulator = Simulator([rectangular_room(4, 3, table, others=chairs)], Moves(), Reward())
+    (bound,) = best_rewards(simulator, BatchSimulator(simulator, dtype=torch.float64))
+    around = simulator.designer_position + rng.normal(size=(2000, 2)) * rng.choice([0.003, 0.03, 0.3], size=(2000, 1))
+    reward = simulator.reward(np.zeros(2000, dtype=int), np.round(around, 6)).total / 100
+    assert reward.max() <= bound < 0.98
+    assert bound - SLACK - reward.max() < 0.02
