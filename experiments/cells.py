@@ -32,7 +32,7 @@ from layoutrl import build
 from layoutrl import train as training_entry
 from layoutrl.agents.dqn import Observe
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.config import DataConfig, TrainConfig, config_directory
+from layoutrl.config import DataConfig, TrainConfig, config_directory, one_of
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import categories_of
 from layoutrl.env.simulator import Simulator
@@ -67,10 +67,9 @@ class CellConfig(TrainConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        expected = {"fill": list(FILLS), "protocol": ["unseen", "scene"], "trained_on": ["own", "designer", "both"]}
-        for name, values in expected.items():
-            if getattr(self, name) not in values:
-                raise InputError(f"{name}: expected one of {', '.join(values)}; got {getattr(self, name)}")
+        one_of("fill", self.fill, *FILLS)
+        one_of("protocol", self.protocol, "unseen", "scene")
+        one_of("trained_on", self.trained_on, "own", "designer", "both")
 
 
 ConfigStore.instance().store(name="cell_schema", node=CellConfig)

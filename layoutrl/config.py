@@ -83,9 +83,9 @@ class MethodConfig:
 
     def check(self, prefix: str) -> None:
         """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
-        _one_of(f"{prefix}.observation", self.observation, "geometry", "image")
-        _one_of(f"{prefix}.unit", self.unit, "metre", "pixel")
-        _one_of(f"{prefix}.on_illegal", self.on_illegal, "stop", "mask")
+        one_of(f"{prefix}.observation", self.observation, "geometry", "image")
+        one_of(f"{prefix}.unit", self.unit, "metre", "pixel")
+        one_of(f"{prefix}.on_illegal", self.on_illegal, "stop", "mask")
         for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
             value = getattr(self, name)
             _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
@@ -124,13 +124,13 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         self.method.check("method")
-        _one_of("room.type", self.room.type, *MAIN_ITEM)
-        _one_of("data.labels", self.data.labels, "snapped", "raw")
-        _one_of("reward.inside", self.reward.inside, "share", "iou")
+        one_of("room.type", self.room.type, *MAIN_ITEM)
+        one_of("data.labels", self.data.labels, "snapped", "raw")
+        one_of("reward.inside", self.reward.inside, "share", "iou")
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)
             _within(f"budget.{name}", value, value >= 1, "1 or more")
-        _one_of("budget.name", self.budget.name, *self.method.updates)
+        one_of("budget.name", self.budget.name, *self.method.updates)
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
 
@@ -149,11 +149,11 @@ class EvaluateConfig:
 
     def __post_init__(self) -> None:
         if self.part is not None:
-            _one_of("part", self.part, "held_out", "training", "all")
+            one_of("part", self.part, "held_out", "training", "all")
         _within("starts", self.starts, self.starts >= 1, "1 or more")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
         if self.on_illegal is not None:
-            _one_of("on_illegal", self.on_illegal, "stop", "mask")
+            one_of("on_illegal", self.on_illegal, "stop", "mask")
 
 
 @dataclass
@@ -165,7 +165,7 @@ class GalleryConfig:
     out: str = "gallery"
 
     def __post_init__(self) -> None:
-        _one_of("room.type", self.room.type, *MAIN_ITEM)
+        one_of("room.type", self.room.type, *MAIN_ITEM)
         _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
 
 
@@ -190,7 +190,7 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         self.paper.check("paper")
         for part in self.parts:
-            _one_of("parts", part, "speed", "memory", "growth", "training", "image", "sb3")
+            one_of("parts", part, "speed", "memory", "growth", "training", "image", "sb3")
         _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
         for name in ("batch", "images", "items_rooms", "probe_every"):
             value = getattr(self, name)
@@ -203,7 +203,8 @@ class BenchConfig(TrainConfig):
             _within(name, value, value > 0, "more than 0")
 
 
-def _one_of(name: str, value: str, *allowed: str) -> None:
+def one_of(name: str, value: str, *allowed: str) -> None:
+    """Raises InputError for a value that is none of those allowed."""
     _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
 
 

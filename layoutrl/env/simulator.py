@@ -73,8 +73,8 @@ class Simulator:
         self.weights = reward
         templates = np.array([room.moving.template for room in rooms])
         self._corners = [shapely.get_coordinates(template) for template in templates]
-        self._item_bounds = shapely.bounds(templates)
-        self._item_area = shapely.area(templates)
+        self.item_bounds = shapely.bounds(templates)  # (rooms, 4), around a centre at 0, 0
+        self.item_area = shapely.area(templates)
         self.designer_position = np.array([room.moving.center for room in rooms])
 
         self.legal = fitting_positions(envelopes(rooms), templates)
@@ -108,7 +108,7 @@ class Simulator:
         # that of another item.
         inner = fitting_positions(indoor, templates, CONTACT)
         x0, y0, x1, y1 = shapely.bounds(shapes[-1]).T
-        left, below, right, up = self._item_bounds[room_of[is_other]].T
+        left, below, right, up = self.item_bounds[room_of[is_other]].T
         around = shapely.box(x0 - right, y0 - up, x1 - left, y1 - below)
         contacts, region = edges(np.concatenate([inner, around]))
         of_room = np.concatenate([every, room_of[is_other]])[region]
@@ -154,18 +154,18 @@ class Simulator:
     def reward(self, room: np.ndarray, position: np.ndarray) -> RewardTerms[np.ndarray]:
         """The reward of standing at `position`: terms of shape (B,)."""
         shared = self._shared_areas(room, position)  # (B, shapes)
-        item, areas = self._item_area[room], self._areas[room]
+        item, areas = self.item_area[room], self._areas[room]
         iou = np.nan_to_num(shared / (item[:, None] + areas - shared))
         return self.weights(iou[:, 1], iou[:, 2:].sum(1), shared[:, 0] / item, iou[:, 0])
 
     def overlap_and_outside(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
-        shares = self._shared_areas(room, position) / self._item_area[room][:, None]
+        shares = self._shared_areas(room, position) / self.item_area[room][:, None]
         return np.minimum((shares * self._is_other[room]).sum(1), 1), np.clip(1 - shares[:, 0], 0, 1)
 
     def _shared_areas(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Area that the item shares with every shape of its room, (B, shapes), in square metres."""
-        box = self._item_bounds[room] + np.tile(position, 2)
+        box = self.item_bounds[room] + np.tile(position, 2)
         bounds = self._bounds[room]
         near = np.all(bounds[..., :2] < box[:, None, 2:], -1) & np.all(bounds[..., 2:] > box[:, None, :2], -1)
         b, k = np.nonzero(near)

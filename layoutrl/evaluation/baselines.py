@@ -36,11 +36,12 @@ def random_wall_place(
     simulator: Simulator, room: np.ndarray, starts: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """For each of B rooms one of its legal wall places, drawn at random; the start where none is legal."""
-    chosen = starts.copy()
-    for b, k in enumerate(room):
+    chosen, places_of = starts.copy(), {}
+    for k in np.unique(room):
         places = wall_places(simulator.rooms[k])
-        places = places[simulator.is_legal(np.repeat(k, len(places)), places)]
-        if len(places):
+        places_of[k] = places[simulator.is_legal(np.repeat(k, len(places)), places)]
+    for b, k in enumerate(room):
+        if len(places := places_of[k]):
             chosen[b] = places[rng.integers(len(places))]
     return chosen
 

@@ -56,9 +56,7 @@ def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.nd
     hold a better one, by how much an IoU can change: by at most 2 / the larger area for each square metre swept.
     """
     weights, rooms = simulator.weights, len(simulator.rooms)
-    bounds = shapely.bounds(np.array([room.moving.template for room in simulator.rooms])).reshape(-1, 2, 2)
-    size = bounds[:, 1] - bounds[:, 0]
-    own = shapely.area([room.moving.template for room in simulator.rooms])
+    size, own = _sizes(simulator), simulator.item_area
     of_shape = simulator.room_of_shape
     an_area = 2 / np.maximum(shapely.area(simulator.shapes), own[of_shape])
     steepest = max(abs(weights.theta1), abs(weights.theta2)) * np.bincount(of_shape, an_area, rooms)
@@ -66,9 +64,8 @@ def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.nd
     slope = steepest[:, None] * size[:, ::-1]  # for each metre along x and y
 
     def rewards(of: np.ndarray, place: np.ndarray) -> np.ndarray:
-        parts = zip(*(np.split(array, range(AT_ONCE, len(of), AT_ONCE)) for array in (of, place)), strict=True)
-        totals = [batch_simulator.reward(torch.as_tensor(room), torch.as_tensor(at)).total for room, at in parts]
-        return torch.cat(totals).numpy() / REWARD_SCALE
+        (total,) = _asked(lambda *poses: (batch_simulator.reward(*poses).total,), of, place)
+        return total / REWARD_SCALE
 
     of, center = np.arange(rooms), simulator.designer_position
     best = np.maximum(rewards(of, center), 0)
@@ -100,8 +97,7 @@ class Search:
     ):
         self._simulator, self._batch, self._room, self._starts = simulator, batch_simulator, room, starts
         self._gamma = gamma
-        bounds = shapely.bounds(np.array([simulator.rooms[k].moving.template for k in room])).reshape(-1, 2, 2)
-        self._size = bounds[:, 1] - bounds[:, 0]  # (B, 2), of the box around the item
+        self._size = _sizes(simulator)[room]  # (B, 2)
         self._best_reward = best_reward  # (B,)
         episode = np.arange(len(room))
         self._keys, self._places = self._key(episode, starts), episode  # sorted keys, and which place each is
@@ -177,7 +173,7 @@ class Search:
         if not len(place):
             return
         episode, position = self._episode[place], self._position[place]
-        length, legal = self._ask(self._batch.reach, episode, position)
+        length, legal = _asked(self._batch.reach, self._room[episode], position)
         stuck = ~legal.any(1)
         legal[stuck, 0], length[stuck, 0] = True, 0.0  # the item stays
         origin, action = np.nonzero(legal)
@@ -200,7 +196,7 @@ class Search:
         """Note new places (n, 2)."""
         if not len(episode):
             return
-        (reward,) = self._ask(lambda *poses: (self._batch.reward(*poses).total,), episode, position)
+        (reward,) = _asked(lambda *poses: (self._batch.reward(*poses).total,), self._room[episode], position)
         # A move changes one coordinate: after the next one, IoU is at most what the other coordinate allows.
         off = np.abs(position - self._simulator.designer_position[self._room[episode]])
         size = self._size[episode]
@@ -214,14 +210,20 @@ class Search:
         unknown = np.full((len(episode), self._leads_to.shape[1]), -1, dtype=np.int32)
         self._leads_to = np.append(self._leads_to, unknown, axis=0)
 
-    def _ask(self, question: Ask, episode: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
-        """What the simulator answers about poses, some at a time."""
-        parts = range(AT_ONCE, len(episode), AT_ONCE)
-        poses = zip(np.split(self._room[episode], parts), np.split(position, parts), strict=True)
-        answers = [question(torch.as_tensor(room), torch.as_tensor(at)) for room, at in poses]
-        return [torch.cat(answer).numpy() for answer in zip(*answers, strict=True)]
-
     def _key(self, episode: np.ndarray, position: np.ndarray) -> np.ndarray:
         """One number for each episode and place on the grid."""
         x, y = np.rint((position - self._starts[episode]) / GRID).astype(np.int64).T + (1 << BITS - 1)
         return (episode << 2 * BITS) + (x << BITS) + y
+
+
+def _sizes(simulator: Simulator) -> np.ndarray:
+    """Of the box around the item of each room: (rooms, 2)."""
+    return simulator.item_bounds[:, 2:] - simulator.item_bounds[:, :2]
+
+
+def _asked(question: Ask, room: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
+    """What the simulator answers about poses, some at a time."""
+    parts = range(AT_ONCE, len(room), AT_ONCE)
+    poses = zip(np.split(room, parts), np.split(position, parts), strict=True)
+    answers = [question(torch.as_tensor(k), torch.as_tensor(at)) for k, at in poses]
+    return [torch.cat(answer).numpy() for answer in zip(*answers, strict=True)]
