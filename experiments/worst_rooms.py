@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import textwrap
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,11 @@ def why(room: Room, place: np.ndarray, knew_better: bool, config: CellConfig) ->
     return "knew better" if knew_better else "wrong place"
 
 
+def kind_of(room: Room) -> str:
+    """What a floor plan calls the room: a bathroom of ours may be its washing room."""
+    return room.id.partition("#")[2].rpartition("-")[0]
+
+
 def second_choice(room: Room, place: np.ndarray, config: CellConfig) -> bool:
     """Whether a place is the designer's runner-up, by a margin that few would decide by."""
     assert config.data.seed is not None
@@ -67,7 +73,8 @@ def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: di
         draw(axes, rooms[k])
         footprint = rooms[k].moving.footprint_at(tuple(places[k]))
         axes.add_patch(Polygon(np.asarray(footprint.exterior.coords), fill=False, edgecolor="magenta", linewidth=2))
-        axes.set_title(f"{rooms[k].id}\nIoU {iou[k]:.2f}, {reasons.get(int(k), '')}", fontsize=7)
+        name = textwrap.fill(rooms[k].id, 28)
+        axes.set_title(f"{name}\nIoU {iou[k]:.2f}, {reasons.get(int(k), '')}", fontsize=7)
     return figure
 
 
@@ -107,6 +114,10 @@ def main() -> None:
     for reason, count in Counter(reasons.values()).most_common():
         print(f"  {reason:12} {count:4} rooms, {lost[reason]:.3f} of IoU")
     print(f"  {'the others':12} {len(rooms) - len(reasons):4} rooms, {1 - iou.mean() - lost.total():.3f} of IoU")
+    kinds = Counter(kind_of(room) for room in rooms)
+    for kind, count in kinds.most_common() if len(kinds) > 1 else ():
+        mean = np.mean([iou[k] for k, room in enumerate(rooms) if kind_of(room) == kind])
+        print(f"  mean IoU {mean:.3f} in {count} rooms that the plan calls {kind}")
     picture = folder / "worst" / f"{options.cell}.png"
     picture.parent.mkdir(parents=True, exist_ok=True)
     pictures(rooms, places, iou, reasons).savefig(picture, dpi=80)

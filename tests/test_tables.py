@@ -258,6 +258,12 @@ def test_why_a_room_failed(tmp_path):
     assert worst_rooms.why(room, np.array([2.2, 1.7]), False, config) == "wrong place"
 
 
+def test_rooms_are_told_apart_by_what_the_plan_calls_them():
+    room = rectangular_room(4, 3, Item("bed", (1.0, 0.6), (2.0, 1.5)))
+    assert worst_rooms.kind_of(replace(room, id="00/02/0001#washing_room-2")) == "washing_room"
+    assert worst_rooms.kind_of(replace(room, id="b-17")) == ""
+
+
 def test_a_script_says_what_it_expects(tmp_path):
     assert "Table 1 of Di & Yu" in script("table1.py", "--help", cwd=tmp_path).stdout
     wrong = script("table1.py", "smoke", cwd=tmp_path)
