@@ -21,13 +21,13 @@ from typing import Any
 
 import numpy as np
 from cells import IOU, METRES, RESULTS, CellConfig, unpacked
+from matplotlib import style
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 from omegaconf import OmegaConf
 
 from layoutrl import build
 from layoutrl.errors import InputError
-from layoutrl.gallery import draw
+from layoutrl.figures import STYLE, draw_placed
 from layoutrl.rooms.designer.generator import design_room
 from layoutrl.rooms.room import Room
 
@@ -65,14 +65,12 @@ def second_choice(room: Room, place: np.ndarray, config: CellConfig) -> bool:
 
 
 def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: dict[int, str]) -> Figure:
-    """The worst rooms as designed, with the agent's place outlined."""
-    figure = Figure(figsize=(12, 5.5), layout="constrained")
+    """The worst rooms: the agent's place red, the designer's dashed."""
+    figure = Figure(figsize=(12, 5.5))
     for axes in (grid := figure.subplots(2, WORST // 2)).flat:
         axes.axis("off")
     for axes, k in zip(grid.flat, np.argsort(iou)[:WORST], strict=False):
-        draw(axes, rooms[k])
-        footprint = rooms[k].moving.footprint_at(tuple(places[k]))
-        axes.add_patch(Polygon(np.asarray(footprint.exterior.coords), fill=False, edgecolor="magenta", linewidth=2))
+        draw_placed(axes, rooms[k], places[k], names=4)
         name = textwrap.fill(rooms[k].id, 28)
         axes.set_title(f"{name}\nIoU {iou[k]:.2f}, {reasons.get(int(k), '')}", fontsize=7)
     return figure
@@ -120,7 +118,8 @@ def main() -> None:
         print(f"  mean IoU {mean:.3f} in {count} rooms that the plan calls {kind}")
     picture = folder / "worst" / f"{options.cell}.png"
     picture.parent.mkdir(parents=True, exist_ok=True)
-    pictures(rooms, places, iou, reasons).savefig(picture, dpi=80)
+    with style.context(STYLE):
+        pictures(rooms, places, iou, reasons).savefig(picture, dpi=80)
     print(f"wrote {picture}")
 
 

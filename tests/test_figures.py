@@ -1,0 +1,82 @@
+"""Figures: what is drawn is what is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import style
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from shapely.geometry import Point
+
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.errors import InputError
+from layoutrl.figures import DESIGNER, STYLE, draw_episode, draw_room, positions, room_legend, save, scale_bar
+from layoutrl.rooms.room import Item
+from tests.builders import rectangular_room
+
+BED = Item("bed", (1.0, 0.6), (2.0, 1.5))
+DESK = Item("desk", (3.0, 2.5), (0.6, 0.4))
+
+
+@pytest.fixture
+def room():
+    return rectangular_room(4, 3, BED, others=(DESK,))
+
+
+def shapes(axes):
+    return [patch.get_xy().mean(0) for patch in axes.patches if isinstance(patch, Polygon)]
+
+
+def test_a_room_is_drawn_with_and_without_the_item_that_moves(room):
+    whole, rest = Figure().subplots(1, 2)
+    draw_room(whole, room)
+    draw_room(rest, room, moving=False, names=None)
+    assert len(whole.patches) == len(room.walls) + len(room.openings) + 2
+    assert len(rest.patches) == len(whole.patches) - 1
+    assert [text.get_text() for text in whole.texts] == ["bed", "desk"]
+    assert not rest.texts
+
+
+def test_an_episode_shows_where_it_ends_and_where_the_designer_put_it(room):
+    axes = Figure().subplots()
+    path = np.array([(0.7, 0.5), (3.0, 0.5), (3.0, 1.0)])
+    draw_episode(axes, room, path)
+    (way,) = [line for line in axes.lines if len(line.get_xdata()) == 3]
+    assert np.array_equal(way.get_xydata(), path)
+    dashed = [patch for patch in axes.patches if not patch.get_fill()]
+    (designers,) = dashed
+    assert np.allclose(designers.get_extents().get_points().mean(0), axes.transData.transform(BED.center), atol=1e-6)
+
+
+def test_the_grid_of_positions_is_legal_where_the_simulator_says_so(room):
+    simulator = Simulator([room], Moves(), Reward())
+    grid, legal = positions(simulator, 0, 0.1)
+    assert legal.shape == grid.shape[:2]
+    assert legal.sum() > 0
+    for place, fits in zip(grid.reshape(-1, 2), legal.ravel(), strict=True):
+        assert fits == simulator.legal[0].intersects(Point(place))
+
+
+def test_every_kind_of_furniture_stands_in_the_legend(room):
+    axes = Figure().subplots()
+    room_legend(axes, [room])
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert {"bed", "desk", "wall"} <= set(names)
+
+
+def test_a_figure_is_saved_the_same_every_time(room, tmp_path: Path):
+    with style.context(STYLE):
+        written = []
+        for name in ("one", "two"):
+            figure = Figure(figsize=(2, 2))
+            draw_room(axes := figure.subplots(), room)
+            scale_bar(axes)
+            written.append(save(figure, tmp_path / "new" / name))
+    assert [file.suffix for file in written[0]] == [".png", ".svg"]
+    assert all(one.read_bytes() == two.read_bytes() for one, two in zip(*written, strict=True))
+    with pytest.raises(InputError, match="out: cannot write"):
+        save(figure, Path("/dev/null/here"))
