@@ -6,6 +6,7 @@ import ctypes
 import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -20,7 +21,7 @@ from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
 from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Progress, train
-from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig
+from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig, RunConfig
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.reward import Reward
@@ -33,7 +34,7 @@ from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache, read_files
-from layoutrl.runs import load_checkpoint
+from layoutrl.runs import load_checkpoint, load_config
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 P = ParamSpec("P")
@@ -151,6 +152,73 @@ def trained_agent(folder: Path, method: MethodConfig, device: torch.device) -> t
     trained = agent(method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
     trained.network.load_state_dict(checkpoint["network"])
     return trained, checkpoint["categories"]
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """The agent of a run, and the rooms that it is seen in."""
+
+    policy: Greedy
+    simulator: Simulator
+    observe: Observe
+    training: list[Room]  # what it was trained on
+    data: DataConfig
+    part: str  # of the rooms of `data`: held_out, training or all
+
+    @property
+    def name(self) -> str:
+        """Of the rooms, for files."""
+        which = {
+            "designer": f"-rooms{self.data.seed}",
+            "floorplans": f"-{self.data.labels}",
+            "json": f"-{Path(self.data.root or '').stem}",
+        }
+        return f"{self.data.source}{which.get(self.data.source or '', '')}-{self.part}"
+
+
+def trained_run(config: RunConfig) -> TrainedRun:
+    """What a run left behind, and the rooms that were asked for; says how many these are.
+
+    Of rooms that are not the run's own, those that it was trained on are left out. Raises InputError where none
+    is left.
+    """
+    folder = Path(config.run)
+    trained = load_config(folder)
+    own, data = trained.data, config.data
+    chosen_device = device(config.device)
+    agent, categories = trained_agent(folder, trained.method, chosen_device)
+
+    if data.source is None:  # the run's own, but for what is given
+        given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}
+        data = replace(own, **{name: value for name, value in given.items() if value is not None})
+    designed = data.source == own.source == "designer"  # wherever their cache lies
+    same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
+    if designed and same:
+        data = replace(data, train_rooms=own.train_rooms)  # the agent was trained on no more of them
+    parts = rooms(trained.room, own, trained.fold)
+    training = parts[0]
+    if data != own:
+        parts = rooms(trained.room, data, trained.fold)
+    part = config.part or ("held_out" if same or data.source == "designer" else "all")
+    chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
+    if not same:
+        trained_on = {room.group for room in training}
+        unseen = [room for room in chosen if room.group not in trained_on]
+        if len(unseen) < len(chosen):
+            print(f"left out {len(chosen) - len(unseen)} rooms that the agent was trained on")
+        chosen = unseen
+    if not chosen:
+        raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
+    print(f"{len(chosen)} rooms of {data.source} ({part})")
+    method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
+    return TrainedRun(
+        greedy(agent, method),
+        simulator(chosen, method, trained.reward),
+        observation(chosen, method, categories, chosen_device),
+        training,
+        data,
+        part,
+    )
 
 
 class Learner:

@@ -136,13 +136,14 @@ class TrainConfig:
 
 
 @dataclass
-class EvaluateConfig:
+class RunConfig:
+    """A trained agent, and rooms to see it in."""
+
     run: str = MISSING
     data: DataConfig = field(  # null: as in the run
         default_factory=lambda: DataConfig(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
     )
     part: Any = None
-    starts: int = 1
     seed: int = 0
     device: str = "auto"
     on_illegal: Any = None
@@ -150,10 +151,30 @@ class EvaluateConfig:
     def __post_init__(self) -> None:
         if self.part is not None:
             one_of("part", self.part, "held_out", "training", "all")
-        _within("starts", self.starts, self.starts >= 1, "1 or more")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
         if self.on_illegal is not None:
             one_of("on_illegal", self.on_illegal, "stop", "mask")
+
+
+@dataclass
+class EvaluateConfig(RunConfig):
+    starts: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within("starts", self.starts, self.starts >= 1, "1 or more")
+
+
+@dataclass
+class WatchConfig(RunConfig):
+    rooms: int = 6
+    width: int = 720
+    out: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
+        _within("width", self.width, self.width >= 100, "100 or more")
 
 
 @dataclass
@@ -218,5 +239,6 @@ def register() -> None:
     store = ConfigStore.instance()
     store.store(name="train_schema", node=TrainConfig)
     store.store(name="evaluate_schema", node=EvaluateConfig)
+    store.store(name="watch_schema", node=WatchConfig)
     store.store(name="gallery_schema", node=GalleryConfig)
     store.store(name="bench_schema", node=BenchConfig)

@@ -1,4 +1,4 @@
-"""The entry points as a user runs them: python -m layoutrl.train, .evaluate and .gallery."""
+"""The entry points as a user runs them: python -m layoutrl.train, .evaluate, .watch and .gallery."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Pat
     assert done.returncode == 0, done.stderr
     assert "mine.jsonl:2" in done.stdout
     assert "left out 1 rooms that the agent was trained on" in done.stdout
-    assert "scoring 2 rooms of json (all)" in done.stdout
+    assert "2 rooms of json (all)" in done.stdout
 
 
 def test_one_agent_learns_to_place_every_item_of_the_type(tmp_path: Path) -> None:
@@ -138,16 +138,32 @@ def test_evaluate_scores_designed_rooms_of_another_seed(bedroom_run: Path, tmp_p
     few = ("data=designer", "data.seed=1", "data.train_rooms=4", "data.test_rooms=3")
     done = layoutrl("evaluate", f"run={bedroom_run}", *few, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "scoring 3 rooms of designer (held_out)" in done.stdout
+    assert "3 rooms of designer (held_out)" in done.stdout
     assert (bedroom_run / "evaluation-designer-rooms1-held_out-1-mask-seed0.json").exists()
 
 
 def test_evaluate_takes_the_runs_own_data_but_for_what_is_given(bedroom_run: Path, tmp_path: Path) -> None:
     done = layoutrl("evaluate", f"run={bedroom_run}", "data.test_rooms=3", "starts=2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "scoring 3 rooms of designer (held_out)" in done.stdout
+    assert "3 rooms of designer (held_out)" in done.stdout
     done = layoutrl("evaluate", f"run={bedroom_run}", "data=designer", "part=training", "starts=2", cwd=tmp_path)
-    assert "scoring 32 rooms of designer (training)" in done.stdout  # as many as it was trained on
+    assert "32 rooms of designer (training)" in done.stdout  # as many as it was trained on
+
+
+def test_watch_shows_the_agent_move(bedroom_run: Path, tmp_path: Path) -> None:
+    done = layoutrl("watch", f"run={bedroom_run}", "rooms=4", "width=300", "out=films/mine", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for suffix in ("gif", "webp"):
+        with Image.open(tmp_path / "films" / f"mine.{suffix}") as film:
+            assert film.size[0] == 300  # three rooms side by side, and one below
+            assert film.n_frames > 2
+            assert film.convert("RGB").getpixel((0, 0)) == (255, 255, 255)
+            film.seek(film.n_frames - 1)
+            film.load()
+            assert film.info["duration"] > 1000  # time to read the IoU
+    again = layoutrl("watch", f"run={bedroom_run}", "rooms=4", "width=300", "out=films/again", cwd=tmp_path)
+    assert again.returncode == 0
+    assert (tmp_path / "films" / "again.gif").read_bytes() == (tmp_path / "films" / "mine.gif").read_bytes()
 
 
 def test_the_gallery_draws_rooms_as_png_and_svg(tmp_path: Path) -> None:
@@ -200,6 +216,8 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("gallery", ["rooms=0"], ["rooms", "1 or more"]),
         ("gallery", ["out=/dev/null/here"], ["out", "/dev/null/here"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),
+        ("watch", ["run=nowhere"], ["nowhere"]),
+        ("watch", ["run=nowhere", "rooms=0"], ["rooms", "1 or more"]),
         ("evaluate", [], ["run"]),
         ("evaluate", ["run=nowhere", "data.root=elsewhere"], ["nowhere"]),
     ],
