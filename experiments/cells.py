@@ -215,7 +215,9 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
         places["random starts"] = room, policy.rollout(batch_simulator, observe, room, starts).final
     # In analysis alone: did it know better, and not get there?
     designed = simulator.designer_position[setting.room]
-    there, here = (policy.highest(batch_simulator, observe, setting.room, place) for place in (designed, run.final))
+    there, here = (
+        policy.best_moves(batch_simulator, observe, setting.room, place)[1] for place in (designed, run.final)
+    )
     return {
         "places": places,
         "moves": float(run.moves.mean()),

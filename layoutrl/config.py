@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
+from omegaconf import MISSING, OmegaConf
 
 from layoutrl.errors import InputError
 from layoutrl.rooms.collection import FOLDS
@@ -242,3 +243,10 @@ def register() -> None:
     store.store(name="watch_schema", node=WatchConfig)
     store.store(name="gallery_schema", node=GalleryConfig)
     store.store(name="bench_schema", node=BenchConfig)
+
+
+def composed(entry_point: str, *overrides: str) -> Any:
+    """The configuration that `python -m layoutrl.<entry point> <overrides>` would run with."""
+    register()
+    with initialize_config_dir(str(config_directory()), version_base="1.3"):
+        return OmegaConf.to_object(compose(entry_point, list(overrides)))

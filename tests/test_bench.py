@@ -10,17 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from hypothesis import given
 from hypothesis import strategies as st
-from omegaconf import OmegaConf
 from PIL import Image
 
 from layoutrl import bench, build
 from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
 from layoutrl.benchmarks.learning import bare_passes, fill, untrained
 from layoutrl.benchmarks.simulation import with_items
-from layoutrl.config import BenchConfig, config_directory
+from layoutrl.config import BenchConfig, composed
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
 from tests.builders import rooms
@@ -37,8 +35,7 @@ CPU = torch.device("cpu")
 
 
 def configured(*overrides: str) -> BenchConfig:
-    with initialize_config_dir(str(config_directory()), version_base="1.3"):
-        config = OmegaConf.to_object(compose("bench", [*LITTLE, *overrides]))
+    config = composed("bench", *LITTLE, *overrides)
     assert isinstance(config, BenchConfig)
     return config
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
-from hydra import compose, initialize_config_dir
 
-from layoutrl.config import config_directory, register
+from layoutrl.config import composed
 from layoutrl.rooms.files import parse_room
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
@@ -34,7 +33,4 @@ COMMANDS = re.findall(r"python -m layoutrl\.(\w+) (.*)", README)
 
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
 def test_the_commands_options_exist(entry_point: str, options: str) -> None:
-    register()
-    overrides = [option.replace("<name>", "name") for option in options.split()]
-    with initialize_config_dir(str(config_directory()), version_base="1.3"):
-        assert compose(entry_point, overrides)
+    assert composed(entry_point, *(option.replace("<name>", "name") for option in options.split()))

@@ -18,10 +18,9 @@ import table1
 import worst_rooms
 from cells import CellConfig, fill, folder_of, name_of, packed, unpacked
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 from printing import NOT_RUN, Table, row, write
 
-from layoutrl.config import DataConfig, config_directory
+from layoutrl.config import DataConfig, composed, config_directory
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
@@ -37,10 +36,9 @@ def designed(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def configured(folder: Path, *overrides: str) -> CellConfig:
-    with initialize_config_dir(str(config_directory()), version_base="1.3"):
-        places = (f"results={folder / 'results'}", f"runs={folder / 'runs'}")
-        config = compose("cell", ["table=table1", *LITTLE, *places, *overrides])
-    return OmegaConf.to_object(config)  # type: ignore[return-value]
+    return composed(
+        "cell", "table=table1", *LITTLE, f"results={folder / 'results'}", f"runs={folder / 'runs'}", *overrides
+    )
 
 
 def cell(config: CellConfig) -> dict[str, Any]:

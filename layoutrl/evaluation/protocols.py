@@ -120,13 +120,17 @@ class Greedy:
         best = torch.stack(means).argmax(0, keepdim=True)
         return shortlist.indices.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
 
-    def highest(
+    def best_moves(
         self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, position: np.ndarray
-    ) -> np.ndarray:
-        """The highest Q of a legal move (B,) from positions (B, 2) in rooms (B,): what the agent thinks of them."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The legal move of highest Q from positions (B, 2) in rooms (B,), and that Q: (B,) each.
+
+        The Q is what the agent thinks of a position; -inf where no move is legal.
+        """
         rooms, here = (torch.as_tensor(array, device=simulator.device) for array in (room, position))
         _, legal = simulator.reach(rooms, here)
-        return self._values(observe, observe(rooms, here)).masked_fill(~legal, -torch.inf).amax(1).cpu().numpy()
+        highest, action = self._values(observe, observe(rooms, here)).masked_fill(~legal, -torch.inf).max(1)
+        return action.cpu().numpy(), highest.cpu().numpy()
 
     def _values(self, observe: Observe, observation: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""

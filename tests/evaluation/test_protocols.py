@@ -277,3 +277,14 @@ def test_neither_starts_nor_agent_are_changed_by_a_rollout():
     assert all(torch.equal(a, b) for a, b in zip(agent.network.parameters(), weights, strict=True))
     assert all(p.grad is None for p in agent.network.parameters())
     assert agent.updates == 0
+
+
+def test_the_best_move_is_legal_and_leads_to_where_the_agent_wants_to_be():
+    simulator = BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
+    policy = Greedy(nearing((2.0, 1.5)), 5, "mask", unturned(STEPS))
+    places = np.array([(1.0, 1.5), (3.0, 1.5), (2.0, 2.5), (2.0, 0.5)])
+    moves, values = policy.best_moves(simulator, Place(), np.zeros(4, int), places)
+    assert moves.tolist() == [RIGHT, LEFT, BELOW, UP]
+    assert values.tolist() == [-0.5, -0.5, -0.5, -0.5]
+    beyond = Greedy(nearing((9.0, 1.5)), 5, "mask", unturned(STEPS))
+    assert beyond.best_moves(simulator, Place(), np.zeros(1, int), np.array([(3.5, 1.5)]))[0] != RIGHT
