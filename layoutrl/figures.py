@@ -17,6 +17,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
+from matplotlib.patheffects import withStroke
 
 from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
 from layoutrl.env.simulator import Simulator
@@ -27,6 +28,13 @@ STYLE = "layoutrl.figures"
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"
 # The designer's place, over all else.
 DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}
+
+# An outline over a map, whatever colours the map has.
+OUTLINE: dict[str, Any] = {
+    "fill": False,
+    "linewidth": 1.0,
+    "path_effects": [withStroke(linewidth=2.5, foreground="white")],
+}
 
 
 def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4) -> None:
@@ -103,14 +111,15 @@ def metres(axes: Axes) -> None:
     axes.set(xlabel="x (m)", ylabel="y (m)")
 
 
-def scale_bar(axes: Axes) -> None:
-    """A bar of one metre under a room, for rooms side by side."""
+def scale_bar(axes: Axes, *others: Axes) -> None:
+    """A bar of one metre under a room; the same room is drawn to the same scale in the others."""
     x0, x1 = axes.get_xlim()
     y0, y1 = axes.get_ylim()
     y = y0 - 0.04 * (y1 - y0)
     axes.plot([x0, x0 + 1], [y, y], color="black", linewidth=1.5, solid_capstyle="butt", clip_on=False)
     axes.text(x0 + 1.08, y, "1 m", fontsize=6, va="center")
-    axes.set(xlim=(x0, x1), ylim=(y - 0.06 * (y1 - y0), y1))
+    for same in (axes, *others):
+        same.set(xlim=(x0, x1), ylim=(y - 0.06 * (y1 - y0), y1))
 
 
 def positions(simulator: Simulator, room: int, spacing: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What a user sees while an agent trains: progress bar, metrics.csv, TensorBoard."""
+"""What a user sees while an agent trains and after: progress bar, metrics.csv, TensorBoard (docs/tensorboard.md)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from torch.utils.tensorboard import SummaryWriter
+from torch.utils.tensorboard.summary import hparams
 from tqdm import tqdm
 
 from layoutrl.agents.training import Progress
@@ -15,6 +16,17 @@ from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import Greedy
 
 STAGES = ("act", "simulate", "store", "sample", "learn")
+FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
+# Curves that are read together: charts of TensorBoard's tab of custom scalars.
+LAYOUT = {
+    "learning": {
+        "IoU": ["Multiline", ["iou/train", "iou/held_out", "lattice_ceiling/held_out", "episode_iou"]],
+        "Q": ["Multiline", ["mean_q", "max_q"]],
+        "loss": ["Multiline", ["loss"]],
+        "epsilon": ["Multiline", ["epsilon"]],
+    },
+    "speed": {"seconds between two reports, by stage": ["Multiline", [f"seconds/{stage}" for stage in STAGES]]},
+}
 
 
 def watched(
@@ -37,6 +49,8 @@ def watched(
         tqdm(total=updates, unit="update", dynamic_ncols=True) as bar,
     ):
         ious = [f"iou_{name}" for name in probes]
+        board.add_custom_scalars(LAYOUT)
+        board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
         columns = [name for name in Progress.__dataclass_fields__ if name != "seconds"]
         rows = csv.DictWriter(file, columns + [f"seconds_{stage}" for stage in STAGES] + ious)
         rows.writeheader()
@@ -65,3 +79,26 @@ def watched(
             )  # fmt: skip
             if evaluates:
                 yield progress
+
+
+def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any], updates: int) -> None:
+    """Show a run's evaluation beside its settings, so that TensorBoard's table of hyper-parameters compares runs."""
+    final = {f"final/{name}": float(result["rows"]["agent"][name]) for name in FINAL}
+    final |= {f"final/{name}": float(result[name]) for name in ("lattice_ceiling", "moves", "ms_a_room")}
+    shown = {name: value for name, value in flat(settings).items() if isinstance(value, bool | int | float | str)}
+    with SummaryWriter(str(folder)) as board:
+        for summary in hparams(shown, final):
+            board.file_writer.add_summary(summary)
+        for tag, value in final.items():
+            board.add_scalar(tag, value, updates)
+
+
+def flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings under dotted names; a list as its text."""
+    found: dict[str, Any] = {}
+    for name, value in settings.items():
+        if isinstance(value, dict):
+            found |= flat(value, f"{prefix}{name}.")
+        else:
+            found[prefix + name] = str(value) if isinstance(value, list) else value
+    return found

@@ -14,7 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from layoutrl import build
 from layoutrl.config import TrainConfig, config_directory, register
 from layoutrl.evaluation.report import evaluate, table
-from layoutrl.monitor import watched
+from layoutrl.monitor import record_result, watched
 from layoutrl.rooms.room import Room
 from layoutrl.runs import new_folder, save_checkpoint, write_json
 
@@ -45,6 +45,7 @@ def run(config: TrainConfig) -> Path:
     )
     about = {"data": asdict(config.data), "updates": learner.agent.updates, "training_seconds": trained.seconds}
     write_json(folder / "evaluation.json", about | result)
+    record_result(folder, asdict(config), result, learner.agent.updates)
     print(table(result))
     print(f"wrote {folder}")
     return folder

@@ -15,6 +15,7 @@ import pytest
 from omegaconf import OmegaConf
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 
 from layoutrl.config import config_directory
 from layoutrl.rooms.designer.generator import design_rooms
@@ -94,16 +95,34 @@ def test_a_second_run_never_overwrites_the_first(tmp_path: Path) -> None:
     assert (first / "checkpoint.pt").exists()
 
 
-def test_tensorboard_shows_every_curve_and_pictures(bedroom_run: Path) -> None:
+def test_tensorboard_shows_what_its_page_says(bedroom_run: Path) -> None:
     board = EventAccumulator(str(bedroom_run))
     board.Reload()
-    wanted = {
-        "iou/train", "iou/held_out", "lattice_ceiling/train", "lattice_ceiling/held_out", "episode_return",
-        "loss", "mean_q", "max_q", "epsilon",
-        "seconds/simulate", "seconds/sample", "seconds/learn",
-    }  # fmt: skip
-    assert wanted <= set(board.Tags()["scalars"])
-    assert "held_out/0" in board.Tags()["images"]
+    page = (PROJECT / "docs" / "tensorboard.md").read_text()
+    documented = {tag for row in re.findall(r"^\| (`.*?) \|", page, re.MULTILINE) for tag in re.findall("`(.*?)`", row)}
+    tags = board.Tags()
+    pictures = {f"{part}/{k}" for part in ("train", "held_out") for k in range(4)}
+    assert set(tags["images"]) == pictures
+    assert set(tags["scalars"]) == {tag for tag in documented if tag not in pictures}
+    assert {f"{part}/{k}" for part in ("train", "held_out") for k in (0, 3)} <= documented
+    (text,) = board.Tensors("config/text_summary")
+    assert b"room:" in text.tensor_proto.string_val[0]
+    charts = board.Tensors("custom_scalars__config__")[0].tensor_proto.string_val[0].decode("latin-1")
+    assert "iou/held_out" in charts
+
+
+def test_tensorboard_compares_runs_in_a_table(bedroom_run: Path) -> None:
+    board = EventAccumulator(str(bedroom_run))
+    board.Reload()
+    content = board.PluginTagToContent("hparams")
+    started = HParamsPluginData.FromString(content["_hparams_/session_start_info"]).session_start_info.hparams
+    assert started["room.type"].string_value == "bedroom"
+    assert started["method.discount"].number_value == 0.7
+    assert started["method.steps"].string_value == "[0.32, 0.08, 0.02, 0.005]"
+    metrics_shown = HParamsPluginData.FromString(content["_hparams_/experiment"]).experiment.metric_infos
+    assert {"final/mean_iou", "final/share_090"} <= {metric.name.tag for metric in metrics_shown}
+    agent = evaluation(bedroom_run)["rows"]["agent"]
+    assert board.Scalars("final/mean_iou")[0].value == pytest.approx(agent["mean_iou"])
 
 
 def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: Path) -> None:
