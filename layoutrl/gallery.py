@@ -34,7 +34,7 @@ def sheet(rooms: Sequence[Room]) -> Figure:
 
 
 def run(config: GalleryConfig) -> list[Path]:
-    """Draw the first training rooms of the type, or of all types in turn; returns the files, PNG and SVG."""
+    """Draw the first rooms of the type, or of all types in turn; returns the files, PNG and SVG."""
     types = list(MAIN_ITEM) if config.all_types else [config.room.type]
     each = -(-config.rooms // len(types))
     rooms = [room for room_type in types for room in _rooms(replace(config.room, type=room_type), config.data, each)]
@@ -49,7 +49,8 @@ def run(config: GalleryConfig) -> list[Path]:
 def _rooms(room: RoomConfig, data: DataConfig, count: int) -> list[Room]:
     if data.source == "designer":
         return build.designed_rooms(room, replace(data, train_rooms=count), "train")
-    return build.rooms(room, data, fold=0)[0][:count]
+    training, held_out = build.rooms(room, data, fold=0)
+    return (training + held_out)[:count]
 
 
 register()

@@ -199,6 +199,15 @@ def test_the_gallery_draws_rooms_as_png_and_svg(tmp_path: Path) -> None:
     assert svg.read_bytes() == first
 
 
+def test_the_gallery_draws_all_rooms_of_a_file(tmp_path: Path) -> None:
+    rooms = design_rooms("bedroom", "test", 7, 6).rooms  # in whichever fold
+    (tmp_path / "mine.jsonl").write_text("\n".join(json.dumps(room_to_dict(room)) for room in rooms))
+    done = layoutrl("gallery", "data=json", "data.root=mine.jsonl", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    svg = (tmp_path / "gallery" / "bedroom-json-seed0.svg").read_text()
+    assert all(room.id in svg for room in rooms)
+
+
 def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
     done = layoutrl("gallery", "all_types=true", "rooms=8", "out=sheets", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
