@@ -38,10 +38,13 @@ tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke D
 	$(BIN)/python experiments/real_rooms.py $(REAL) $(TABLES) || status=1; \
 	exit $$status
 
+notebooks: setup  ## run the notebooks, and keep what they show
+	$(BIN)/jupyter execute --inplace --kernel_name=python3 notebooks/*.ipynb
+
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs
 
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test lint bench tables board clean
+.PHONY: help setup train test lint bench tables notebooks board clean
