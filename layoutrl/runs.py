@@ -18,6 +18,7 @@ import shapely
 import torch
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 import layoutrl
 from layoutrl.config import TrainConfig
@@ -160,8 +161,9 @@ def load_config(folder: Path) -> TrainConfig:
     path = folder / "config.yaml"
     try:
         return OmegaConf.to_object(OmegaConf.merge(TrainConfig, OmegaConf.load(path)))  # type: ignore[return-value]
-    except (OSError, OmegaConfBaseException, ValueError) as error:
-        raise InputError(f"run: {path} cannot be read ({error}); expected the folder of a training run") from None
+    except (OSError, OmegaConfBaseException, YAMLError, ValueError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -145,7 +145,7 @@ def train(
         rng = np.random.default_rng(seed)
         few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
         probes[name] = build.probe([rooms[k] for k in few], method, reward, learner.categories, rng, device)
-    folder = folder or new_folder(config)
+    folder, evaluate_every = folder or new_folder(config), max(1, updates // budget.evaluations)
     began = time.perf_counter()
 
     def save(iou: float | None) -> None:
@@ -157,16 +157,14 @@ def train(
 
     try:
         with stopped_by_signals(training):
-            for iou in watched(
-                training, learner.policy, probes, folder, updates, max(1, updates // budget.evaluations)
-            ):
+            for iou in watched(training, learner.policy, probes, folder, updates, evaluate_every):
                 save(iou)
             if training.stopping:
                 save(None)
     except OSError as error:  # of what shows a run; save_checkpoint answers for itself
         raise InputError(
-            f"runs: cannot write to {folder} ({error.strerror}) after {learner.agent.updates} updates; expected a disk to "
-            f"write to, where the last checkpoint goes on: python -m layoutrl.train resume={folder}"
+            f"runs: cannot write to {folder} ({error.strerror}) after {learner.agent.updates} updates; expected a disk "
+            f"to write to, where the last checkpoint goes on: python -m layoutrl.train resume={folder}"
         ) from None
     seconds = seconds_before + time.perf_counter() - began
     print(f"trained {learner.agent.updates} updates in {seconds / 60:.1f} minutes on {device}")
