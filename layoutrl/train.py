@@ -38,6 +38,7 @@ from layoutrl.runs import (
     differences,
     load_checkpoint,
     load_config,
+    machine,
     new_folder,
     save_checkpoint,
     wanted_folder,
@@ -76,7 +77,12 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
         starts_a_room=1,
         seed=seeds(config)[3],
     )
-    about = {"data": asdict(config.data), "updates": learner.agent.updates, "training_seconds": trained.seconds}
+    about = {
+        "config": stated(config),
+        "machine": machine(learner.simulator.device),
+        "updates": learner.agent.updates,
+        "training_seconds": trained.seconds,
+    }
     record_result(folder, asdict(config), result, learner.agent.updates)
     write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
     print(table(result))

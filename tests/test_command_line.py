@@ -26,7 +26,7 @@ from layoutrl.runs import checkpoints
 PROJECT = Path(__file__).resolve().parents[1]
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
 CACHE = tempfile.TemporaryDirectory()  # of designed rooms, for all tests here
-TIMES = ("seconds", "ms_a_room", "training_seconds")
+TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
 
 
 def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

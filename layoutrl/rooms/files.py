@@ -32,6 +32,7 @@ from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Open
 REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
+SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
@@ -283,7 +284,7 @@ def _pair(value: Any, field: str) -> tuple[float, float]:
 def _number(value: Any, field: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
         raise RoomError(field, f"expected a finite number of at most {LARGEST:g} (metres); got {_show(value)}")
-    return float(value)
+    return float(value) if abs(value) > SMALLEST else 0.0
 
 
 def _text(value: Any, field: str) -> str:
