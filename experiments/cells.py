@@ -49,7 +49,7 @@ from layoutrl.evaluation.supervised import (
     train_scorer,
 )
 from layoutrl.rooms.room import Room
-from layoutrl.runs import machine, write_json
+from layoutrl.runs import differences, machine, write_json
 
 RESULTS = Path(__file__).parent / "results"
 STARTS_SEED = 0  # of the one list of starts that every method is scored from
@@ -161,18 +161,6 @@ def filled(config: CellConfig) -> dict[str, Any]:
 def stated(config: CellConfig) -> dict[str, Any]:
     """The configuration of a cell, as JSON has it, but for where files lie."""
     return json.loads(json.dumps(asdict(replace(config, runs="", results=None, data=replace(config.data, root=None)))))
-
-
-def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
-    """The names of what both have, and have differently; the device is not counted."""
-    names = []
-    for name in first.keys() & second.keys() - {"device"}:
-        one, other = first[name], second[name]
-        if isinstance(one, dict) and isinstance(other, dict):
-            names += differences(one, other, f"{prefix}{name}.")
-        elif one != other:
-            names.append(prefix + name)
-    return sorted(names)
 
 
 def setting_of(config: CellConfig, device: torch.device) -> Setting:

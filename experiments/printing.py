@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cells import INDEX, IOU, differences, unpacked
+from cells import INDEX, IOU, unpacked
 
 from layoutrl.errors import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
+from layoutrl.runs import differences
 
 NOT_RUN = "not run"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import platform
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
@@ -20,7 +20,7 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
 from layoutrl.agents.replay import Replay
-from layoutrl.agents.training import Progress, train
+from layoutrl.agents.training import Training
 from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig, RunConfig
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation, categories_of
@@ -50,6 +50,8 @@ def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
             return entry_point(*args, **kwargs)
         except (InputError, OmegaConfBaseException) as error:
             sys.exit(f"error: {error}")
+        except KeyboardInterrupt:
+            sys.exit("interrupted")
 
     return answering
 
@@ -150,7 +152,7 @@ def trained_agent(folder: Path, method: MethodConfig, device: torch.device) -> t
     """The agent of a run's folder, and the furniture categories that it knows."""
     checkpoint = load_checkpoint(folder, device)
     trained = agent(method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
-    trained.network.load_state_dict(checkpoint["network"])
+    trained.network.load_state_dict(checkpoint["training"]["agent"]["network"])
     return trained, checkpoint["categories"]
 
 
@@ -250,10 +252,10 @@ class Learner:
         if not self.simulator.reach(torch.arange(len(rooms), device=device), designed)[1].any():
             raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
 
-    def train(self, report_every: int) -> Iterator[Progress]:
+    def training(self, report_every: int) -> Training:
         """The training loop, as the method has it."""
         method = self.method
-        return train(
+        return Training(
             self.agent,
             self.simulator,
             self.observe,

@@ -137,6 +137,13 @@ class TrainConfig:
 
 
 @dataclass
+class TrainCommand(TrainConfig):
+    """What `python -m layoutrl.train` takes."""
+
+    resume: str | None = None  # folder of a run to go on with
+
+
+@dataclass
 class RunConfig:
     """A trained agent, and rooms to see it in."""
 
@@ -238,7 +245,7 @@ def _within(name: str, value: Any, holds: bool, expected: str) -> None:
 def register() -> None:
     """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
     store = ConfigStore.instance()
-    store.store(name="train_schema", node=TrainConfig)
+    store.store(name="train_schema", node=TrainCommand)
     store.store(name="evaluate_schema", node=EvaluateConfig)
     store.store(name="watch_schema", node=WatchConfig)
     store.store(name="gallery_schema", node=GalleryConfig)

@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from layoutrl import build
 from layoutrl.config import EvaluateConfig, config_directory, register
 from layoutrl.evaluation.report import evaluate, table
-from layoutrl.runs import write_json
+from layoutrl.runs import machine, write_json
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
@@ -30,7 +30,13 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     print(table(result))
     name = f"evaluation-{shown.name}-{config.starts}-{shown.policy.on_illegal}-seed{config.seed}.json"
     file = Path(config.run) / name
-    write_json(file, {"data": asdict(shown.data), "part": shown.part, "seed": config.seed} | result)
+    about = {
+        "data": asdict(shown.data),
+        "part": shown.part,
+        "seed": config.seed,
+        "machine": machine(shown.policy.device),
+    }
+    write_json(file, about | result)
     print(f"wrote {file}")
     return result
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,12 @@ from torch.utils.tensorboard import SummaryWriter
 from torch.utils.tensorboard.summary import hparams
 from tqdm import tqdm
 
-from layoutrl.agents.training import Progress
+from layoutrl.agents.training import Progress, Training
+from layoutrl.errors import InputError
 from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import Greedy
 
+COLUMNS = [name for name in Progress.__dataclass_fields__ if name != "seconds"]  # of metrics.csv, the first ones
 STAGES = ("act", "simulate", "store", "sample", "learn")
 FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
 # Curves that are read together: charts of TensorBoard's tab of custom scalars.
@@ -30,38 +34,42 @@ LAYOUT = {
 
 
 def watched(
-    reports: Iterator[Progress],
+    training: Training,
     policy: Greedy,
     probes: dict[str, Probe],
     folder: Path,
     updates: int,
     evaluate_every: int,
-) -> Iterator[Progress]:
-    """Show every report; every `evaluate_every` updates and at the end, run the probes and yield.
+) -> Iterator[float]:
+    """Train and show every report; every `evaluate_every` updates and at the end, run the probes and yield.
 
-    `probes` are named: "train" and "held_out", whose pictures and IoU are shown.
+    `probes` are named: "train" and "held_out", whose pictures and IoU are shown; what is yielded is the first's IoU.
+    What the folder shows of later updates than the training has made is dropped. Raises InputError when the loss is no
+    number.
     """
-    next_evaluation = evaluate_every
+    made = training.agent.updates
     held_out = float("nan")
     with (
-        SummaryWriter(str(folder)) as board,
-        (folder / "metrics.csv").open("w", newline="", encoding="utf-8") as file,
-        tqdm(total=updates, unit="update", dynamic_ncols=True) as bar,
+        SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
+        _metrics(folder / "metrics.csv", list(probes), made) as (rows, before),
+        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
     ):
-        ious = [f"iou_{name}" for name in probes]
-        board.add_custom_scalars(LAYOUT)
-        board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
-        columns = [name for name in Progress.__dataclass_fields__ if name != "seconds"]
-        rows = csv.DictWriter(file, columns + [f"seconds_{stage}" for stage in STAGES] + ious)
-        rows.writeheader()
-        for progress in reports:
-            row: dict[str, Any] = {name: getattr(progress, name) for name in columns}
+        if not made:
+            board.add_custom_scalars(LAYOUT)
+            board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
+        for progress in training:
+            if not math.isfinite(progress.loss):
+                raise InputError(
+                    f"method: the loss is {progress.loss} after {progress.updates} updates; the last checkpoint is of "
+                    "before; expected a lower method.learning_rate"
+                )
+            row: dict[str, Any] = {name: getattr(progress, name) for name in COLUMNS}
             row |= {f"seconds_{stage}": progress.seconds.get(stage, 0.0) for stage in STAGES}
             for tag, value in row.items():
                 board.add_scalar(tag.replace("seconds_", "seconds/"), value, progress.updates)
-            evaluates = progress.updates >= next_evaluation or progress.updates == updates
+            evaluates = progress.updates // evaluate_every > before // evaluate_every or progress.updates == updates
+            before = progress.updates
             if evaluates:
-                next_evaluation += evaluate_every
                 for name, probe in probes.items():
                     iou, pictures = probe(policy)
                     row[f"iou_{name}"] = iou
@@ -70,15 +78,32 @@ def watched(
                     for k, picture in enumerate(pictures):
                         board.add_image(f"{name}/{k}", picture, progress.updates, dataformats="HWC")
                 held_out = row["iou_held_out"]
+                board.flush()
             rows.writerow(row)
-            file.flush()
             bar.update(progress.updates - bar.n)
             bar.set_postfix(
                 moves=progress.moves, loss=f"{progress.loss:.4f}", eps=f"{progress.epsilon:.2f}",
                 held_out=f"{held_out:.3f}", ceiling=f"{probes['held_out'].ceiling:.3f}",
             )  # fmt: skip
             if evaluates:
-                yield progress
+                yield row["iou_train"]
+
+
+@contextmanager
+def _metrics(path: Path, probes: list[str], made: int) -> Iterator[tuple[csv.DictWriter[str], int]]:
+    """The table to go on with after `made` updates, and the updates of its last row; what is of later is dropped."""
+    header = [*COLUMNS, *(f"seconds_{stage}" for stage in STAGES), *(f"iou_{name}" for name in probes)]
+    kept: list[dict[str, str]] = []
+    if made and path.exists():
+        with path.open(newline="", encoding="utf-8") as file:
+            kept = [row for row in csv.DictReader(file) if int(row["updates"]) <= made]
+    partial = path.with_suffix(".partial")
+    with partial.open("w", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
+        rows = csv.DictWriter(file, header)
+        rows.writeheader()
+        rows.writerows(kept)
+        partial.replace(path)
+        yield rows, int(kept[-1]["updates"]) if kept else 0
 
 
 def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any], updates: int) -> None:

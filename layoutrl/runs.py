@@ -1,35 +1,44 @@
-"""The folder of a run: config.yaml, checkpoint.pt, metrics.csv, evaluation.json, TensorBoard events; the machine."""
+"""The folder of a run: config.yaml, checkpoints/, metrics.csv, evaluation.json, TensorBoard events; the machine."""
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import os
-import pickle
 import platform
 import re
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 import torch
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 import layoutrl
-from layoutrl.agents.dqn import DQN
 from layoutrl.config import TrainConfig
 from layoutrl.errors import InputError
 
+CHECKPOINTS = "checkpoints"  # folder of a run
+KEPT = 2  # checkpoints, beside the best
 
-def new_folder(config: TrainConfig) -> Path:
-    """runs/<room>/<name>, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
+
+def wanted_folder(config: TrainConfig) -> Path:
+    """runs/<room>/<name>."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     name = config.name or (
         f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
     )
-    folder = make_folder(Path(config.runs) / config.room.type / name)
+    return Path(config.runs) / config.room.type / name
+
+
+def new_folder(config: TrainConfig) -> Path:
+    """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
+    folder = make_folder(wanted_folder(config))
     OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
     return folder
 
@@ -51,11 +60,99 @@ def make_folder(wanted: Path) -> Path:
             return folder
 
 
-def save_checkpoint(folder: Path, agent: DQN, categories: list[str]) -> None:
-    """Write checkpoint.pt whole or not at all: weights, known furniture categories, updates made."""
-    partial = folder / "checkpoint.partial"
-    torch.save({"network": agent.network.state_dict(), "categories": categories, "updates": agent.updates}, partial)
-    partial.replace(folder / "checkpoint.pt")
+def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:
+    """Keep a state (tensors and plain values) as checkpoints/<updates>.pt, whole or not at all.
+
+    A mark beside it, written last, has its hash, and the mean IoU in training rooms if it was asked for. The last two
+    and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
+    """
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    content = buffer.getvalue()
+    file = folder / CHECKPOINTS / f"{updates:08d}.pt"
+    mark = {"sha256": hashlib.sha256(content).hexdigest(), "updates": updates, "iou": iou}
+    try:
+        file.parent.mkdir(exist_ok=True)
+        file.with_suffix(".json").unlink(missing_ok=True)
+        _write(file, content)
+        _write(file.with_suffix(".json"), (json.dumps(mark) + "\n").encode())
+    except OSError as error:
+        before = checkpoints(folder)
+        safe = f"that of {before[0].updates} updates is whole" if before else "there is none before it"
+        raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
+    marks = checkpoints(folder)
+    best = max(marks, key=lambda mark: -1.0 if mark.iou is None else mark.iou)  # of equals the last
+    for old in marks[KEPT:]:
+        if old is not best:
+            old.file.with_suffix(".json").unlink()  # the mark first: what has none is none
+            old.file.unlink()
+
+
+class Checkpoint(NamedTuple):
+    """What the mark of one says."""
+
+    updates: int
+    iou: float | None
+    sha256: str
+    file: Path
+
+
+def checkpoints(folder: Path) -> list[Checkpoint]:
+    """Those of a run that have a mark that can be read, the last one first."""
+    found = []
+    for mark in (folder / CHECKPOINTS).glob("*.json"):
+        try:
+            said = json.loads(mark.read_text(encoding="utf-8"))
+            iou = None if said["iou"] is None else float(said["iou"])
+            found.append(Checkpoint(int(said["updates"]), iou, str(said["sha256"]), mark.with_suffix(".pt")))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            print(f"{mark} cannot be read ({error}); its checkpoint is left out")
+    return sorted(found, key=lambda checkpoint: -checkpoint.updates)
+
+
+def load_checkpoint(folder: Path, device: torch.device) -> dict[str, Any]:
+    """The last whole state that was saved; says where one is damaged and the one before it is taken.
+
+    Nothing in a file is run. Raises InputError where none is whole, or where it is of another version.
+    """
+    for checkpoint in checkpoints(folder):
+        try:
+            content = checkpoint.file.read_bytes()
+            if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+                raise ValueError("its hash is another")
+            state: dict[str, Any] = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
+        except Exception as error:  # torch answers a damaged file with whatever it meets in it
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            print(f"{checkpoint.file} is damaged ({reason}); the one before it is taken")
+            continue
+        if state["version"] != layoutrl.__version__:
+            raise InputError(
+                f"run: {checkpoint.file} is of layoutrl {state['version']}; expected {layoutrl.__version__}, as here"
+            )
+        return state
+    raise InputError(f"run: {folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
+
+
+def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
+    """The dotted names of what both configurations have, and have differently; what it runs on is not counted."""
+    names = []
+    for name in first.keys() & second.keys() - {"device"}:
+        one, other = first[name], second[name]
+        if isinstance(one, dict) and isinstance(other, dict):
+            names += differences(one, other, f"{prefix}{name}.")
+        elif one != other:
+            names.append(prefix + name)
+    return sorted(names)
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Write a file whole or not at all, and onto the disk before its name is there."""
+    partial = file.with_name(f"{file.name}.partial")
+    with partial.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    partial.replace(file)
 
 
 def load_config(folder: Path) -> TrainConfig:
@@ -63,25 +160,14 @@ def load_config(folder: Path) -> TrainConfig:
     path = folder / "config.yaml"
     try:
         return OmegaConf.to_object(OmegaConf.merge(TrainConfig, OmegaConf.load(path)))  # type: ignore[return-value]
-    except (OSError, OmegaConfBaseException, ValueError) as error:
-        raise InputError(f"run: {path} cannot be read ({error}); expected the folder of a training run") from None
-
-
-def load_checkpoint(folder: Path, device: torch.device) -> dict[str, Any]:
-    """What `save_checkpoint` wrote. Raises InputError where it is missing or damaged."""
-    path = folder / "checkpoint.pt"
-    try:
-        return torch.load(path, map_location=device, weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"run: {path} cannot be read ({reason}); expected the checkpoint of a training run") from None
+    except (OSError, OmegaConfBaseException, YAMLError, ValueError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None
 
 
 def write_json(path: Path, content: Any) -> None:
     """Write a file whole or not at all."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    _write(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def machine(device: torch.device) -> dict[str, Any]:

@@ -36,8 +36,7 @@ def run(config: WatchConfig) -> list[Path]:
     simulator = shown.simulator
     chosen = rng.permutation(len(simulator.rooms))[: config.rooms]
     starts = simulator.starts(chosen, rng)
-    device = next(shown.policy.agent.network.parameters()).device
-    episodes = shown.policy.rollout(BatchSimulator(simulator, device), shown.observe, chosen, starts)
+    episodes = shown.policy.rollout(BatchSimulator(simulator, shown.policy.device), shown.observe, chosen, starts)
     iou = simulator.reward(chosen, episodes.final).iou
     paths = [episodes.path[: moves + 1, k] for k, moves in enumerate(episodes.moves)]
     with style.context(STYLE):

@@ -84,7 +84,7 @@ def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) ->
     config = configured(f"method.double={double}", f"data.root={tmp_path}")
     learner = untrained(config, build.rooms(config.room, config.data, config.fold)[0], CPU)
     fill(learner)
-    reports = learner.train(1)
+    reports = iter(learner.training(1))
     next(reports)
     calls: list[tuple[str, tuple[int, ...], bool]] = []
     for name in ("network", "target"):

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,11 +21,12 @@ from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 from layoutrl.config import config_directory
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
+from layoutrl.runs import checkpoints
 
 PROJECT = Path(__file__).resolve().parents[1]
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
 CACHE = tempfile.TemporaryDirectory()  # of designed rooms, for all tests here
-TIMES = ("seconds", "ms_a_room", "training_seconds")
+TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
 
 
 def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -65,7 +67,7 @@ def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, t
     run = trained(tmp_path, f"room={room}")
     assert run == tmp_path / "runs" / room / "designer-main-geometric-smoke-seed0"
     assert OmegaConf.load(run / "config.yaml").room.type == room
-    assert (run / "checkpoint.pt").stat().st_size > 10_000
+    assert checkpoints(run)[0].file.stat().st_size > 10_000
     rows = metrics(run)
     assert int(rows[-1]["updates"]) == 40
     assert 0 <= float(rows[-1]["iou_held_out"]) <= 1
@@ -92,7 +94,7 @@ def test_the_same_seed_gives_the_same_metrics_and_another_seed_others(bedroom_ru
 def test_a_second_run_never_overwrites_the_first(tmp_path: Path) -> None:
     first, second = (trained(tmp_path, "room=study", "name=mine") for _ in range(2))
     assert [first.name, second.name] == ["mine", "mine-2"]
-    assert (first / "checkpoint.pt").exists()
+    assert checkpoints(first)
 
 
 def test_tensorboard_shows_what_its_page_says(bedroom_run: Path) -> None:
@@ -261,9 +263,10 @@ def test_what_the_user_got_wrong_is_answered_without_a_traceback(
 
 
 def test_a_damaged_checkpoint_is_answered_without_a_traceback(bedroom_run: Path, tmp_path: Path) -> None:
-    for name in ("config.yaml", "checkpoint.pt"):
-        (tmp_path / name).write_bytes((bedroom_run / name).read_bytes()[:2000])
+    shutil.copytree(bedroom_run, tmp_path, dirs_exist_ok=True)
+    for checkpoint in checkpoints(tmp_path):
+        checkpoint.file.write_bytes(checkpoint.file.read_bytes()[:2000])
     done = layoutrl("evaluate", f"run={tmp_path}", cwd=tmp_path)
     assert done.returncode != 0
     assert "Traceback" not in done.stderr
-    assert "checkpoint.pt" in done.stderr
+    assert "no whole checkpoint" in done.stderr

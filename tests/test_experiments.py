@@ -54,7 +54,7 @@ def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeyp
     arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
     monkeypatch.setattr("sys.argv", arguments)
     module.main()
-    checkpoints = sorted(tmp_path.glob("tatami/*/checkpoint.pt"))
+    checkpoints = sorted(tmp_path.glob("tatami/*/config.yaml"))
     assert [path.parent.name for path in checkpoints] == [
         "as-it-is-5-seed0", "as-it-is-5-seed1", "no-slides-5-seed0", "no-slides-5-seed1",
     ]  # fmt: skip

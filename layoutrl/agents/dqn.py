@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from torch import Tensor, nn
@@ -29,6 +29,9 @@ class UpdateStats(NamedTuple):
     loss: Tensor
     mean_q: Tensor
     max_q: Tensor
+
+
+PARTS = ("network", "target", "optimizer", "schedule")  # of an agent, that have a state of their own
 
 
 class DQN:
@@ -84,3 +87,15 @@ class DQN:
         best = chooser.masked_fill(~batch.next_legal, -torch.inf).argmax(1, keepdim=True)
         value = next_q.gather(1, best).squeeze(1) * batch.next_legal.any(1)
         return batch.reward + batch.discount * value
+
+    def state_dict(self) -> dict[str, Any]:
+        """Both networks, the optimiser, its schedule, and the counts."""
+        return {name: getattr(self, name).state_dict() for name in PARTS} | {
+            "updates": self.updates,
+            "target_copies": self.target_copies,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        for name in PARTS:
+            getattr(self, name).load_state_dict(state[name])
+        self.updates, self.target_copies = state["updates"], state["target_copies"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -76,3 +76,14 @@ class Replay:
             next_position=drawn.next_position.double() * GRID,
             next_legal=(drawn.next_legal[:, None] & self._bit) != 0,
         )
+
+    def state_dict(self) -> dict[str, Any]:
+        """What is stored, and where the next goes."""
+        return {"columns": [column[: self.size] for column in self._columns], "next": self._next}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Hold what another of the same capacity held."""
+        self.size = len(state["columns"][0])
+        self._next = state["next"]
+        for column, stored in zip(self._columns, state["columns"], strict=True):
+            column[: self.size] = stored

@@ -1,4 +1,4 @@
-"""The training loop: act, store, learn; a generator whose consumer logs, evaluates and stops."""
+"""The training loop: act, store, learn; its consumer logs, evaluates, saves and stops."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -53,86 +54,142 @@ class Stopwatch:
         return seconds
 
 
-def train(
-    agent: DQN,
-    simulator: BatchSimulator,
-    observe: Observe,
-    replay: Replay,
-    epsilon: LinearSchedule,
-    *,
-    updates: int,
-    batch: int,
-    episodes: int,
-    max_moves: int,
-    discount: float,
-    goal_iou: float | None,
-    warmup_moves: int,
-    report_every: int,
-    symmetries: Sequence[Symmetry],
-    seed: np.random.SeedSequence,
-) -> Iterator[Progress]:
-    """Train for `updates` updates of `batch` transitions, one step of all parallel `episodes` before each.
+class Training:
+    """The training loop: `updates` updates of `batch` transitions, one step of all parallel `episodes` before each.
+
+    Iterating trains, and yields a report every `report_every` updates; only there, and where `goal_iou` ends episodes,
+    does it wait for the device. It ends after the last update, or after the one in which `stopping` is set.
+    Its `state_dict` is all that it needs to go on as if it had never ended, at any update.
 
     An episode is cut after `max_moves` moves, which the agent cannot see: its last transition
     bootstraps like any other. With `goal_iou` it terminates at that IoU, and does not. Illegal moves
     are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.
     Learning starts when `warmup_moves` moves are stored; each update sees an equal share of its batch
-    in every one of the `symmetries`. Yields a report every `report_every` updates; only there, and
-    where `goal_iou` ends episodes, does it wait for the device.
+    in every one of the `symmetries`.
     """
-    device = simulator.device
-    episode_rng, explore_rng, replay_rng = (
-        torch.Generator(device).manual_seed(int(s.generate_state(1)[0])) for s in seed.spawn(3)
-    )
-    watch = Stopwatch()
-    # Of different ages, so that not all end in the same step.
-    running = Episodes(simulator, np.arange(episodes) * max_moves // episodes, max_moves, episode_rng, goal_iou)
-    moves = 0
-    returns = torch.zeros(episodes, device=device)
-    losses, mean_qs, max_qs = [], [], []
-    ended_returns, ended_ious = [], []
 
-    while agent.updates < updates:
-        with watch("act"):
-            observation = observe(running.room, running.position)
-            greedy = agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
-            action = explore(greedy, running.legal, epsilon(agent.updates), explore_rng)
-        with watch("simulate"):
+    def __init__(
+        self,
+        agent: DQN,
+        simulator: BatchSimulator,
+        observe: Observe,
+        replay: Replay,
+        epsilon: LinearSchedule,
+        *,
+        updates: int,
+        batch: int,
+        episodes: int,
+        max_moves: int,
+        discount: float,
+        goal_iou: float | None,
+        warmup_moves: int,
+        report_every: int,
+        symmetries: Sequence[Symmetry],
+        seed: np.random.SeedSequence,
+    ):
+        self.agent, self.replay, self.stopping = agent, replay, False
+        self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
+        self._updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
+        self._warm = min(warmup_moves, replay.capacity)
+        device = simulator.device
+        episode_rng, self._explore_rng, self._replay_rng = (
+            torch.Generator(device).manual_seed(int(s.generate_state(1)[0])) for s in seed.spawn(3)
+        )
+        # Of different ages, so that not all end in the same step.
+        ages = np.arange(episodes) * max_moves // episodes
+        self._running = Episodes(simulator, ages, max_moves, episode_rng, goal_iou)
+        self._moves = 0
+        self._returns = torch.zeros(episodes, device=device)  # of the episodes that run
+        self._recent = Recent()
+        self._watch = Stopwatch()
+
+    def __iter__(self) -> Iterator[Progress]:
+        agent = self.agent
+        while agent.updates < self._updates and not self.stopping:
+            self._act()
+            if self.replay.size < self._warm:
+                continue
+            self._learn()
+            if agent.updates % self._report_every == 0 or agent.updates == self._updates:
+                yield self._report()
+
+    def _act(self) -> None:
+        """One move of every episode, stored."""
+        running, recent = self._running, self._recent
+        with self._watch("act"):
+            observation = self._observe(running.room, running.position)
+            greedy = self.agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
+            action = explore(greedy, running.legal, self._epsilon(self.agent.updates), self._explore_rng)
+        with self._watch("simulate"):
             step = running.step(action)
-        moves += episodes
-        with watch("store"):
-            replay.add(transitions(step, discount))
-        returns += step.terms.total
+        with self._watch("store"):
+            self.replay.add(transitions(step, self._discount))
+        self._moves += len(action)
+        self._returns += step.terms.total
         if len(step.ended):
-            ended_returns.append(returns[step.ended])
-            ended_ious.append(step.terms.iou[step.ended])
-            returns[step.ended] = 0
-        if replay.size < min(warmup_moves, replay.capacity):
-            continue
+            recent.returns.append(self._returns[step.ended])
+            recent.ious.append(step.terms.iou[step.ended])
+            self._returns[step.ended] = 0
 
-        with watch("sample"):
-            sampled = replay.sample(batch, replay_rng)
-            observation = observe(sampled.room, sampled.position)
-            next_observation = observe(sampled.room, sampled.next_position)
-            turned = _turned(observe, symmetries, sampled, observation, next_observation)
-        with watch("learn"):
-            stats = agent.update(*turned)
-        losses.append(stats.loss)
-        mean_qs.append(stats.mean_q)
-        max_qs.append(stats.max_q)
-        if agent.updates % report_every == 0 or agent.updates == updates:
-            yield Progress(
-                agent.updates,
-                moves,
-                epsilon(agent.updates),
-                float(torch.stack(losses).mean()),
-                float(torch.stack(mean_qs).mean()),
-                float(torch.stack(max_qs).max()),
-                float(torch.cat(ended_returns).mean()) if ended_returns else float("nan"),
-                float(torch.cat(ended_ious).mean()) if ended_ious else float("nan"),
-                watch.read(),
-            )
-            losses, mean_qs, max_qs, ended_returns, ended_ious = [], [], [], [], []
+    def _learn(self) -> None:
+        """One update."""
+        with self._watch("sample"):
+            sampled = self.replay.sample(self._batch, self._replay_rng)
+            observation = self._observe(sampled.room, sampled.position)
+            next_observation = self._observe(sampled.room, sampled.next_position)
+            turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
+        with self._watch("learn"):
+            stats = self.agent.update(*turned)
+        for column, value in zip((self._recent.losses, self._recent.mean_qs, self._recent.max_qs), stats, strict=True):
+            column.append(value[None])
+
+    def _report(self) -> Progress:
+        recent, self._recent = self._recent, Recent()
+        return Progress(
+            self.agent.updates,
+            self._moves,
+            self._epsilon(self.agent.updates),
+            float(torch.cat(recent.losses).mean()),
+            float(torch.cat(recent.mean_qs).mean()),
+            float(torch.cat(recent.max_qs).max()),
+            float(torch.cat(recent.returns).mean()) if recent.returns else float("nan"),
+            float(torch.cat(recent.ious).mean()) if recent.ious else float("nan"),
+            self._watch.read(),
+        )
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that it needs to go on exactly: tensors and plain values."""
+        return {
+            "agent": self.agent.state_dict(),
+            "replay": self.replay.state_dict(),
+            "episodes": self._running.state_dict(),
+            "generators": [generator.get_state() for generator in (self._explore_rng, self._replay_rng)],
+            "moves": self._moves,
+            "returns": self._returns,
+            "recent": {name: torch.cat(values) if values else None for name, values in vars(self._recent).items()},
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from where another of the same settings was."""
+        self.agent.load_state_dict(state["agent"])
+        self.replay.load_state_dict(state["replay"])
+        self._running.load_state_dict(state["episodes"])
+        for generator, its_state in zip((self._explore_rng, self._replay_rng), state["generators"], strict=True):
+            generator.set_state(its_state.cpu())
+        self._moves = state["moves"]
+        self._returns = state["returns"].clone()
+        self._recent = Recent(**{name: [] if values is None else [values] for name, values in state["recent"].items()})
+
+
+@dataclass
+class Recent:
+    """What happened since the last report, as tensors to be concatenated."""
+
+    losses: list[Tensor] = field(default_factory=list)
+    mean_qs: list[Tensor] = field(default_factory=list)
+    max_qs: list[Tensor] = field(default_factory=list)
+    returns: list[Tensor] = field(default_factory=list)  # of the episodes that ended
+    ious: list[Tensor] = field(default_factory=list)  # where they ended
 
 
 def transitions(step: Step, discount: float) -> Transitions:

@@ -123,7 +123,7 @@ def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], de
 def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np.inf, minutes: float = np.inf) -> Curve:
     """Train, to the end or until an IoU or a time is reached."""
     curve = Curve(probe)
-    for progress in learner.train(probe_every):
+    for progress in learner.training(probe_every):
         point = curve.add(progress.updates, learner.policy)
         if point.iou >= iou or point.seconds >= 60 * minutes:
             break

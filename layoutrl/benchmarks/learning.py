@@ -92,7 +92,7 @@ def learning(learner: Learner, poses: int, seconds: float) -> dict[str, float]:
     fill(learner)
     device, sampled = learner.simulator.device, sample(learner, poses)
     observations = poses / seconds_of(partial(learner.observe, sampled.room, sampled.position), seconds)
-    reports, passes = learner.train(REPORT), bare_passes(learner)
+    reports, passes = iter(learner.training(REPORT)), bare_passes(learner)
     next(reports)
     loop: list[float] = []
     learned: list[float] = []
@@ -160,7 +160,7 @@ def train_with_full_replay(config: BenchConfig, rooms: Sequence[Room], device: t
 
 def training_pace(learner: Learner, seconds: float) -> float:
     """Updates a second, over so many seconds; warm-up left out."""
-    reports = learner.train(REPORT)
+    reports = iter(learner.training(REPORT))
     next(reports)
     began, first = time.perf_counter(), learner.agent.updates
     while time.perf_counter() - began < seconds:

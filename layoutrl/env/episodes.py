@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -74,6 +74,22 @@ class Episodes:
             self._begin_anew(step.ended)
             self._age[ended] = 0
         return step
+
+    def state_dict(self) -> dict[str, Any]:
+        """Where every episode is, and what is drawn next."""
+        return {
+            "room": self.room,
+            "position": self.position,
+            "age": self._age.tolist(),
+            "generator": self._generator.get_state(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from where others were."""
+        self.room, self.position = (state[name].to(self._simulator.device) for name in ("room", "position"))
+        self._age = np.array(state["age"])
+        self._generator.set_state(state["generator"].cpu())
+        self._length, self.legal = self._simulator.reach(self.room, self.position)
 
     def _begin_anew(self, ended: Tensor) -> None:
         room, position = self._drawn(len(ended))

@@ -71,6 +71,11 @@ class Greedy:
     on_illegal: Literal["stop", "mask"]
     symmetries: Sequence[Symmetry]
 
+    @property
+    def device(self) -> torch.device:
+        """Where the agent is."""
+        return next(self.agent.network.parameters()).device
+
     def rollout(self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, starts: np.ndarray) -> Rollout:
         """Follow the policy in rooms (B,) from starts (B, 2)."""
         began = time.perf_counter()

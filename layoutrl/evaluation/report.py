@@ -34,8 +34,7 @@ def evaluate(
     start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
     room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
     starts = simulator.starts(room, start_rng)
-    device = next(policy.agent.network.parameters()).device
-    run = policy.rollout(BatchSimulator(simulator, device), observe, room, starts)
+    run = policy.rollout(BatchSimulator(simulator, policy.device), observe, room, starts)
     ceiling = lattice_ceiling(simulator, room, starts)
     places = {
         AGENT: run.final,

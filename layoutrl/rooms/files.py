@@ -32,6 +32,8 @@ from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Open
 REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
+SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
+MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
 
@@ -94,12 +96,14 @@ def parse_room(text: str | bytes) -> Room:
     """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
-        document = json.loads(text)
+        document = json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
         ended = error.pos >= len(error.doc.rstrip())
         raise RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended)) from None
     except UnicodeDecodeError as error:
         raise RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}") from None
+    except RoomError:
+        raise
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
         raise RoomError("text", f"expected numbers and nesting of a usual size; {error}") from None
     return room_from_dict(document)
@@ -177,6 +181,15 @@ def _documents(path: Path) -> Iterator[tuple[str, bytes]]:
             yield from ((f"{file}:{n}", line) for n, line in enumerate(text.split(b"\n"), 1) if line.strip())
         else:
             yield f"{file}:1", text
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON, in which no key may stand twice: json itself would take the last."""
+    document = dict(pairs)
+    if len(document) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise RoomError(next(name for name in names if names.count(name) > 1), "stands there twice")
+    return document
 
 
 def _name_in(text: bytes) -> str:
@@ -271,7 +284,7 @@ def _pair(value: Any, field: str) -> tuple[float, float]:
 def _number(value: Any, field: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
         raise RoomError(field, f"expected a finite number of at most {LARGEST:g} (metres); got {_show(value)}")
-    return float(value)
+    return float(value) if abs(value) > SMALLEST else 0.0
 
 
 def _text(value: Any, field: str) -> str:
@@ -283,6 +296,8 @@ def _text(value: Any, field: str) -> str:
 def _list(value: Any, field: str) -> list[Any]:
     if not isinstance(value, list):
         raise RoomError(field, f"expected a list; got {_show(value)}")
+    if len(value) > MOST:
+        raise RoomError(field, f"expected at most {MOST:,} entries; got {len(value):,}")
     return value
 
 

@@ -15,7 +15,7 @@ from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.agents.training import REWARD_SCALE, Progress, train
+from layoutrl.agents.training import REWARD_SCALE, Progress, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.reward import Reward, RewardTerms
@@ -119,7 +119,7 @@ def run_of(
     run = Run(simulator, agent, RecordedReplay(capacity, moves.count, agent.tape), agent.tape)
     settings |= {"symmetries": symmetries(moves), "seed": np.random.SeedSequence(seed)}
     schedule = epsilon or LinearSchedule(1.0, 0.5, 3)
-    run.reports += train(agent, BatchSimulator(simulator), observe, run.replay, schedule, **settings)
+    run.reports += Training(agent, BatchSimulator(simulator), observe, run.replay, schedule, **settings)
     return run
 
 
@@ -364,7 +364,7 @@ def test_values_bootstrap_through_the_budget_of_moves_and_end_with_the_goal(goal
     agent = DQN(nn.Linear(1, 4), 0.1, 500, target_period=5, double=False)
     settings = SETTINGS | {"updates": 500, "max_moves": 1, "discount": 0.75, "goal_iou": goal_iou, "report_every": 500}
     settings |= {"symmetries": symmetries(Moves((1.0,), slide=False)), "seed": np.random.SeedSequence(0)}
-    list(train(agent, OnePlace(), Nothing(), Replay(100, 4), LinearSchedule(1.0, 1.0, 0), **settings))
+    list(Training(agent, OnePlace(), Nothing(), Replay(100, 4), LinearSchedule(1.0, 1.0, 0), **settings))
     np.testing.assert_allclose(agent.values(torch.ones(1, 1)), value, atol=0.02)
 
 
@@ -381,7 +381,7 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     views = [Symmetry(0, False, moves), Symmetry(1, True, moves)]
     settings |= {"symmetries": views, "seed": np.random.SeedSequence(0)}
     schedule, home = LinearSchedule(1.0, 0.5, 400), BatchSimulator(Simulator([room], moves, Reward()))
-    list(train(agent, home, observe, Replay(10_000, 4), schedule, **settings))
+    list(Training(agent, home, observe, Replay(10_000, 4), schedule, **settings))
     simulator, index = Simulator(rooms, moves, Reward()), np.repeat([0, 1], 60)
     starts = simulator.starts(index, np.random.default_rng(1))
     final = Greedy(agent, 40, "mask", views[:1]).rollout(BatchSimulator(simulator), turned, index, starts).final

@@ -224,7 +224,7 @@ def door_off_the_walls(layout: Layout) -> None:
         (without_a_wall, "its walls do not close"),
         (without_doors, "a field is missing or is not of the expected kind"),
         (null_bed, "a field is missing or is not of the expected kind"),
-        (nan_bed, "a coordinate is not a finite number"),
+        (nan_bed, "a coordinate is not a number, or is kilometres away"),
         (bed_outside, "its bed is not inside the room"),
         (unknown_item, "an item's id has no known meaning"),
         (oblique_item, "an item is not turned by quarters of a circle"),

@@ -47,6 +47,7 @@ CATEGORIES = {
 }
 
 CORNER_GAP = 0.06  # metres: where a wall of 0.1 meets one of 0.2, they are drawn up to 0.05 apart
+LARGEST = 1e6  # millimetres, of a coordinate
 
 
 class Unreadable(ValueError):
@@ -100,7 +101,7 @@ def layouts_in(path: Path) -> Iterator[Any]:
             layout, end = json.JSONDecoder().raw_decode(text)
             yield layout
             text = text[end:].lstrip()
-    except ValueError:
+    except (ValueError, RecursionError):
         yield None
 
 
@@ -138,8 +139,8 @@ def room_of(layout: Any, room_type: str, label: str, group: str) -> Room:
 
 def metres(value: float) -> float:
     """Millimetres as metres, to a micrometre, so that equal drawings give equal rooms."""
-    if not math.isfinite(value):
-        raise Unreadable("a coordinate is not a finite number")
+    if not abs(value) <= LARGEST:
+        raise Unreadable("a coordinate is not a number, or is kilometres away")
     return round(value / 1000, 6)
 
 

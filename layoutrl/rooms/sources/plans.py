@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -29,6 +28,7 @@ BASIN, DASHED = 1, 2  # styles of a washing_basin: a basin, an appliance drawn a
 ICONS = ("bathtub", "cooking_counter", "toilet", "washing_basin")
 CATEGORIES = {"wall", "door", "entrance", "stairs", "special", "point", *ICONS, *KINDS}
 HINGED = (1, 2)  # styles of a door
+LARGEST = 1e5  # pixels, of a corner; plans are some thousand wide
 
 # Slack of the drawing: (pixels, share of a length); the larger of the two holds.
 STRAIGHTEN = (3, 0.12)  # of the wall's length
@@ -150,8 +150,8 @@ def parse(file: Path) -> dict[str, list[Row]]:
             style, back = int(fields[5]), int(fields[6]) if len(fields) == 7 else 1
         except ValueError:
             raise BadRow(number, "expected numbers for the corners, d1 and d2") from None
-        if not all(map(math.isfinite, (x0, y0, x1, y1))) or back not in FACING:
-            raise BadRow(number, "expected finite corners, and d2 from 1 to 4")
+        if not all(abs(value) <= LARGEST for value in (x0, y0, x1, y1)) or back not in FACING:
+            raise BadRow(number, f"expected corners of at most {LARGEST:.0e} pixels, and d2 from 1 to 4")
         rows[fields[4]].append(Row(x0, -y0, x1, -y1, style, back))
     return rows
 

@@ -1,0 +1,86 @@
+"""A long training under watch: memory and the run's folder, minute by minute.
+
+    python experiments/soak.py [--minutes 30] [--runs runs/soak] [options of layoutrl.train]
+
+Trains until the time is over, then stops the training as a user would, and says how much its memory and its files grew
+after the first tenth of the time. Writes soak.csv, soak.png and soak.svg into the run's folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib import style
+from matplotlib.figure import Figure
+
+from layoutrl.build import answers_errors
+from layoutrl.errors import InputError
+from layoutrl.figures import STYLE, save
+
+UPDATES = 10**7  # more than there is time for
+
+
+def resident(process: int) -> float:
+    """Memory of a process, MB; Linux only."""
+    try:
+        status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
+    except OSError:
+        raise InputError("soak: expected Linux, which says how much memory a process has") from None
+    size = re.search(r"VmRSS:\s+(\d+) kB", status)
+    return int(size[1]) / 1000 if size else float("nan")
+
+
+def watched(command: list[str], folder: Path, minutes: float, every: float) -> list[tuple[float, float, float, float]]:
+    """(minutes, MB of memory, of checkpoints, of all other files), every so many seconds, until the time is over."""
+    seen, began = [], time.monotonic()
+    with (folder / "soak.log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
+        while (passed := (time.monotonic() - began) / 60) < minutes and process.poll() is None:
+            files = [(file, file.stat().st_size / 1e6) for file in folder.rglob("*") if file.is_file()]
+            saved = sum(size for file, size in files if file.parent.name == "checkpoints")
+            seen.append((passed, resident(process.pid), saved, sum(size for _, size in files) - saved))
+            time.sleep(every)
+        process.send_signal(signal.SIGTERM)
+    return seen
+
+
+@answers_errors
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=30)
+    parser.add_argument("--runs", type=Path, default=Path("runs/soak"))
+    options, overrides = parser.parse_known_args()
+    options.runs.mkdir(parents=True, exist_ok=True)
+    often = ["budget.reports=10000", "budget.evaluations=10000"]  # of so many updates
+    given = [f"runs={options.runs}", f"method.updates.default={UPDATES}", *often]
+    command = [sys.executable, "-m", "layoutrl.train", *given, *overrides]
+    seen = watched(command, options.runs, options.minutes, every=max(1.0, options.minutes / 5))
+    if len(seen) < 3:
+        raise InputError(f"soak: the training ended at once; {options.runs / 'soak.log'} says why")
+    with (options.runs / "soak.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([("minutes", "memory_mb", "checkpoints_mb", "other_files_mb"), *seen])
+    minutes, memory, saved, other = np.array(seen).T
+    settled = minutes > minutes[-1] / 10
+    for name, values in (("memory", memory), ("checkpoints", saved), ("other files", other)):
+        first, last = values[settled][[0, -1]]
+        print(f"{name}: {first:.1f} MB after {minutes[settled][0]:.1f} minutes, {last:.1f} MB at the end")
+    with style.context(STYLE):
+        figure = Figure(figsize=(4.5, 2.6))
+        axes = figure.subplots()
+        for label, values in (("memory", memory), ("checkpoints", saved), ("logs and pictures", other)):
+            axes.plot(minutes, values, label=label)
+        axes.set(xlabel="minutes", ylabel="MB", xlim=(0, None), ylim=(0, None))
+        axes.legend()
+        for file in save(figure, options.runs / "soak"):
+            print(f"wrote {file}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,315 @@
+"""Whatever stands in a file, its reader answers with a room or with the project's own error, soon and in little memory.
+
+The short form is part of every run of the tests; `pytest -m slow tests/test_fuzz.py` reads 20,000 files and more.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import random
+import resource
+import shutil
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import layoutrl
+from layoutrl.errors import InputError
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import parse_room, room_to_dict
+from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
+from layoutrl.rooms.sources import designer_rooms, floorplans
+from layoutrl.runs import load_checkpoint, load_config, save_checkpoint
+from tests.builders import random_room
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
+SECONDS = 2.0  # that an input may take
+BYTES = 2**30  # that all of them may take, beyond what was taken before
+ODD_NUMBERS = (
+    math.nan, math.inf, -math.inf, 0, -0.0, -1, 1e-300, 1e-9, 1e300, 10**400, 2**63, 999.9, 1001, 0.1 + 0.2, True,
+)  # fmt: skip
+ODD_VALUES = (None, "", "x", "\u0000", "ä" * 5000, [], {}, [[]], [None], {"x": 1}, "bed", "1.0")
+
+
+def times(few: int, many: int) -> Any:
+    """How often: few in every run of the tests, many in the slow one."""
+    return pytest.mark.parametrize("count", [few, pytest.param(many, marks=pytest.mark.slow)])
+
+
+@contextmanager
+def soon() -> Iterator[None]:
+    """Raises TimeoutError after two seconds."""
+
+    def late(*_: Any) -> None:
+        raise TimeoutError(f"took over {SECONDS} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture(autouse=True)
+def little_memory() -> Iterator[None]:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    yield
+    assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < BYTES
+
+
+def answered(reader: Callable[[], Any], errors: type[Exception], about: Any) -> Any:
+    """What a reader returns, or None for an error of the project's own; anything else fails, and says for what."""
+    try:
+        with soon():
+            return reader()
+    except errors:
+        return None
+    except BaseException as error:
+        error.add_note(f"for {about!r:.2000}")
+        raise
+
+
+# Documents -----------------------------------------------------------------------------------------------------------
+
+
+def places(document: Any) -> Iterator[tuple[Any, Any]]:
+    """Every (container, key) of a document."""
+    entries = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, value in list(entries):
+        yield document, key
+        if isinstance(value, dict | list):
+            yield from places(value)
+
+
+def mutated_document(document: Any, dice: random.Random) -> Any:
+    """A document with some of its values changed, dropped, swapped, nested or repeated."""
+    for _ in range(dice.choice((1, 1, 1, 2, 5))):
+        found = list(places(document))
+        if not found:
+            return document
+        container, key = dice.choice(found)
+        value = container[key]
+        kind = dice.randrange(8)
+        if kind == 0:
+            container[key] = dice.choice(ODD_NUMBERS)
+        elif kind == 1:
+            container[key] = dice.choice(ODD_VALUES)
+        elif kind == 2:
+            del container[key]
+        elif kind == 3 and isinstance(value, list):
+            dice.shuffle(value)  # an outline that crosses itself
+        elif kind == 3 and isinstance(value, int | float) and not isinstance(value, bool):
+            container[key] = value * dice.choice((-1, 1000, 1e-6, 1 + 1e-12, 10.0 ** dice.randrange(-300, 300)))
+        elif kind == 4:
+            nested: Any = value
+            for _ in range(dice.choice((1, 3, 200))):
+                nested = [nested]
+            container[key] = nested
+        elif kind == 5 and isinstance(value, list):
+            container[key] = value * dice.choice((2, 3, 50))
+        elif kind == 6:
+            other, its_key = dice.choice(found)
+            container[key] = json.loads(json.dumps(other[its_key]))  # a copy: no document holds itself
+        elif isinstance(container, dict):
+            container["x" if dice.random() < 0.5 else "target"] = value
+    return document
+
+
+def mutated_bytes(content: bytes, dice: random.Random) -> bytes:
+    """Bytes with some flipped, cut, repeated or in another encoding."""
+    changed = bytearray(content)
+    for _ in range(dice.choice((1, 1, 3, 20))):
+        at = dice.randrange(len(changed) + 1)
+        kind = dice.randrange(5)
+        if kind == 0 and changed:
+            changed[at % len(changed)] = dice.randrange(256)
+        elif kind == 1:
+            del changed[at:]
+        elif kind == 2:
+            changed[at:at] = dice.choice(
+                (b"{", b"}", b"[", b'"', b"\x00", b"\xff\xfe", b"9" * 5000, b"[" * 100_000, b"\t", b"\n")
+            )
+        elif kind == 3:
+            length = dice.randrange(1, 100)
+            changed[at:at] = changed[at : at + length]
+        else:
+            del changed[at : at + dice.randrange(1, 30)]
+    if dice.random() < 0.02:
+        return (
+            bytes(changed)
+            .decode("utf-8", "replace")
+            .encode(dice.choice(("utf-16", "utf-32", "latin-1", "utf-7")), "replace")
+        )
+    return bytes(changed)
+
+
+def as_json(document: Any, dice: random.Random) -> bytes:
+    text = json.dumps(document)
+    if dice.random() < 0.05:  # a key that stands there twice
+        text = text.replace('"outline":', '"outline": [], "outline":', 1)
+    return text.encode()
+
+
+@pytest.fixture(scope="module")
+def documents() -> list[dict[str, Any]]:
+    rooms = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "train", 0, 2).rooms]
+    rooms += [random_room(np.random.default_rng(seed)) for seed in range(10)]
+    return [room_to_dict(room) for room in rooms]
+
+
+@times(400, 12_000)
+def test_a_room_of_json_is_a_room_or_an_error_of_its_own(count, documents):
+    dice, read = random.Random(count), 0
+    for _ in range(count):
+        text = json.dumps(dice.choice(documents))
+        content = (
+            as_json(mutated_document(json.loads(text), dice), dice)
+            if dice.random() < 0.7
+            else mutated_bytes(text.encode(), dice)
+        )
+        room = answered(lambda content=content: parse_room(content), RoomError, content)
+        if room is not None:
+            read += 1
+            assert isinstance(room, Room)
+            answered(lambda room=room: (room.indoor, room.envelope), RoomError, content)
+    assert 0.02 * count < read < 0.6 * count  # some changes are none, most are
+
+
+@pytest.mark.parametrize("corners", [1_000, 100_000])
+def test_an_outline_of_very_many_corners_is_answered(corners, documents):
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    for radius in (2 + 0 * angle, 2 + np.cos(40 * angle) / 4, np.where(np.arange(corners) % 2, 2, 2.5)):
+        outline = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]).tolist()
+        document = documents[0] | {"outline": outline, "doors": [], "windows": [], "walls": [], "furniture": []}
+        answered(lambda document=document: parse_room(json.dumps(document)), RoomError, corners)
+
+
+def test_brackets_and_numbers_without_end_are_answered():
+    for text in ("[" * 10**6, '{"a":' * 10**5, "9" * 10**6, '"' + "x" * 10**7, "-" * 10**6, "[" + "1," * 10**6):
+        with pytest.raises(RoomError):
+            answered(lambda text=text: parse_room(text), (), text[:100])
+
+
+@pytest.mark.parametrize("text", ['{"id": "a", "id": "b"}', '{"outline": [], "outline": []}'])
+def test_a_key_that_stands_twice_is_refused(text):
+    with pytest.raises(RoomError, match="stands there twice"):
+        parse_room(text)
+
+
+# Real sources --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not (DATA / "floorplans").is_dir(), reason="no real plans in ../shared/data/floorplans")
+@times(30, 4_000)
+def test_a_floor_plan_is_rooms_or_is_left_out(count, tmp_path):
+    dice, plans = random.Random(count), sorted((DATA / "floorplans" / floorplans.PLANS).rglob("*.txt"))
+    (tmp_path / floorplans.NEAR_COPIES).write_text("a\tb\tcosine\n")
+    file = tmp_path / floorplans.PLANS / "aa" / "0001.txt"
+    file.parent.mkdir(parents=True)
+    for _ in range(count):
+        content = dice.choice(plans).read_bytes()
+        if dice.random() < 0.7:
+            rows = [row.split(b"\t") for row in content.splitlines()]
+            for _ in range(dice.choice((1, 2, 10))):
+                row = dice.choice(rows)
+                odd = dice.choice(
+                    (b"nan", b"inf", b"-1e308", b"0", b"1e9", b"", b"wall", b"999999999999", row[0], b"-5")
+                )
+                row[dice.randrange(len(row))] = odd
+            content = b"\n".join(b"\t".join(row) for row in rows)
+        else:
+            content = mutated_bytes(content, dice)
+        file.write_bytes(content)
+        room_type, labels = dice.choice(("bathroom", "kitchen")), dice.choice(("snapped", "raw"))
+        answered(lambda r=room_type, b=labels: floorplans.read(tmp_path, r, b), InputError, content)
+
+
+@pytest.mark.skipif(not (DATA / "designer_rooms").is_dir(), reason="no real rooms in ../shared/data/designer_rooms")
+@times(60, 4_000)
+def test_a_designers_layout_is_a_room_or_is_left_out(count, tmp_path):
+    dice = random.Random(count)
+    real = {kind: sorted((DATA / "designer_rooms").glob(pattern)) for kind, pattern in designer_rooms.FILES.items()}
+    for _ in range(count):
+        room_type = dice.choice(list(real))
+        source = dice.choice(real[room_type])
+        file = tmp_path / source.relative_to(DATA / "designer_rooms")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        content = source.read_bytes()
+        if dice.random() < 0.7:
+            decoded = json.JSONDecoder().raw_decode(content.decode("utf-8-sig").strip())[0]
+            file.write_bytes(as_json(mutated_document(decoded, dice), dice))
+        else:
+            file.write_bytes(mutated_bytes(content, dice))
+        answered(lambda r=room_type: designer_rooms.read(tmp_path, r), InputError, file.read_bytes())
+        file.unlink()
+
+
+# Runs ----------------------------------------------------------------------------------------------------------------
+
+
+@times(50, 1_000)
+def test_a_checkpoint_is_a_state_or_an_error_of_its_own(count, tmp_path, capsys):
+    dice = random.Random(count)
+    state = {
+        "version": layoutrl.__version__,
+        "training": {"weights": torch.ones(50), "updates": 3},
+        "categories": ["a"],
+    }
+    save_checkpoint(tmp_path, state, 3)
+    file = tmp_path / "checkpoints" / "00000003.pt"
+    whole, mark = file.read_bytes(), json.loads(file.with_suffix(".json").read_text())
+    for _ in range(count):
+        content = mutated_bytes(whole, dice)
+        file.write_bytes(content)
+        honest = json.dumps(mark | {"sha256": layoutrl.runs.hashlib.sha256(content).hexdigest()}).encode()
+        file.with_suffix(".json").write_bytes(honest if dice.random() < 0.8 else mutated_bytes(honest, dice))
+        answered(lambda: load_checkpoint(tmp_path, torch.device("cpu")), InputError, content)
+    capsys.readouterr()
+
+
+class Evil:
+    def __reduce__(self) -> Any:
+        return os.mkdir, ("/tmp/layoutrl-was-here",)
+
+
+def test_a_loaded_checkpoint_never_runs_code(tmp_path):
+    for content in (pickle.dumps(Evil(), protocol=2), None):
+        folder = tmp_path / str(content is None)
+        folder.mkdir()
+        save_checkpoint(folder, {"version": layoutrl.__version__, "evil": Evil()}, 1)
+        if content is not None:
+            file = folder / "checkpoints" / "00000001.pt"
+            file.write_bytes(content)
+            mark = json.loads(file.with_suffix(".json").read_text())
+            file.with_suffix(".json").write_text(
+                json.dumps(mark | {"sha256": layoutrl.runs.hashlib.sha256(content).hexdigest()})
+            )
+        with pytest.raises(InputError, match="no whole checkpoint"):
+            load_checkpoint(folder, torch.device("cpu"))
+    assert not Path("/tmp/layoutrl-was-here").exists()
+
+
+@times(50, 1_000)
+def test_a_configuration_is_one_or_an_error_of_its_own(count, tmp_path):
+    from omegaconf import OmegaConf
+
+    from layoutrl.config import composed
+
+    dice = random.Random(count)
+    whole = OmegaConf.to_yaml(OmegaConf.structured(composed("train", "room=bedroom"))).encode()
+    for _ in range(count):
+        content = mutated_bytes(whole, dice)
+        (tmp_path / "config.yaml").write_bytes(content)
+        answered(lambda: load_config(tmp_path), InputError, content)
+    shutil.rmtree(tmp_path)
