@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Literal, ParamSpec, TypeVar
 
 import numpy as np
 import torch
@@ -148,9 +148,11 @@ def greedy(agent: DQN, method: MethodConfig) -> Greedy:
     return Greedy(agent, method.evaluation_moves, method.on_illegal, views(method, device))
 
 
-def trained_agent(folder: Path, method: MethodConfig, device: torch.device) -> tuple[DQN, list[str]]:
+def trained_agent(
+    folder: Path, method: MethodConfig, device: torch.device, which: Literal["last", "best"] = "last"
+) -> tuple[DQN, list[str]]:
     """The agent of a run's folder, and the furniture categories that it knows."""
-    checkpoint = load_checkpoint(folder, device)
+    checkpoint = load_checkpoint(folder, device, which)
     trained = agent(method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
     trained.network.load_state_dict(checkpoint["training"]["agent"]["network"])
     return trained, checkpoint["categories"]
@@ -188,7 +190,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     trained = load_config(folder)
     own, data = trained.data, config.data
     chosen_device = device(config.device)
-    agent, categories = trained_agent(folder, trained.method, chosen_device)
+    agent, categories = trained_agent(folder, trained.method, chosen_device, config.checkpoint)
 
     if data.source is None:  # the run's own, but for what is given
         given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}

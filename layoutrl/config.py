@@ -152,11 +152,13 @@ class RunConfig:
         default_factory=lambda: DataConfig(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
     )
     part: Any = None
+    checkpoint: Any = "last"
     seed: int = 0
     device: str = "auto"
     on_illegal: Any = None
 
     def __post_init__(self) -> None:
+        one_of("checkpoint", self.checkpoint, "last", "best")
         if self.part is not None:
             one_of("part", self.part, "held_out", "training", "all")
         _within("seed", self.seed, self.seed >= 0, "0 or more")

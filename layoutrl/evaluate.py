@@ -28,7 +28,8 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         seed=np.random.SeedSequence(config.seed),
     )
     print(table(result))
-    name = f"evaluation-{shown.name}-{config.starts}-{shown.policy.on_illegal}-seed{config.seed}.json"
+    best = "-best" if config.checkpoint == "best" else ""
+    name = f"evaluation-{shown.name}-{config.starts}-{shown.policy.on_illegal}-seed{config.seed}{best}.json"
     file = Path(config.run) / name
     about = {
         "data": asdict(shown.data),

@@ -10,7 +10,7 @@ import platform
 import re
 import subprocess
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -81,9 +81,8 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
         safe = f"that of {before[0].updates} updates is whole" if before else "there is none before it"
         raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
     marks = checkpoints(folder)
-    best = max(marks, key=lambda mark: -1.0 if mark.iou is None else mark.iou)  # of equals the last
     for old in marks[KEPT:]:
-        if old is not best:
+        if old != best(marks):
             old.file.with_suffix(".json").unlink()  # the mark first: what has none is none
             old.file.unlink()
 
@@ -110,12 +109,20 @@ def checkpoints(folder: Path) -> list[Checkpoint]:
     return sorted(found, key=lambda checkpoint: -checkpoint.updates)
 
 
-def load_checkpoint(folder: Path, device: torch.device) -> dict[str, Any]:
-    """The last whole state that was saved; says where one is damaged and the one before it is taken.
+def best(found: list[Checkpoint]) -> Checkpoint:
+    """The one with the highest IoU in training rooms, and of equals the last: what is held out chooses nothing."""
+    return max(found, key=lambda checkpoint: -1.0 if checkpoint.iou is None else checkpoint.iou)
+
+
+def load_checkpoint(folder: Path, device: torch.device, which: Literal["last", "best"] = "last") -> dict[str, Any]:
+    """The last whole state that was saved, or the best; says where one is damaged and the last but it is taken.
 
     Nothing in a file is run. Raises InputError where none is whole, or where it is of another version.
     """
-    for checkpoint in checkpoints(folder):
+    found = checkpoints(folder)
+    if which == "best" and found:
+        found.insert(0, best(found))
+    for checkpoint in found:
         try:
             content = checkpoint.file.read_bytes()
             if hashlib.sha256(content).hexdigest() != checkpoint.sha256:

@@ -247,6 +247,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("gallery", ["out=/dev/null/here"], ["out", "/dev/null/here"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),
         ("watch", ["run=nowhere"], ["nowhere"]),
+        ("evaluate", ["run=nowhere", "checkpoint=first"], ["checkpoint", "last, best"]),
         ("watch", ["run=nowhere", "rooms=0"], ["rooms", "1 or more"]),
         ("evaluate", [], ["run"]),
         ("evaluate", ["run=nowhere", "data.root=elsewhere"], ["nowhere"]),

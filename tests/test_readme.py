@@ -1,4 +1,4 @@
-"""What the README says works: its Python, its commands' options, its room."""
+"""What the README and docs/ say works: their Python, their commands' options, the room, the tests that they name."""
 
 from __future__ import annotations
 
@@ -12,8 +12,13 @@ import pytest
 from layoutrl.config import composed
 from layoutrl.rooms.files import parse_room
 
-README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+PROJECT = Path(__file__).resolve().parents[1]
+README = (PROJECT / "README.md").read_text(encoding="utf-8")
+PAGES = {path: path.read_text(encoding="utf-8") for path in (PROJECT / "README.md", *(PROJECT / "docs").glob("*.md"))}
 BLOCKS = [dedent(block) for block in re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", README, flags=re.MULTILINE)]
+COMMANDS = sorted(
+    {command for page in PAGES.values() for command in re.findall(r"python -m layoutrl\.(\w+) (.*)", page)}
+)
 
 
 def test_the_python_runs() -> None:
@@ -25,12 +30,31 @@ def test_the_python_runs() -> None:
 
 def test_the_room_is_read() -> None:
     (text,) = (block for block in BLOCKS if block.startswith('{"id"'))
-    assert parse_room(text).id == json.loads(text)["id"]
-
-
-COMMANDS = re.findall(r"python -m layoutrl\.(\w+) (.*)", README)
+    room, *commands = text.split("\n\n")
+    assert parse_room(room).id == json.loads(room)["id"]
+    assert commands
 
 
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
 def test_the_commands_options_exist(entry_point: str, options: str) -> None:
-    assert composed(entry_point, *(option.replace("<name>", "name") for option in options.split()))
+    given = [option.replace("<name>", "name") for option in options.split()]
+    if "-m" in given:  # a sweep: its first run
+        given = [option.split(",")[0] for option in given if option != "-m"]
+    assert composed(entry_point, *given)
+
+
+def test_the_scripts_and_pages_that_are_named_are_there() -> None:
+    for path, page in PAGES.items():
+        for script in re.findall(r"python (experiments/\w+\.py)", page):
+            assert (PROJECT / script).is_file()
+        for link in re.findall(r"\]\(([^)#:]+)\)", page):
+            assert (path.parent / link).exists(), link
+
+
+def test_the_tests_that_promises_name_are_there() -> None:
+    rows = re.findall(r"^\| .* \| (`test_\w+\.py`.*) \|$", README, flags=re.MULTILINE)
+    assert len(rows) > 5
+    for row in rows:
+        file, *names = re.findall(r"`([\w.]+)`", row)
+        (found,) = (PROJECT / "tests").rglob(file)
+        assert all(re.search(rf"def test_\w*{name}", found.read_text(encoding="utf-8")) for name in names), row

@@ -205,6 +205,7 @@ def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):
     ]  # fmt: skip
     assert len(list((tmp_path / "checkpoints").iterdir())) == 6
     assert load_checkpoint(tmp_path, CPU)["updates"] == 50
+    assert load_checkpoint(tmp_path, CPU, "best")["updates"] == 20
 
 
 @pytest.mark.parametrize("step", ["write", "fsync", "replace"])
