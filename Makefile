@@ -23,6 +23,9 @@ train: setup  ## train and score an agent: make train ROOM=bedroom ARGS="budget=
 test: setup  ## run the tests
 	$(BIN)/python -m pytest
 
+fuzz: setup  ## read 22,000 broken files, in minutes
+	$(BIN)/python -m pytest -m slow
+
 lint: setup  ## ruff (lint and format) and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -39,7 +42,7 @@ tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke D
 	exit $$status
 
 notebooks: setup  ## run the notebooks, and keep what they show
-	$(BIN)/jupyter execute --inplace --kernel_name=python3 notebooks/*.ipynb
+	$(BIN)/jupyter execute --inplace --kernel_name=python3 --NotebookClient.record_timing=False notebooks/*.ipynb
 
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs
@@ -47,4 +50,4 @@ board: setup  ## TensorBoard on all runs
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test lint bench tables notebooks board clean
+.PHONY: help setup train test fuzz lint bench tables notebooks board clean
