@@ -160,7 +160,7 @@ def filled(config: CellConfig) -> dict[str, Any]:
 
 def stated(config: CellConfig) -> dict[str, Any]:
     """The configuration of a cell, as JSON has it, but for where files lie."""
-    return json.loads(json.dumps(asdict(replace(config, runs="", results=None, data=replace(config.data, root=None)))))
+    return training_entry.stated(replace(config, results=None))
 
 
 def setting_of(config: CellConfig, device: torch.device) -> Setting:

@@ -50,6 +50,8 @@ def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
             return entry_point(*args, **kwargs)
         except (InputError, OmegaConfBaseException) as error:
             sys.exit(f"error: {error}")
+        except OSError as error:  # a full disk, no permission
+            sys.exit(f"error: {error.filename or 'a file'}: {error.strerror}; expected to be able to read or write it")
         except KeyboardInterrupt:
             sys.exit("interrupted")
 
@@ -305,6 +307,13 @@ def device(name: str) -> torch.device:
             f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})"
         ) from None
     return chosen
+
+
+def refuse_chance(device: torch.device) -> None:
+    """Let torch raise where an operation would not give the same every time. On a GPU that would cost speed."""
+    torch.use_deterministic_algorithms(device.type == "cpu")
+    # What finds errors, and takes time. (torch's types do not know it.)
+    torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
 
 
 def keep_freed_memory() -> None:

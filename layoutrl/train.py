@@ -136,6 +136,7 @@ def train(
     updates = method.updates[budget.name]
     device = build.device(config.device)
     build.keep_freed_memory()
+    build.refuse_chance(device)
     print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
     learner = build.Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
@@ -145,9 +146,8 @@ def train(
     if folder is not None:
         seconds_before = go_on(training, folder, identity, device)
     probes = {}
-    for (name, rooms), seed in zip(
-        (("train", training_rooms), ("held_out", held_out)), probe_seed.spawn(2), strict=True
-    ):
+    parts = {"train": training_rooms, "held_out": held_out}
+    for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
         few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
         probes[name] = build.probe([rooms[k] for k in few], method, reward, learner.categories, rng, device)
@@ -156,16 +156,14 @@ def train(
 
     def save(iou: float | None) -> None:
         seconds = seconds_before + time.perf_counter() - began
-        state = identity | {
-            "categories": learner.categories, "seconds": seconds, "training": training.state_dict(),
-        }  # fmt: skip
-        save_checkpoint(folder, state, learner.agent.updates, iou)
+        state = {"categories": learner.categories, "seconds": seconds, "training": training.state_dict()}
+        save_checkpoint(folder, identity | state, learner.agent.updates, iou)
 
     try:
         with stopped_by_signals(training):
             for iou in watched(training, learner.policy, probes, folder, updates, evaluate_every):
                 save(iou)
-            if training.stopping:
+            if training.stopping and [c.updates for c in checkpoints(folder)[:1]] != [learner.agent.updates]:
                 save(None)
     except OSError as error:  # of what shows a run; save_checkpoint answers for itself
         raise InputError(
