@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely import box
 
@@ -18,7 +18,7 @@ from layoutrl.evaluation.baselines import (
     random_wall_place,
     wall_places,
 )
-from layoutrl.rooms.room import Item, Opening, symmetry
+from layoutrl.rooms.room import TOLERANCE, Item, Opening, symmetry
 from tests.builders import l_room, opening, random_room, rectangle, rectangular_room, room_of
 
 
@@ -82,6 +82,7 @@ def test_where_no_wall_place_is_legal_the_start_is_kept():
 
 
 @given(st.integers(0, 2**32 - 1))
+@example(1_663_036_330)
 @settings(max_examples=15)
 def test_wall_places_lie_indoors_at_a_wall_and_drawn_ones_are_legal(seed):
     rng = np.random.default_rng(seed)
@@ -90,7 +91,9 @@ def test_wall_places_lie_indoors_at_a_wall_and_drawn_ones_are_legal(seed):
     boxes = [box(x0 + x, y0 + y, x1 + x, y1 + y) for x, y in wall_places(room)]
     if any(room.indoor.buffer(1e-3).covers(around) for around in boxes):  # it fits
         assert all(room.indoor.buffer(1e-3).covers(around) for around in boxes)
-        assert all(room.indoor.exterior.distance(around.exterior) < 2e-3 for around in boxes if not room.holes)
+        # A corner of less than a centimetre is none.
+        near = TOLERANCE + 2e-3
+        assert all(room.indoor.exterior.distance(around.exterior) < near for around in boxes if not room.holes)
     simulator, index = simulator_of(room), np.zeros(5, dtype=int)
     chosen = random_wall_place(simulator, index, simulator.starts(index, rng), rng)
     assert simulator.is_legal(index, chosen).all()

@@ -151,7 +151,7 @@ def parse(file: Path) -> dict[str, list[Row]]:
         except ValueError:
             raise BadRow(number, "expected numbers for the corners, d1 and d2") from None
         if not all(abs(value) <= LARGEST for value in (x0, y0, x1, y1)) or back not in FACING:
-            raise BadRow(number, f"expected corners of at most {LARGEST:.0e} pixels, and d2 from 1 to 4")
+            raise BadRow(number, f"expected finite corners, at most {LARGEST:g} pixels away, and d2 from 1 to 4")
         rows[fields[4]].append(Row(x0, -y0, x1, -y1, style, back))
     return rows
 
