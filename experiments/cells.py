@@ -17,7 +17,7 @@ import time
 import traceback
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -224,8 +224,7 @@ def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.n
 
 def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[str], dict[str, Any]]:
     """Train, or take the agent that was trained on the same rooms in the same way: (policy, categories, about it)."""
-    own = {field.name for field in fields(TrainConfig)}
-    training = TrainConfig(**{name: value for name, value in vars(config).items() if name in own})
+    training = config.training()
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
     what = [asdict(training.data), config.trained_on, config.protocol, config.fold, config.budget.name, config.seed]

@@ -5,7 +5,7 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +134,10 @@ class TrainConfig:
         one_of("budget.name", self.budget.name, *self.method.updates)
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
+
+    def training(self) -> TrainConfig:
+        """The part that a training reads, of a configuration that has more."""
+        return TrainConfig(**{field.name: getattr(self, field.name) for field in fields(TrainConfig)})
 
 
 @dataclass

@@ -228,10 +228,9 @@ register()
 @build.answers_errors
 def main(config: DictConfig) -> None:
     command: TrainCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
-    own = {name: value for name, value in vars(command).items() if name != "resume"}
     hydra_config = HydraConfig.get()
     if command.resume is None:
-        (swept if hydra_config.mode == RunMode.MULTIRUN else run)(TrainConfig(**own))
+        (swept if hydra_config.mode == RunMode.MULTIRUN else run)(command.training())
         return
     if also := [given for given in hydra_config.overrides.task if not given.startswith("resume=")]:
         raise InputError(f"resume: goes on as it began; expected nothing beside it, got {' '.join(also)}")

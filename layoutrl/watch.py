@@ -94,8 +94,7 @@ def write(pictures: Sequence[Image.Image], base: Path) -> list[Path]:
     """Write <base>.gif and <base>.webp. Raises InputError where they cannot be written."""
     palette = pictures[-1].quantize(COLORS, Image.Quantize.MAXCOVERAGE)  # white stays white
     files = [base.with_name(f"{base.name}.{suffix}") for suffix in ("gif", "webp")]
-    durations = [FRAME_MS] * (len(pictures) - 1) + [HELD_MS]
-    durations[0] = START_MS
+    durations = [START_MS, *[FRAME_MS] * (len(pictures) - 2), HELD_MS]
     few_colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     try:
         base.parent.mkdir(parents=True, exist_ok=True)

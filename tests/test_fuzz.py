@@ -5,6 +5,7 @@ The short form is part of every run of the tests; `pytest -m slow tests/test_fuz
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -21,8 +22,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from omegaconf import OmegaConf
 
 import layoutrl
+from layoutrl.config import composed
 from layoutrl.errors import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
@@ -272,40 +275,42 @@ def test_a_checkpoint_is_a_state_or_an_error_of_its_own(count, tmp_path, capsys)
     for _ in range(count):
         content = mutated_bytes(whole, dice)
         file.write_bytes(content)
-        honest = json.dumps(mark | {"sha256": layoutrl.runs.hashlib.sha256(content).hexdigest()}).encode()
+        honest = json.dumps(mark | {"sha256": hashlib.sha256(content).hexdigest()}).encode()
         file.with_suffix(".json").write_bytes(honest if dice.random() < 0.8 else mutated_bytes(honest, dice))
         answered(lambda: load_checkpoint(tmp_path, torch.device("cpu")), InputError, content)
     capsys.readouterr()
 
 
 class Evil:
+    """What makes a folder when it is unpickled."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+
     def __reduce__(self) -> Any:
-        return os.mkdir, ("/tmp/layoutrl-was-here",)
+        return os.mkdir, (str(self.folder),)
 
 
 def test_a_loaded_checkpoint_never_runs_code(tmp_path):
-    for content in (pickle.dumps(Evil(), protocol=2), None):
+    made = tmp_path / "made"
+    for content in (pickle.dumps(Evil(made), protocol=2), None):
         folder = tmp_path / str(content is None)
         folder.mkdir()
-        save_checkpoint(folder, {"version": layoutrl.__version__, "evil": Evil()}, 1)
+        save_checkpoint(folder, {"version": layoutrl.__version__, "evil": Evil(made)}, 1)
         if content is not None:
             file = folder / "checkpoints" / "00000001.pt"
             file.write_bytes(content)
             mark = json.loads(file.with_suffix(".json").read_text())
-            file.with_suffix(".json").write_text(
-                json.dumps(mark | {"sha256": layoutrl.runs.hashlib.sha256(content).hexdigest()})
-            )
+            file.with_suffix(".json").write_text(json.dumps(mark | {"sha256": hashlib.sha256(content).hexdigest()}))
         with pytest.raises(InputError, match="no whole checkpoint"):
             load_checkpoint(folder, torch.device("cpu"))
-    assert not Path("/tmp/layoutrl-was-here").exists()
+    assert not made.exists()
+    pickle.loads(pickle.dumps(Evil(made)))
+    assert made.exists()  # it would have been
 
 
 @times(50, 1_000)
 def test_a_configuration_is_one_or_an_error_of_its_own(count, tmp_path):
-    from omegaconf import OmegaConf
-
-    from layoutrl.config import composed
-
     dice = random.Random(count)
     whole = OmegaConf.to_yaml(OmegaConf.structured(composed("train", "room=bedroom"))).encode()
     for _ in range(count):

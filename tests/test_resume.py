@@ -50,8 +50,7 @@ def rooms(tmp_path_factory) -> Path:
 
 def configured(rooms: Path, folder: Path, *overrides: str) -> TrainConfig:
     places = ("room=tatami", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
-    command_line = vars(composed("train", *places, *SHORT, *overrides))
-    return TrainConfig(**{name: value for name, value in command_line.items() if name != "resume"})
+    return composed("train", *places, *SHORT, *overrides).training()
 
 
 @pytest.fixture(scope="module")
