@@ -20,8 +20,8 @@ setup: .venv/ready  ## create .venv and install the project with its dev extra
 train: setup  ## train and score an agent: make train ROOM=bedroom ARGS="budget=smoke seed=1"
 	$(BIN)/python -m layoutrl.train room=$(ROOM) $(ARGS)
 
-test: setup  ## run the tests
-	$(BIN)/python -m pytest
+test: setup  ## run the tests, up to four at once
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=loadfile
 
 fuzz: setup  ## read 22,000 broken files, in minutes
 	$(BIN)/python -m pytest -m slow
