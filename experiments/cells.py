@@ -17,7 +17,7 @@ import time
 import traceback
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,11 +28,11 @@ import torch
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from layoutrl import build
+from layoutrl import build, resume
 from layoutrl import train as training_entry
 from layoutrl.agents.dqn import Observe
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.config import DataConfig, TrainConfig, config_directory, one_of
+from layoutrl.config import DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, config_directory, one_of
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import categories_of
 from layoutrl.env.simulator import Simulator
@@ -47,22 +47,31 @@ from layoutrl.evaluation.supervised import (
     seconds_budget,
     train_regressor,
     train_scorer,
+    updates_budget,
 )
+from layoutrl.planit import train as planit_entry
+from layoutrl.planit.canvas import box_of
+from layoutrl.planit.graph import scene_of
+from layoutrl.planit.placement import Placer
+from layoutrl.planit.scoring import FURNISHED, furnish_all, place_targets
 from layoutrl.rooms.room import Room
 from layoutrl.runs import differences, machine, write_json
 
 RESULTS = Path(__file__).parent / "results"
+DRAWN = 8  # rooms whose layouts are kept
 STARTS_SEED = 0  # of the one list of starts that every method is scored from
 IOU, METRES, INDEX = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2"))  # of what is packed; IoU in 1/65535
 
 
 @dataclass
 class CellConfig(TrainConfig):
+    planit: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
     table: str = MISSING
     column: str = MISSING
-    fill: Any = MISSING  # agent, regressor, scorer, rules or oracle
+    fill: Any = MISSING  # agent, regressor, scorer, planit, rules or oracle
     protocol: Any = "unseen"  # unseen: other rooms are held out; scene: one room, in which it is trained and tested
     trained_on: Any = "own"  # own: the rooms of data; designer: designed rooms of the type; both
+    planit_time: Any = "agent"  # PlanIT is trained for as long as the agent was, or for its own number of `updates`
     results: str | None = None  # folder; null: experiments/results
 
     def __post_init__(self) -> None:
@@ -70,6 +79,7 @@ class CellConfig(TrainConfig):
         one_of("fill", self.fill, *FILLS)
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
+        one_of("planit_time", self.planit_time, "agent", "updates")
 
 
 ConfigStore.instance().store(name="cell_schema", node=CellConfig)
@@ -138,12 +148,19 @@ def filled(config: CellConfig) -> dict[str, Any]:
     simulator = setting.simulator
     groups = {group: k for k, group in enumerate(sorted({room.group for room in simulator.rooms}))}
     rows = {}
-    for row, (room, place) in found.pop("places").items():
+    for row, (room, place) in found.pop("places", {}).items():
         iou = simulator.reward(room, place).iou
         rows[row] = score(simulator, room, place).as_dict() | {
             "iou": packed(np.round(iou * 65535), IOU),
             "place": packed(place, METRES),
             "group": packed([groups[simulator.rooms[k].group] for k in room], INDEX),
+        }
+    for row, put in found.pop("items", {}).items():  # one in each room, of a size of its own
+        rows[row] = put.score.as_dict() | {
+            "missing": put.missing,
+            "iou": packed(np.round(put.iou * 65535), IOU),
+            "box": packed([box_of(item) if item else (np.nan,) * 4 for item in put.items], METRES),
+            "group": packed([groups[room.group] for room in simulator.rooms], INDEX),
         }
     return {
         "rows": rows,
@@ -160,7 +177,7 @@ def filled(config: CellConfig) -> dict[str, Any]:
 
 def stated(config: CellConfig) -> dict[str, Any]:
     """The configuration of a cell, as JSON has it, but for where files lie."""
-    return training_entry.stated(replace(config, results=None))
+    return resume.stated(replace(config, results=None))
 
 
 def setting_of(config: CellConfig, device: torch.device) -> Setting:
@@ -262,14 +279,7 @@ def supervised(
     config: CellConfig, setting: Setting, train: Callable[..., GeometryNetwork]
 ) -> tuple[GeometryNetwork, Observe, dict[str, Any]]:
     """The agent's network, trained otherwise for as long: (network, what it sees of the test rooms, about it)."""
-    file = folder_of(config) / f"{name_of(replace(config, column='geometric'))}.json"
-    try:
-        agent = json.loads(file.read_text())
-    except FileNotFoundError:
-        raise InputError(f"column: {config.column} trains for as long as geometric, which is not done") from None
-    seconds, theirs, ours = agent["training_seconds"], agent["machine"]["gpu"], machine(setting.device)["gpu"]
-    if theirs != ours:
-        raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
+    seconds = agent_seconds(config, setting)
     build.keep_freed_memory()
     categories = categories_of(setting.training)
     training = build.simulator(setting.training, config.method, config.reward)
@@ -278,6 +288,47 @@ def supervised(
     network = train(training, observe, seconds_budget(seconds), seed, device=setting.device)
     observe = build.observation(setting.simulator.rooms, config.method, categories, setting.device)
     return network, observe, {"training_seconds": seconds}
+
+
+def agent_seconds(config: CellConfig, setting: Setting) -> float:
+    """For how long the agent was trained, on the same rooms with the same seed."""
+    file = folder_of(config) / f"{name_of(replace(config, column='geometric'))}.json"
+    try:
+        agent = json.loads(file.read_text())
+    except FileNotFoundError:
+        raise InputError(f"column: {config.column} trains for as long as geometric, which is not done") from None
+    theirs, ours = agent["machine"]["gpu"], machine(setting.device)["gpu"]
+    if theirs != ours:
+        raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
+    return float(agent["training_seconds"])
+
+
+def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """PlanIT: the moving item among all others, and whole rooms from nothing."""
+    rooms = setting.simulator.rooms
+    spent = updates_budget(config.planit.updates[config.budget.name])
+    if config.planit_time == "agent":
+        spent = seconds_budget(agent_seconds(config, setting))
+    how = {name: getattr(config, name) for name in ("room", "data", "seed", "fold", "device", "runs")}
+    budget = replace(config.budget, evaluations=1)
+    training = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{config.column}-seed{config.seed}")
+    trained = planit_entry.train(training, setting.training, rooms, spent)
+    if trained.stopped:
+        raise KeyboardInterrupt
+    one_seed, all_seed = planit_entry.seeds(training)[3].spawn(2)
+    few = rooms[: min(FURNISHED, config.budget.evaluation_rooms)]
+    one, every = (Placer(trained.model, those, [scene_of(room) for room in those]) for those in (rooms, few))
+    furnished = furnish_all(every, all_seed)
+    return {
+        "items": place_targets(one, one_seed),
+        "all items": {name: found.as_dict(few) for name, found in furnished.items()},
+        "layouts": {
+            name: [[[i.category, *np.round(box_of(i), 3).tolist()] for i in items] for items in found.layouts[:DRAWN]]
+            for name, found in furnished.items()
+        },
+        "training_seconds": trained.seconds,
+        "updates": trained.updates,
+    }
 
 
 def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:
@@ -304,6 +355,7 @@ FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
     "agent": agent,
     "regressor": regressor,
     "scorer": scorer,
+    "planit": planit,
     "rules": rules,
     "oracle": oracle,
 }

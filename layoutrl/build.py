@@ -21,7 +21,7 @@ from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
 from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Training
-from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig, RunConfig
+from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig, RunConfig, TrainConfig
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import COLUMNS, GeometryObservation, ImageObservation, categories_of
 from layoutrl.env.reward import Reward
@@ -189,7 +189,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     is left.
     """
     folder = Path(config.run)
-    trained = load_config(folder)
+    trained = load_config(folder, TrainConfig)
     own, data = trained.data, config.data
     chosen_device = device(config.device)
     agent, categories = trained_agent(folder, trained.method, chosen_device, config.checkpoint)

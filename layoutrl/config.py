@@ -111,11 +111,11 @@ class BudgetConfig:
 
 
 @dataclass
-class TrainConfig:
+class LearningConfig:
+    """Of whatever is trained: the rooms, how long, the seed, and where it goes."""
+
     room: RoomConfig = field(default_factory=RoomConfig)
     data: DataConfig = field(default_factory=DataConfig)
-    method: MethodConfig = field(default_factory=MethodConfig)
-    reward: RewardConfig = field(default_factory=RewardConfig)
     budget: BudgetConfig = field(default_factory=BudgetConfig)
     seed: int = 0
     fold: int = 0  # which fifth of the rooms is held out, 0 to 4
@@ -124,20 +124,59 @@ class TrainConfig:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        self.method.check("method")
         one_of("room.type", self.room.type, *MAIN_ITEM)
         one_of("data.labels", self.data.labels, "snapped", "raw")
-        one_of("reward.inside", self.reward.inside, "share", "iou")
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)
             _within(f"budget.{name}", value, value >= 1, "1 or more")
-        one_of("budget.name", self.budget.name, *self.method.updates)
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
+
+
+@dataclass
+class TrainConfig(LearningConfig):
+    method: MethodConfig = field(default_factory=MethodConfig)
+    reward: RewardConfig = field(default_factory=RewardConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.method.check("method")
+        one_of("reward.inside", self.reward.inside, "share", "iou")
+        one_of("budget.name", self.budget.name, *self.method.updates)
 
     def training(self) -> TrainConfig:
         """The part that a training reads, of a configuration that has more."""
         return TrainConfig(**{field.name: getattr(self, field.name) for field in fields(TrainConfig)})
+
+
+@dataclass
+class PlanitMethodConfig:
+    name: str = "planit"
+    updates: dict[str, int] = MISSING  # by budget, of all networks
+    batch: int = MISSING
+    learning_rate: float = MISSING
+
+
+@dataclass
+class PlanitConfig(LearningConfig):
+    method: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within("method.batch", self.method.batch, self.method.batch >= 2, "2 or more, for batch normalisation")
+        _within("method.updates", self.method.updates, min(self.method.updates.values()) >= 1, "1 or more each")
+        one_of("budget.name", self.budget.name, *self.method.updates)
+
+    def training(self) -> PlanitConfig:
+        """The part that a training reads, of a configuration that has more."""
+        return PlanitConfig(**{field.name: getattr(self, field.name) for field in fields(PlanitConfig)})
+
+
+@dataclass
+class PlanitCommand(PlanitConfig):
+    """What `python -m layoutrl.planit.train` takes."""
+
+    resume: str | None = None  # folder of a run to go on with
 
 
 @dataclass
@@ -252,6 +291,7 @@ def register() -> None:
     """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
     store = ConfigStore.instance()
     store.store(name="train_schema", node=TrainCommand)
+    store.store(name="planit_schema", node=PlanitCommand)
     store.store(name="evaluate_schema", node=EvaluateConfig)
     store.store(name="watch_schema", node=WatchConfig)
     store.store(name="gallery_schema", node=GalleryConfig)

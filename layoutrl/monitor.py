@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -49,9 +49,10 @@ def watched(
     """
     made = training.agent.updates
     held_out = float("nan")
+    header = [*COLUMNS, *(f"seconds_{stage}" for stage in STAGES), *(f"iou_{name}" for name in probes)]
     with (
         SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
-        _metrics(folder / "metrics.csv", list(probes), made) as (rows, before),
+        metrics(folder / "metrics.csv", header, made) as (rows, before),
         tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
     ):
         if not made:
@@ -90,9 +91,8 @@ def watched(
 
 
 @contextmanager
-def _metrics(path: Path, probes: list[str], made: int) -> Iterator[tuple[csv.DictWriter[str], int]]:
+def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.DictWriter[str], int]]:
     """The table to go on with after `made` updates, and the updates of its last row; what is of later is dropped."""
-    header = [*COLUMNS, *(f"seconds_{stage}" for stage in STAGES), *(f"iou_{name}" for name in probes)]
     kept: list[dict[str, str]] = []
     if made and path.exists():
         with path.open(newline="", encoding="utf-8") as file:

@@ -10,7 +10,7 @@ import platform
 import re
 import subprocess
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import shapely
@@ -20,14 +20,16 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 import layoutrl
-from layoutrl.config import TrainConfig
+from layoutrl.config import PlanitConfig, TrainConfig
 from layoutrl.errors import InputError
 
 CHECKPOINTS = "checkpoints"  # folder of a run
 KEPT = 2  # checkpoints, beside the best
 
+Config = TypeVar("Config", TrainConfig, PlanitConfig)
 
-def wanted_folder(config: TrainConfig) -> Path:
+
+def wanted_folder(config: TrainConfig | PlanitConfig) -> Path:
     """runs/<room>/<name>."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     name = config.name or (
@@ -36,7 +38,7 @@ def wanted_folder(config: TrainConfig) -> Path:
     return Path(config.runs) / config.room.type / name
 
 
-def new_folder(config: TrainConfig) -> Path:
+def new_folder(config: TrainConfig | PlanitConfig) -> Path:
     """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
     folder = make_folder(wanted_folder(config))
     OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
@@ -67,7 +69,7 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
     and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
     """
     buffer = io.BytesIO()
-    torch.save(state, buffer)
+    torch.save(state | {"updates": updates}, buffer)
     content = buffer.getvalue()
     file = folder / CHECKPOINTS / f"{updates:08d}.pt"
     mark = {"sha256": hashlib.sha256(content).hexdigest(), "updates": updates, "iou": iou}
@@ -162,11 +164,11 @@ def _write(file: Path, content: bytes) -> None:
     partial.replace(file)
 
 
-def load_config(folder: Path) -> TrainConfig:
-    """The resolved configuration of a run. Raises InputError where there is none."""
+def load_config(folder: Path, schema: type[Config]) -> Config:
+    """The resolved configuration of a run. Raises InputError where there is none, or one of another kind of run."""
     path = folder / "config.yaml"
     try:
-        return OmegaConf.to_object(OmegaConf.merge(TrainConfig, OmegaConf.load(path)))  # type: ignore[return-value]
+        return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(path)))  # type: ignore[return-value]
     except (OSError, OmegaConfBaseException, YAMLError, ValueError, TypeError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None

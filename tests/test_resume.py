@@ -23,10 +23,11 @@ import layoutrl
 from layoutrl import runs
 from layoutrl.config import TrainConfig, composed
 from layoutrl.errors import InputError
+from layoutrl.resume import Stopped, resumed
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.runs import checkpoints, load_checkpoint, save_checkpoint
-from layoutrl.train import Stopped, resumed, run
+from layoutrl.train import run
 from tests.test_command_line import layoutrl as command
 
 CPU = torch.device("cpu")
@@ -81,7 +82,7 @@ def life(rooms: Path, folder: Path) -> None:
     torch.set_num_threads(1)
     begun = folder / "tatami" / "one"
     try:
-        resumed(begun) if begun.exists() else run(configured(rooms, folder))
+        resumed(begun, run, TrainConfig) if begun.exists() else run(configured(rooms, folder))
     except Stopped as stopped:
         (folder / "said.txt").write_text(str(stopped))
 
@@ -130,14 +131,14 @@ def test_after_twenty_kills_a_run_is_the_run_that_was_never_killed(rooms, whole,
 
 
 def test_what_is_finished_is_not_begun_again(rooms, whole, capsys):
-    assert resumed(whole) == whole
+    assert resumed(whole, run, TrainConfig) == whole
     assert f"{whole} is finished" in capsys.readouterr().out
 
 
 def test_a_run_that_was_killed_before_its_first_checkpoint_begins_anew(rooms, whole, tmp_path):
     folder = copy_of(whole, tmp_path)
     shutil.rmtree(folder / "checkpoints")
-    resumed(folder)
+    resumed(folder, run, TrainConfig)
     assert outcome(folder) == outcome(whole)
 
 
@@ -153,7 +154,7 @@ def test_the_checkpoint_before_a_damaged_one_is_taken(damage, rooms, whole, tmp_
     folder = copy_of(whole, tmp_path)
     last = checkpoints(folder)[0]
     last.file.write_bytes(damage(last.file.read_bytes()))
-    resumed(folder)
+    resumed(folder, run, TrainConfig)
     said = capsys.readouterr().out
     assert f"{last.file} is damaged (its hash is another); the one before it is taken" in said
     assert f"going on after {checkpoints(whole)[1].updates} updates" in said
@@ -174,7 +175,7 @@ def test_where_no_checkpoint_is_whole_it_is_said(whole, tmp_path):
     for checkpoint in checkpoints(folder):
         checkpoint.file.write_bytes(b"")
     with pytest.raises(InputError, match="has no whole checkpoint"):
-        resumed(folder)
+        resumed(folder, run, TrainConfig)
 
 
 def test_a_checkpoint_of_other_settings_rooms_or_version_is_refused_with_the_difference(
@@ -184,16 +185,16 @@ def test_a_checkpoint_of_other_settings_rooms_or_version_is_refused_with_the_dif
     config = (folder / "config.yaml").read_text()
     (folder / "config.yaml").write_text(config.replace("batch: 16", "batch: 32").replace("theta2: -100", "theta2: -50"))
     with pytest.raises(InputError, match=r"of another method\.batch, reward\.theta2; expected the same"):
-        resumed(folder)
+        resumed(folder, run, TrainConfig)
     fewer = tmp_path / "fewer.jsonl"
     fewer.write_text("\n".join(rooms.read_text().splitlines()[1:]))
     (folder / "config.yaml").write_text(config.replace(str(rooms), str(fewer)))
     with pytest.raises(InputError, match="of other rooms"):
-        resumed(folder)
+        resumed(folder, run, TrainConfig)
     (folder / "config.yaml").write_text(config)
     monkeypatch.setattr(layoutrl, "__version__", "9.9.9")
     with pytest.raises(InputError, match=r"is of layoutrl 0\.1\.0; expected 9\.9\.9"):
-        resumed(folder)
+        resumed(folder, run, TrainConfig)
 
 
 def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):

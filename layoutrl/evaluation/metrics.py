@@ -33,9 +33,16 @@ class Score:
 
 def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score:
     """Score final positions (B, 2) in rooms (B,)."""
-    iou = simulator.reward(room, position).iou
-    overlap, outside = simulator.overlap_and_outside(room, position)
-    group = np.array([simulator.rooms[r].group for r in room])
+    return summary(
+        simulator.reward(room, position).iou,
+        *simulator.overlap_and_outside(room, position),
+        blocks_openings(simulator, room, position),
+        np.array([simulator.rooms[r].group for r in room]),
+    )
+
+
+def summary(iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: np.ndarray, group: np.ndarray) -> Score:
+    """The score of B places, from what each is worth (B,), and which group its room is of (B,)."""
     means = np.array([iou[group == g].mean() for g in np.unique(group)])
     return Score(
         float(iou.mean()),
@@ -45,7 +52,7 @@ def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score
         float((iou >= 0.9).mean()),
         float(overlap.mean()),
         float(outside.mean()),
-        float(blocks_openings(simulator, room, position).mean()),
+        float(blocked.mean()),
     )
 
 

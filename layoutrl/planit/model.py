@@ -1,0 +1,89 @@
+"""What PlanIT knows of a room type: what was counted in the training rooms, and the networks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from layoutrl.planit.canvas import FIXED_CHANNELS
+from layoutrl.planit.generator import GraphNetwork
+from layoutrl.planit.graph import ARCHITECTURE, Kept, Scene, kept
+from layoutrl.planit.networks import LocationNetwork, PictureNetwork, SizeNetwork
+from layoutrl.rooms.room import Room
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is counted in the training rooms."""
+
+    categories: list[str]  # of furniture, the most important (frequent and large) first
+    types: list[tuple[str, str, list[int]]]  # anchor, target, types of edges that are kept
+    sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: along its front, across, a circle
+    tucked: list[str]  # categories that stand partly under others
+    span: float  # metres: no room is longer
+    most: int  # items in a room
+
+    @property
+    def nodes(self) -> list[str]:
+        """The categories of nodes."""
+        return [*ARCHITECTURE, *self.categories]
+
+    @property
+    def kept(self) -> Kept:
+        return Kept({(anchor, target): frozenset(types) for anchor, target, types in self.types})
+
+
+def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
+    """Count the furniture of rooms and the edges of their scenes."""
+    items = [item for room in rooms for item in room.furniture if item.center is not None]
+    weight: Counter[str] = Counter()
+    for item in items:
+        weight[item.category] += item.size[0] * item.size[1]  # type: ignore[assignment]
+    sizes: dict[str, set[tuple[float, float, bool]]] = {category: set() for category in weight}
+    for item in items:
+        sizes[item.category].add((*item.size, item.form == "circle"))
+    bounds = np.array([room.envelope.bounds for room in rooms])
+    return Statistics(
+        [category for category, _ in sorted(weight.items(), key=lambda entry: (-entry[1], entry[0]))],
+        [(*pair, sorted(types)) for pair, types in sorted(kept(scenes).types.items())],
+        {category: sorted(found) for category, found in sorted(sizes.items())},
+        sorted({item.category for item in items if item.tucked}),
+        float((bounds[:, 2:] - bounds[:, :2]).max()),
+        max(len(scene.items) for scene in scenes),
+    )
+
+
+class PlanIT:
+    """The networks of one room type, untrained; their weights hang on the seed alone."""
+
+    def __init__(self, statistics: Statistics, seed: np.random.SeedSequence, device: torch.device | str = "cpu"):
+        self.statistics, self.device = statistics, torch.device(device)
+        categories = len(statistics.categories)
+        channels = FIXED_CHANNELS + categories
+        with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
+            torch.manual_seed(int(seed.generate_state(1)[0]))
+            self.location = LocationNetwork(channels + 1, categories)
+            self.orientation = PictureNetwork(channels, categories, 4)
+            self.size = SizeNetwork(channels, categories)
+            self.graphs = GraphNetwork(len(ARCHITECTURE) + categories)
+        self.networks = nn.ModuleDict(
+            {"location": self.location, "orientation": self.orientation, "size": self.size, "graphs": self.graphs}
+        ).to(self.device)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Plain values and tensors."""
+        return {"statistics": asdict(self.statistics), "networks": self.networks.state_dict()}
+
+
+def trained(state: dict[str, Any], device: torch.device | str = "cpu") -> PlanIT:
+    """What a state dict holds, to be used, not trained."""
+    model = PlanIT(Statistics(**state["statistics"]), np.random.SeedSequence(0), device)
+    model.networks.load_state_dict(state["networks"])
+    model.networks.eval()
+    return model

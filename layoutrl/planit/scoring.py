@@ -1,0 +1,282 @@
+"""PlanIT in rooms that it never saw: one item among all others, as in Table 1 of Di & Yu; and all, from nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import shapely
+import torch
+from scipy.optimize import linear_sum_assignment
+from tqdm import tqdm
+
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.metrics import Score, blocks_openings, summary
+from layoutrl.planit.generator import sample
+from layoutrl.planit.graph import Graph, Relation, graph_of, scene_of
+from layoutrl.planit.model import PlanIT
+from layoutrl.planit.placement import Layout, Placer, Query, Search
+from layoutrl.planit.training import planned
+from layoutrl.rooms.room import Item, Room
+
+CHOICES = ("sampled", "argmax")  # of places, facings and sizes
+SIZES = ("own size", "true size")
+DRAWS = 10  # graphs, until one has the item that is asked for
+FURNISHED = 24  # rooms at most that are furnished from nothing: seconds each
+CHUNK = 64  # rooms whose heat maps are worked out at once
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where one item went, in each of B rooms; None where there was no place."""
+
+    items: list[Item | None]
+    iou: np.ndarray  # (B,), 0 without a place
+    score: Score
+    missing: float  # share of the rooms
+
+
+def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Places]:
+    """The moving item of each of the placer's rooms among the others, by graph, choice and whose size it has.
+
+    The true size is taken with the given graph alone: the two tell place from size.
+    """
+    rng, noise = _generators(placer, seed)
+    found: dict[str, list[Item | None]] = {}
+    for first in tqdm(range(0, len(placer.rooms), CHUNK), "one item", leave=False):
+        for graph in GRAPHS:
+            rooms = range(first, min(first + CHUNK, len(placer.rooms)))
+            queries = [QUERIES[graph](placer, room, rng) for room in rooms]
+            for query, heat in zip(queries, placer.heat(queries), strict=True):
+                for choice, whose in _variants(graph):
+                    search = Search(rng, noise) if choice == "sampled" else Search()
+                    size = placer.rooms[query.room].moving if whose == "true size" else None
+                    item = placer.target(query, heat, search, size)
+                    found.setdefault(f"{graph}, {choice}, {whose}", []).append(item)
+    return {name: scored(placer.rooms, items) for name, items in found.items()}
+
+
+def _variants(graph: str) -> Iterator[tuple[str, str]]:
+    """How places are chosen, and whose size is taken."""
+    return product(CHOICES, SIZES if graph == "given graph" else SIZES[:1])
+
+
+def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random.Generator, torch.Generator]:
+    drawing, noise = seed.spawn(2)
+    generator = torch.Generator(placer.model.device).manual_seed(int(noise.generate_state(1)[0]))
+    return np.random.default_rng(drawing), generator
+
+
+def _nodes(placer: Placer, room: int) -> tuple[dict[int, Item], int]:
+    """The items that stand in a room, by node, and the node of the one that moves."""
+    own, fixed = placer.rooms[room], placer.scenes[room].fixed
+    standing = [k for k, item in enumerate(own.furniture) if item.center is not None]
+    assert own.target in standing
+    return {fixed + n: own.furniture[k] for n, k in enumerate(standing)}, fixed + standing.index(own.target)
+
+
+def given_query(placer: Placer, room: int, _: np.random.Generator | None = None) -> Query:
+    """The moving item, by the edges that lead to it from all else, where the designer has it."""
+    items, target = _nodes(placer, room)
+    scene = placer.scenes[room]
+    others = {node: item for node, item in items.items() if node != target}
+    edges = graph_of(scene, placer.model.statistics.kept, [*others, target])[target]
+    return Query(room, scene.category[target], edges, others)
+
+
+def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) -> Query:
+    """The moving item, by edges that are drawn for it, into the graph of all others as they stand."""
+    query = given_query(placer, room)
+    scene, statistics = placer.scenes[room], placer.model.statistics
+    node_of = dict(zip(query.placed, range(scene.fixed, len(scene.category)), strict=False))  # as they are drawn
+    names = [*(scene.category[node] for node in query.placed), query.category]
+    known = [
+        [Relation(node_of.get(r.anchor, r.anchor), node_of[r.target], r.type) for r in edges]
+        for edges in graph_of(scene, statistics.kept, list(query.placed)).values()
+    ]
+    network, most = placer.model.graphs, len(names)
+    _, graph = sample(network, scene, statistics.nodes, statistics.kept, most, rng, names, known)
+    anchor_of = {drawn: node for node, drawn in node_of.items()}
+    *_, (last, edges) = graph.items()
+    target = next(node for node in scene.items if node not in query.placed)
+    assert last == scene.fixed + most - 1
+    return query._replace(edges=[Relation(anchor_of.get(r.anchor, r.anchor), target, r.type) for r in edges])
+
+
+def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Query:
+    """The moving item, by the edges to the first node of its category in a graph that is drawn from the empty room.
+
+    Other nodes stand for the room's own items of their category, one after the other; what is left over is dropped.
+    Where no graph has such a node, no edge leads to the item.
+    """
+    query, (_, target) = given_query(placer, room), _nodes(placer, room)
+    scene, statistics = placer.scenes[room], placer.model.statistics
+    for _ in range(DRAWS):
+        names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, statistics.most, rng)
+        if query.category in names:
+            break
+    else:
+        return query._replace(edges=[])
+    stands_for = scene.fixed + names.index(query.category)
+    node_of = {k: k for k in range(scene.fixed)}
+    left = list(query.placed)
+    for node, name in enumerate(names, scene.fixed):
+        same = next((k for k in left if scene.category[k] == name), None)
+        if node != stands_for and same is not None:
+            node_of[node] = same
+            left.remove(same)
+    edges = [Relation(node_of[r.anchor], target, r.type) for r in graph[stands_for] if r.anchor in node_of]
+    return query._replace(edges=edges)
+
+
+QUERIES: dict[str, Callable[[Placer, int, np.random.Generator], Query]] = {
+    "sampled graph": _query_by_sample,
+    "given categories": _query_by_categories,
+    "given graph": given_query,
+}
+GRAPHS = tuple(QUERIES)  # how much of it is the designer's
+
+
+def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
+    """What the items are worth in the place of the rooms' moving ones. Without a place nothing overlaps anything."""
+    iou, overlap, outside, blocked = (np.zeros(len(rooms)) for _ in range(4))
+    there = [k for k, item in enumerate(items) if item is not None]
+    if there:
+        furnished = [_with(rooms[k], items[k]) for k in there]
+        simulator = Simulator(furnished, Moves(), Reward())
+        index, position = np.arange(len(there)), simulator.designer_position  # which is where they were put
+        iou[there] = [overlap_of(room.moving, rooms[k].moving) for room, k in zip(furnished, there, strict=True)]
+        overlap[there], outside[there] = simulator.overlap_and_outside(index, position)
+        blocked[there] = blocks_openings(simulator, index, position)
+    group = np.array([room.group for room in rooms])
+    return Places(list(items), iou, summary(iou, overlap, outside, blocked, group), 1 - len(there) / len(rooms))
+
+
+def _with(room: Room, item: Item | None) -> Room:
+    assert item is not None
+    return replace(room, furniture=tuple(item if k == room.target else o for k, o in enumerate(room.furniture)))
+
+
+def overlap_of(item: Item, other: Item) -> float:
+    """IoU of two footprints."""
+    shared = shapely.area(shapely.intersection(item.footprint, other.footprint))
+    return float(shared / (item.footprint.area + other.footprint.area - shared))
+
+
+@dataclass(frozen=True)
+class Furnished:
+    """All items of B rooms, placed from nothing."""
+
+    layouts: list[list[Item]]
+    iou: list[dict[int, float]]  # of each room, by index of the designer's item: 0 for one that has no match
+    missing: float  # share of the graphs' items for which there was no place
+
+    @property
+    def mean_iou(self) -> float:
+        """Over all of the designers' items."""
+        return float(np.mean([iou for room in self.iou for iou in room.values()]))
+
+    def as_dict(self, rooms: Sequence[Room]) -> dict[str, float]:
+        return {"mean_iou": self.mean_iou, "target_iou": self.target_iou(rooms), "missing": self.missing}
+
+    def target_iou(self, rooms: Sequence[Room]) -> float:
+        """Over the items that move in Table 1."""
+        return float(
+            np.mean([iou[room.target] for iou, room in zip(self.iou, rooms, strict=True) if room.target in iou])
+        )
+
+
+def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furnished]:
+    """All items of each of the placer's rooms, by graph, choice and whose sizes they have, as `place_targets` does.
+
+    Items are matched with the designer's within a category, so that the sum of their IoU is highest.
+    """
+    rng, noise = _generators(placer, seed)
+    found: dict[str, list[Layout]] = {}
+    for room in tqdm(range(len(placer.rooms)), "all items", leave=False):
+        standing = [item for item in placer.rooms[room].furniture if item.center is not None]
+        for kind in GRAPHS:
+            names, graph, stands_for = room_graph(placer, room, kind, rng)
+            for choice, whose in _variants(kind):
+                search = Search(rng, noise) if choice == "sampled" else Search()
+                sizes = [standing[k] for k in stands_for] if whose == "true size" else None
+                layout = placer.furnish(room, names, graph, search, sizes)
+                found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
+    return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
+
+
+def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -> tuple[list[str], Graph, list[int]]:
+    """(categories, graph, which of the room's standing items each stands for), as much of it given as `kind` says."""
+    scene, statistics = placer.scenes[room], placer.model.statistics
+    if kind == "sampled graph":
+        names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, statistics.most, rng)
+        return names, graph, []
+    standing = [item for item in placer.rooms[room].furniture if item.center is not None]
+    graph, _ = planned(placer.model, scene, standing)
+    if kind == "given graph":
+        return [scene.category[node] for node in scene.items], graph, list(range(len(standing)))
+    order = [node - scene.fixed for node in graph]  # the most important first, as it was learned
+    given = [standing[k].category for k in order]
+    names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, len(given), rng, given)
+    return names, graph, order
+
+
+def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
+    """What layouts of whole rooms are worth."""
+    missing, placed = (
+        sum(map(len, counted)) for counted in zip(*((x.missing, x.placed) for x in layouts), strict=True)
+    )
+    items = [list(layout.placed.values()) for layout in layouts]
+    iou = [match(room, placed) for room, placed in zip(rooms, items, strict=True)]
+    return Furnished(items, iou, missing / max(missing + placed, 1))
+
+
+def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
+    """The IoU of each of the designer's items with the one that it is matched with: 0 with none."""
+    designed = {k: item for k, item in enumerate(room.furniture) if item.center is not None}
+    iou = dict.fromkeys(designed, 0.0)
+    for category in {item.category for item in designed.values()}:
+        theirs = [k for k, item in designed.items() if item.category == category]
+        ours = [item for item in placed if item.category == category]
+        table = np.array([[overlap_of(designed[k], item) for item in ours] for k in theirs]).reshape(len(theirs), -1)
+        for row, column in zip(*linear_sum_assignment(table, maximize=True), strict=True):
+            iou[theirs[row]] = float(table[row, column])
+    return iou
+
+
+def evaluated(model: PlanIT, rooms: Sequence[Room], furnished: int, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """All that is scored, as plain numbers: one item in every room, and all items in the first `furnished`."""
+    one_seed, all_seed = seed.spawn(2)
+    scenes = [scene_of(room) for room in rooms]
+    one = place_targets(Placer(model, rooms, scenes), one_seed)
+    few = rooms[:furnished]
+    every = furnish_all(Placer(model, few, scenes[:furnished]), all_seed)
+    return {
+        "rooms": len(rooms),
+        "furnished_rooms": len(few),
+        "one item": {name: found.score.as_dict() | {"missing": found.missing} for name, found in one.items()},
+        "all items": {name: found.as_dict(few) for name, found in every.items()},
+    }
+
+
+def table(result: dict[str, Any]) -> str:
+    """A result of `evaluated` as text."""
+    one, every = result["one item"], result["all items"]
+    wide = max(map(len, one))
+    lines = [
+        f"IoU in {result['rooms']} held-out rooms of one item among all others; of all items, placed from nothing in "
+        f"{result['furnished_rooms']} rooms",
+        f"{'':{wide}}  {'mean IoU':>13} {'median':>6} {'>= 0.9':>6} {'no place':>8} {'all':>6} {'no place':>8}",
+    ]
+    for name, row in one.items():
+        of_all = every.get(name)
+        rest = f"{of_all['mean_iou']:6.3f} {of_all['missing']:8.1%}" if of_all else f"{'-':>6} {'-':>8}"
+        lines.append(
+            f"{name:{wide}}  {row['mean_iou']:.3f} ± {row['std_iou']:.3f} {row['median_iou']:6.3f} "
+            f"{row['share_090']:6.1%} {row['missing']:8.1%} {rest}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,206 @@
+"""python -m layoutrl.planit.train room=<type> data=<source> budget=<smoke|default|full> seed=0
+
+or resume=<folder of a run>, which goes on as if it had never stopped.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hydra
+import numpy as np
+from omegaconf import DictConfig, OmegaConf
+from torch.utils.tensorboard import SummaryWriter
+from tqdm import tqdm
+
+from layoutrl import build
+from layoutrl.config import PlanitCommand, PlanitConfig, config_directory, register
+from layoutrl.errors import InputError
+from layoutrl.evaluation.supervised import Spent, updates_budget
+from layoutrl.monitor import metrics
+from layoutrl.planit.graph import scene_of
+from layoutrl.planit.model import PlanIT, counted
+from layoutrl.planit.placement import Placer, Search
+from layoutrl.planit.scoring import FURNISHED, evaluated, given_query, scored, table
+from layoutrl.planit.training import LOSSES, Training
+from layoutrl.resume import EVALUATION, Stopped, carried_out, identity_of, last_state, stated, stopped_by_signals
+from layoutrl.rooms.room import Room
+from layoutrl.runs import checkpoints, machine, new_folder, save_checkpoint, write_json
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training leaves behind."""
+
+    folder: Path
+    model: PlanIT
+    updates: int
+    seconds: float
+    stopped: bool  # before the budget was spent
+
+
+def run(config: PlanitConfig, folder: Path | None = None) -> Path:
+    """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
+    if config.data.root is not None:  # the run is read again from elsewhere
+        config.data.root = str(Path(config.data.root).expanduser().absolute())
+    training, held_out = build.two_parts(config.room, config.data, config.fold)
+    trained = train(config, training, held_out, updates_budget(config.method.updates[config.budget.name]), folder)
+    folder = trained.folder
+    if trained.stopped:
+        raise Stopped(
+            f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates; "
+            f"go on with: python -m layoutrl.planit.train resume={folder}"
+        )
+    furnished = min(FURNISHED, config.budget.evaluation_rooms)
+    result = evaluated(trained.model, held_out, furnished, seeds(config)[3])
+    about = {
+        "config": stated(config),
+        "machine": machine(trained.model.device),
+        "updates": trained.updates,
+        "training_seconds": trained.seconds,
+    }
+    write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
+    print(table(result))
+    print(f"wrote {folder}")
+    return folder
+
+
+def seeds(config: PlanitConfig) -> list[np.random.SeedSequence]:
+    """Of the networks, the training, the probes and the evaluation."""
+    return np.random.SeedSequence(config.seed).spawn(4)
+
+
+def train(
+    config: PlanitConfig,
+    training_rooms: Sequence[Room],
+    held_out: Sequence[Room],
+    spent: Spent,
+    folder: Path | None = None,
+) -> Trained:
+    """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
+
+    An interrupt ends it early, with all that it needs to go on.
+    """
+    budget, device = config.budget, build.device(config.device)
+    build.keep_freed_memory()
+    build.refuse_chance(device)
+    print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
+    scenes = [scene_of(room) for room in training_rooms]
+    network_seed, training_seed, probe_seed, _ = seeds(config)
+    model = PlanIT(counted(training_rooms, scenes), network_seed, device)
+    updates = config.method.updates[budget.name]
+    training = Training(
+        model,
+        training_rooms,
+        scenes,
+        spent,
+        batch=config.method.batch,
+        learning_rate=config.method.learning_rate,
+        report_every=max(1, updates // budget.reports),
+        seed=training_seed,
+    )
+    identity = identity_of(config, training_rooms)
+    seconds_before = 0.0
+    if folder is not None and (state := last_state(folder, identity, device)):
+        training.load_state_dict(state["training"])
+        seconds_before = state["seconds"]
+    placers = {}
+    parts = {"train": training_rooms, "held_out": held_out}
+    for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
+        few = sorted(np.random.default_rng(seed).permutation(len(rooms))[: budget.evaluation_rooms])
+        placers[name] = Placer(model, [rooms[k] for k in few], [scene_of(rooms[k]) for k in few])
+    folder, began = folder or new_folder(config), time.perf_counter()
+
+    def save(iou: float | None) -> None:
+        seconds = seconds_before + time.perf_counter() - began
+        state = {"seconds": seconds, "training": training.state_dict()}
+        save_checkpoint(folder, identity | state, training.updates, iou)
+
+    try:
+        with stopped_by_signals(training):
+            _watched(training, placers, folder, updates, max(1, updates // budget.evaluations), save)
+            if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
+                save(None)
+    except OSError as error:  # of what shows a run; save_checkpoint answers for itself
+        raise InputError(
+            f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk to "
+            f"write to, where the last checkpoint goes on: python -m layoutrl.planit.train resume={folder}"
+        ) from None
+    seconds = seconds_before + time.perf_counter() - began
+    print(f"trained {training.updates} updates in {seconds / 60:.1f} minutes on {device}")
+    return Trained(folder, model, training.updates, seconds, training.stopping and spent(training.updates) < 1)
+
+
+def _watched(
+    training: Training,
+    placers: dict[str, Placer],
+    folder: Path,
+    updates: int,
+    evaluate_every: int,
+    save: Callable[[float], None],
+) -> None:
+    """Train and show every report; every `evaluate_every` updates and at the end place a few items, and save.
+
+    What the folder shows of later updates than the training has made is dropped. Raises InputError when a loss is no
+    number.
+    """
+    made, networks = training.updates, training.model.networks
+    header = ["updates", *(f"loss_{name}" for name in LOSSES), *(f"iou_{name}" for name in placers)]
+    with (
+        SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
+        metrics(folder / "metrics.csv", header, made) as (rows, before),
+        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
+    ):
+        if not made:
+            board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
+        for report in training:
+            if not all(map(math.isfinite, report.losses.values())):
+                raise InputError(
+                    f"method: a loss is no number after {report.updates} updates; the last checkpoint is of before; "
+                    "expected a lower method.learning_rate"
+                )
+            row: dict[str, Any] = {"updates": report.updates}
+            for name, value in report.losses.items():
+                row[f"loss_{name}"] = value
+                board.add_scalar(f"loss/{name}", value, report.updates)
+            evaluates = report.updates // evaluate_every > before // evaluate_every or report.updates == updates
+            before = report.updates
+            if evaluates:
+                networks.eval()
+                for name, placer in placers.items():
+                    row[f"iou_{name}"] = probed(placer)
+                    board.add_scalar(f"iou/{name}", row[f"iou_{name}"], report.updates)
+                networks.train()
+                board.flush()
+            rows.writerow(row)
+            bar.update(report.updates - bar.n)
+            bar.set_postfix({name: f"{value:.3f}" for name, value in row.items() if name != "updates"})
+            if evaluates:
+                save(row["iou_train"])
+
+
+def probed(placer: Placer) -> float:
+    """Mean IoU of the moving items, by the designer's graphs, at the likeliest places."""
+    queries = [given_query(placer, room) for room in range(len(placer.rooms))]
+    heats = placer.heat(queries)
+    items = [placer.target(query, heat, Search()) for query, heat in zip(queries, heats, strict=True)]
+    return scored(placer.rooms, items).score.mean_iou
+
+
+register()
+
+
+@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="planit")
+@build.answers_errors
+def main(config: DictConfig) -> None:
+    command: PlanitCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
+    carried_out(command.training(), command.resume, run)
+
+
+if __name__ == "__main__":
+    main()

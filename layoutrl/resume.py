@@ -1,0 +1,133 @@
+"""Runs that are stopped and go on: at a signal, with `resume=`, in a sweep that is made again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from types import FrameType
+from typing import Any, Protocol
+
+import torch
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+
+from layoutrl import __version__
+from layoutrl.config import PlanitConfig, TrainConfig
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import Room
+from layoutrl.runs import Config, checkpoints, differences, load_checkpoint, load_config, wanted_folder
+
+EVALUATION = "evaluation.json"  # a run that has it is finished
+
+Run = Callable[[Config, Path | None], Path]  # a run as configured: a new one, or one to go on with
+
+
+class Stoppable(Protocol):
+    """A training that ends after the update that it makes."""
+
+    stopping: bool
+
+
+class Stopped(InputError):
+    """By the user, and saved."""
+
+
+def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
+    """What a command line asks for: a run, one run of a sweep, or to go on with one."""
+    hydra_config = HydraConfig.get()
+    if resume is None:
+        if hydra_config.mode == RunMode.MULTIRUN:
+            swept(config, run)
+        else:
+            run(config, None)
+        return
+    if also := [given for given in hydra_config.overrides.task if not given.startswith("resume=")]:
+        raise InputError(f"resume: goes on as it began; expected nothing beside it, got {' '.join(also)}")
+    resumed(Path(resume), run, type(config))
+
+
+def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
+    """Go on with a run, to its end."""
+    config = load_config(folder, schema)
+    if (folder / EVALUATION).exists():
+        print(f"{folder} is finished")
+        return folder
+    return run(config, folder)
+
+
+def swept(config: Config, run: Run[Config]) -> None:
+    """One run of a sweep: skipped if it is finished, gone on with if it is begun; what goes wrong stops no other."""
+    folder = wanted_folder(config)
+    try:
+        if (folder / "config.yaml").exists() and not differences(
+            stated(load_config(folder, type(config))), stated(config)
+        ):
+            resumed(folder, run, type(config))
+        else:
+            run(config, None)
+    except Stopped:
+        raise
+    except InputError as error:
+        print(f"error: {folder}: {error}", file=sys.stderr)
+    except Exception:  # whatever it is: the other runs shall not suffer
+        print(f"error: {folder}", file=sys.stderr)
+        traceback.print_exc()
+
+
+def identity_of(config: TrainConfig | PlanitConfig, rooms: Sequence[Room]) -> dict[str, Any]:
+    """What a checkpoint must agree with to be gone on with."""
+    return {"version": __version__, "config": stated(config), "rooms": digest(rooms)}
+
+
+def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> dict[str, Any] | None:
+    """The last checkpoint of a run, which must be of the same rooms and settings.
+
+    None for a run that was killed before its first: it begins anew.
+    """
+    found = checkpoints(folder)
+    if not found:
+        print(f"{folder} has no checkpoint yet: it begins anew")
+        return None
+    state = load_checkpoint(folder, device)
+    if others := differences(state["config"], identity["config"]):
+        raise InputError(f"resume: the checkpoint of {folder} is of another {', '.join(others)}; expected the same")
+    if state["rooms"] != identity["rooms"]:
+        raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
+    print(f"going on after {state['updates']} updates")
+    return state
+
+
+def stated(config: TrainConfig | PlanitConfig) -> dict[str, Any]:
+    """The configuration as plain values, but for where files lie."""
+    moved = replace(config, runs="", name=None, data=replace(config.data, root=None))
+    return json.loads(json.dumps(asdict(moved)))
+
+
+def digest(rooms: Sequence[Room]) -> str:
+    """A hash of all that rooms are."""
+    return hashlib.sha256(repr(rooms).encode()).hexdigest()
+
+
+@contextmanager
+def stopped_by_signals(training: Stoppable) -> Iterator[None]:
+    """SIGINT and SIGTERM end a training after the update that it makes; a second one ends the program."""
+
+    def stop(number: int, _: FrameType | None) -> None:
+        training.stopping = True
+        signal.signal(number, before[signal.Signals(number)])
+
+    main = threading.current_thread() is threading.main_thread()  # no other can have them
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)} if main else {}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
