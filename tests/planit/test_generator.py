@@ -135,8 +135,8 @@ def test_it_learns_one_room_by_heart() -> None:
         network = GraphNetwork(len(NAMES))
     scene, rng = SCENES[1], np.random.default_rng(0)
     own = graph(scene)
-    optimizer = torch.optim.Adam(network.parameters(), 1e-3)
-    for _ in range(150):
+    optimizer = torch.optim.Adam(network.parameters(), 2e-3)
+    for _ in range(300):
         made = [decisions(scene, own, NAMES, rng) for _ in range(8)]
         edges: dict[str, list[Decision]] = {
             side: [found[side] for _, found in made if side in found] for side in ("furniture", "architecture")

@@ -1,0 +1,195 @@
+"""Placement: never outside, never into another, within its limits; what edges say, holds."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutrl.errors import InputError
+from layoutrl.planit.canvas import box_of
+from layoutrl.planit.graph import (
+    ADJACENT,
+    DISTANT,
+    FRONT,
+    LEFT,
+    PROXIMAL,
+    Relation,
+    edge_type,
+    faces_across,
+    gap,
+    scene_of,
+)
+from layoutrl.planit.model import PlanIT, counted
+from layoutrl.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
+from layoutrl.planit.training import planned
+from layoutrl.rooms.room import TOLERANCE, Item, Room
+from tests.builders import rectangular_room
+from tests.planit.rooms import designed
+
+TYPES_OF_ROOMS = ("bathroom", "study", "kitchen", "dining_room")
+LOWER_WALL = 0
+
+
+def placer_of(rooms: list[Room], seed: int = 0) -> Placer:
+    """Untrained: its heat says nothing, so that most trials fail."""
+    scenes = [scene_of(room) for room in rooms]
+    model = PlanIT(counted(rooms, scenes), np.random.SeedSequence(seed))
+    model.networks.eval()
+    return Placer(model, rooms, scenes)
+
+
+def search(seed: int) -> Search:
+    return Search(np.random.default_rng(seed), torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize("room_type", TYPES_OF_ROOMS)
+@pytest.mark.parametrize("sampled", [True, False])
+def test_nothing_is_put_outside_or_into_another(room_type: str, sampled: bool) -> None:
+    """But what stands under another by intent, by more than a centimetre."""
+    rooms = designed(room_type, 3)
+    placer = placer_of(rooms)
+    placed = 0
+    for k, room in enumerate(rooms):
+        scene = placer.scenes[k]
+        graph, _ = planned(placer.model, scene, list(room.furniture))
+        names = [scene.category[node] for node in scene.items]
+        layout = placer.furnish(k, names, graph, search(k) if sampled else Search())
+        assert sorted([*layout.placed, *layout.missing]) == list(scene.items)
+        placed += len(layout.placed)
+        for node, item in layout.placed.items():
+            assert item.category == scene.category[node]
+            assert room.indoor.buffer(TOLERANCE + 1e-6, join_style="mitre").covers(item.footprint)
+        for one, other in itertools.combinations(layout.placed.values(), 2):
+            if one.tucked == other.tucked:
+                a, b = (item.footprint.buffer(-TOLERANCE / 2 - 1e-6, join_style="mitre") for item in (one, other))
+                assert not a.intersects(b)
+    assert placed > 2 * len(rooms)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(TYPES_OF_ROOMS))
+def test_an_item_among_others_is_put_outside_or_into_none_of_them(seed: int, room_type: str) -> None:
+    rooms = designed(room_type, 3)
+    placer = placer_of(rooms, seed % 5)
+    room = seed % len(rooms)
+    scene, target = placer.scenes[room], rooms[room].target
+    others = {scene.fixed + k: item for k, item in enumerate(rooms[room].furniture) if k != target}
+    category = rooms[room].moving.category
+    edges = [
+        r for r in scene.relations if r.target == scene.fixed + target and r.anchor in {*range(scene.fixed), *others}
+    ]
+    query = Query(room, category, edges, others)
+    heat = placer.heat([query])[0]
+    assert heat.sum() == pytest.approx(1)
+    inside = shapely.contains_xy(rooms[room].indoor, placer.cells[room])
+    assert not heat[~inside].any()
+    item = placer.target(query, heat, search(seed))
+    if item is None:
+        return
+    assert rooms[room].indoor.buffer(TOLERANCE + 1e-6, join_style="mitre").covers(item.footprint)
+    for other in others.values():
+        if not other.tucked:
+            shrunk = (
+                item.footprint.buffer(-TOLERANCE / 2 - 1e-6),
+                other.footprint.envelope.buffer(-TOLERANCE / 2 - 1e-6),
+            )
+            assert not shrunk[0].intersects(shrunk[1])
+
+
+def test_a_room_without_a_legal_place_ends_within_its_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What has no place is named, and what has one is placed."""
+    bed, wardrobe = Item("bed", (2.0, 1.6), (1.0, 1.5)), Item("wardrobe", (0.6, 1.0), (3.7, 1.5), 180)
+    placer = placer_of([rectangular_room(4.0, 3.0, bed, others=(wardrobe,))])
+    room = rectangular_room(1.5, 1.5, replace(bed, center=(0.75, 0.75)), others=(replace(wardrobe, center=(0.5, 0.5)),))
+    small = Placer(placer.model, [room], [scene_of(room)])
+    first = small.scenes[0].fixed
+    graph = {first: [Relation(LOWER_WALL, first, 2)], first + 1: [Relation(LOWER_WALL, first + 1, 2)]}
+    tries = 0
+    items = small._items
+
+    def counting(query: Query, centres: np.ndarray, *others: object) -> list[Item]:
+        nonlocal tries
+        tries += len(centres)
+        return items(query, centres, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(small, "_items", counting)
+    for how in (Search(), search(0)):
+        layout = small.furnish(0, ["bed", "wardrobe"], graph, how)
+        assert layout.missing == [first]
+        assert list(layout.placed) == [first + 1]
+        assert tries <= TRIALS * 2 * (BACKTRACKS + 2)
+        tries = 0
+        query = Query(0, "bed", graph[first], {})
+        assert small.target(query, small.heat([query])[0], how) is None
+
+
+def test_what_is_given_is_taken_and_sizes_come_from_training_rooms() -> None:
+    rooms = designed("bathroom", 3)
+    placer = placer_of(rooms)
+    query = Query(0, "toilet", [], {})
+    heat = placer.heat([query])[0]
+    own = placer.find(query, heat, search(1), tolerance=1.0)
+    assert own is not None
+    assert (*own.size, False) in placer.model.statistics.sizes["toilet"]
+    given_size = Item("toilet", (0.9, 0.31), (0, 0))
+    told = placer.find(query, heat, search(1), size=given_size, tolerance=1.0)
+    assert told is not None
+    assert told.size == (0.9, 0.31)
+
+
+@pytest.mark.parametrize(
+    ("type", "center", "holds"),
+    [
+        (edge_type(FRONT, ADJACENT), (2.0, 0.25), True),
+        (edge_type(FRONT, ADJACENT), (2.0, 0.45), True),  # snapped
+        (edge_type(FRONT, ADJACENT), (2.0, 0.60), False),
+        (edge_type(FRONT, PROXIMAL), (2.0, 0.90), True),
+        (edge_type(FRONT, PROXIMAL), (2.0, 1.10), False),
+        (edge_type(FRONT, DISTANT), (2.0, 0.70), True),
+        (edge_type(FRONT, DISTANT), (2.0, 0.40), False),
+    ],
+)
+def test_an_edge_holds_or_does_not(type: int, center: tuple[float, float], holds: bool) -> None:
+    """From the lower wall to an item of half a metre."""
+    item = Item("bed", (0.5, 0.5), center)
+    placer = placer_of([rectangular_room(4.0, 3.0, item)])
+    query = Query(0, "bed", [Relation(LOWER_WALL, placer.scenes[0].fixed, type)], {})
+    snapped = placer._snapped(query, item)
+    assert (placer._held(query, snapped) == 1) is holds
+    if holds and type == edge_type(FRONT, ADJACENT):
+        assert box_of(snapped)[1] == pytest.approx(0)
+    else:
+        assert snapped == item
+
+
+def test_an_item_beside_another_is_not_in_front_of_it() -> None:
+    table, chair = Item("bed", (1.0, 1.0), (2.0, 1.5), 90), Item("chair", (0.4, 0.4), (1.2, 1.5))
+    placer = placer_of([rectangular_room(4.0, 3.0, table, others=(chair,))])
+    first = placer.scenes[0].fixed
+    for way, holds in ((LEFT, True), (FRONT, False)):
+        query = Query(0, "chair", [Relation(first, first + 1, edge_type(way, ADJACENT))], {first: table})
+        assert (placer._held(query, placer._snapped(query, chair)) == 1) is holds
+
+
+def test_gaps_are_measured_in_the_asked_direction() -> None:
+    anchor, target = np.array([0.0, 0.0, 1.0, 1.0]), np.array([1.5, 0.5, 2.0, 3.0])
+    assert gap(anchor, target, 0) == pytest.approx(0.5)
+    assert gap(anchor, target, 1) == pytest.approx(-0.5)
+    assert gap(anchor, target, 2) == pytest.approx(-2.0)
+    assert gap(anchor, target, 3) == pytest.approx(-3.0)
+    assert faces_across(anchor, target, 0)
+    assert not faces_across(anchor, target, 1)
+
+
+def test_furniture_that_it_does_not_know_is_refused() -> None:
+    placer = placer_of(designed("bathroom", 3))
+    room = designed("study", 3)[0]
+    with pytest.raises(InputError, match="expected what training rooms have"):
+        Placer(placer.model, [room], [scene_of(room)])

@@ -1,0 +1,152 @@
+"""What PlanIT is scored for: the moving item among the others, and whole rooms matched with the designer's."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from layoutrl.planit.graph import graph_of
+from layoutrl.planit.placement import Layout
+from layoutrl.planit.scoring import (
+    QUERIES,
+    evaluated,
+    furnish_all,
+    given_query,
+    match,
+    matched,
+    overlap_of,
+    place_targets,
+    room_graph,
+    scored,
+    table,
+)
+from layoutrl.rooms.room import Item, Room
+from tests.builders import rectangular_room
+from tests.planit.rooms import designed
+from tests.planit.test_placement import placer_of
+
+ROOMS = designed("bathroom", 3)
+
+
+def test_the_designers_places_score_one_and_no_place_scores_nothing() -> None:
+    best = scored(ROOMS, [room.moving for room in ROOMS])
+    assert best.iou.tolist() == pytest.approx([1.0] * 3)
+    assert best.score.mean_iou == pytest.approx(1)
+    assert best.score.overlap == pytest.approx(0, abs=1e-6)
+    none = scored(ROOMS, [ROOMS[0].moving, None, None])
+    assert none.iou.tolist() == pytest.approx([1.0, 0.0, 0.0])
+    assert none.missing == pytest.approx(2 / 3)
+
+
+def test_what_is_put_elsewhere_is_scored_where_it_is_and_as_large_as_it_is() -> None:
+    bed, desk = Item("bed", (2.0, 1.0), (2.0, 0.5)), Item("desk", (1.0, 1.0), (2.0, 2.5))
+    room = rectangular_room(4.0, 3.0, bed, others=(desk,))
+    put = scored([room], [Item("bed", (1.0, 2.0), (2.0, 2.0), 0)])
+    assert put.iou[0] == pytest.approx(0.0)
+    assert put.score.overlap == pytest.approx(0.5)
+    half = scored([room], [Item("bed", (2.0, 1.0), (3.0, 0.5))])
+    assert half.iou[0] == pytest.approx(1 / 3)
+    assert overlap_of(Item("a", (1, 1), (0, 0)), Item("a", (1, 1), (0.5, 0))) == pytest.approx(1 / 3)
+
+
+def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
+    room = designed("dining_room", 3)[0]
+    rng = np.random.default_rng(0)
+    assert list(match(room, room.furniture).values()) == pytest.approx([1.0] * len(room.furniture))
+    moved = [replace(item, center=tuple(np.add(item.center, rng.normal(0, 0.3, 2)))) for item in room.furniture[::-1]]
+    found = match(room, moved)
+    for category in {item.category for item in room.furniture}:
+        theirs = [item for item in room.furniture if item.category == category]
+        ours = [item for item in moved if item.category == category]
+        best = max(
+            sum(overlap_of(a, b) for a, b in zip(theirs, order, strict=True)) for order in itertools.permutations(ours)
+        )
+        mine = sum(iou for k, iou in found.items() if room.furniture[k].category == category)
+        assert mine == pytest.approx(best)
+
+
+def test_an_item_too_few_counts_as_nothing() -> None:
+    room = ROOMS[0]
+    found = matched([room], [Layout({k: item for k, item in enumerate(room.furniture) if k}, [0])])
+    assert found.iou[0][0] == 0
+    assert found.mean_iou == pytest.approx(1 - 1 / len(room.furniture))
+    assert found.missing == pytest.approx(1 / len(room.furniture))
+    assert found.target_iou([room]) == pytest.approx(float(room.target != 0))
+
+
+@pytest.mark.parametrize("graph", list(QUERIES))
+def test_a_query_holds_nothing_of_where_the_item_is_but_a_given_graph(graph: str) -> None:
+    """The same room with its item elsewhere: only the given graph may ask for something else."""
+    rooms = designed("study", 3)
+    placer = placer_of(rooms)
+    elsewhere = [moved(room) for room in rooms]
+    other = placer_of(elsewhere)
+    other.model = placer.model
+    asked = [[QUERIES[graph](who, k, np.random.default_rng(k)) for k in range(len(rooms))] for who in (placer, other)]
+    if graph == "given graph":
+        assert [q.edges for q in asked[0]] != [q.edges for q in asked[1]]
+    else:
+        assert [q.edges for q in asked[0]] == [q.edges for q in asked[1]]
+    for query, room in zip(asked[0], rooms, strict=True):
+        assert query.category == room.moving.category
+        assert room.moving not in query.placed.values()
+        assert len(query.placed) == len(room.furniture) - 1
+        assert all(r.target not in query.placed for r in query.edges)
+
+
+def moved(room: Room) -> Room:
+    """With its item shifted out of the way of what leads to it: only the place of the item differs."""
+    furniture = list(room.furniture)
+    x, y = room.moving.center
+    furniture[room.target] = replace(room.moving, center=(x + 0.31, y + 0.17))
+    return replace(room, furniture=tuple(furniture))
+
+
+def test_a_given_query_is_the_rooms_graph_with_the_item_last() -> None:
+    placer = placer_of(ROOMS)
+    for k, room in enumerate(ROOMS):
+        scene, query = placer.scenes[k], given_query(placer, k)
+        target = scene.fixed + room.target
+        order = [node for node in scene.items if node != target] + [target]
+        assert query.edges == graph_of(scene, placer.model.statistics.kept, order)[target]
+
+
+def test_graphs_hold_what_is_given() -> None:
+    placer = placer_of(ROOMS)
+    rng = np.random.default_rng(0)
+    for k, room in enumerate(ROOMS):
+        categories = [item.category for item in room.furniture]
+        for kind in ("given graph", "given categories"):
+            names, graph, stands_for = room_graph(placer, k, kind, rng)
+            assert [categories[n] for n in stands_for] == names
+            assert sorted(graph) == list(placer.scenes[k].items)
+        names, graph, _ = room_graph(placer, k, "sampled graph", rng)
+        assert len(names) == len(graph) <= placer.model.statistics.most
+
+
+def test_a_score_hangs_on_the_seed_alone_and_says_what_the_table_shows() -> None:
+    model = placer_of(ROOMS).model
+    first, again = (evaluated(model, ROOMS, 1, np.random.SeedSequence(3)) for _ in range(2))
+    assert first == again
+    assert first["rooms"] == 3
+    assert first["furnished_rooms"] == 1
+    assert set(first["one item"]) == set(first["all items"])
+    text = table(first)
+    for name, row in first["one item"].items():
+        line = next(line for line in text.splitlines() if line.startswith(name))
+        assert f"{row['mean_iou']:.3f}" in line
+        assert f"{first['all items'][name]['mean_iou']:.3f}" in line
+
+
+def test_every_room_gets_an_answer() -> None:
+    placer = placer_of(ROOMS[:2])
+    targets = place_targets(placer, np.random.SeedSequence(0))
+    assert len(targets) == 8
+    assert all(len(found.items) == 2 for found in targets.values())
+    furnished = furnish_all(placer, np.random.SeedSequence(0))
+    assert set(furnished) == set(targets)
+    for found in furnished.values():
+        assert [set(iou) for iou in found.iou] == [set(range(len(room.furniture))) for room in ROOMS[:2]]

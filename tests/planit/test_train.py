@@ -1,0 +1,123 @@
+"""The entry point: a run leaves what it says, goes on exactly, and answers what is wrong in a line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from layoutrl.config import PlanitConfig, composed
+from layoutrl.errors import InputError
+from layoutrl.planit.train import run
+from layoutrl.planit.training import Training
+from layoutrl.resume import Stopped, resumed
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.room import Room
+from layoutrl.runs import load_checkpoint
+from tests.planit.rooms import designed
+
+PROJECT = Path(__file__).resolve().parents[2]
+SHORT = (
+    "method.updates={default: 6}",
+    "method.batch=4",
+    "budget.reports=3",
+    "budget.evaluations=3",
+    "budget.evaluation_rooms=1",
+)
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("rooms") / "rooms.jsonl", designed("bathroom", 10))
+
+
+def written(file: Path, rooms: list[Room]) -> Path:
+    file.write_text("\n".join(json.dumps(room_to_dict(room)) for room in rooms))
+    return file
+
+
+def configured(rooms: Path, folder: Path, *overrides: str) -> PlanitConfig:
+    places = ("room=bathroom", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
+    return composed("planit", *places, *SHORT, *overrides).training()
+
+
+def outcome(folder: Path) -> dict[str, Any]:
+    state = load_checkpoint(folder, torch.device("cpu"))
+    with (folder / "metrics.csv").open() as file:
+        metrics = list(csv.DictReader(file))
+    evaluation = json.loads((folder / "evaluation.json").read_text())
+    return {
+        "networks": {k: v.tolist() for k, v in state["training"]["model"]["networks"].items()},
+        "metrics": metrics,
+        "evaluation": {k: v for k, v in evaluation.items() if k not in ("training_seconds", "machine")},
+    }
+
+
+def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
+    rooms: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torch.set_num_threads(1)
+    whole = run(configured(rooms, tmp_path / "whole"))
+    update = Training._update
+
+    def stopping(training: Training) -> None:
+        update(training)
+        training.stopping = training.updates in (3, 4)
+
+    folder = tmp_path / "stopped" / "bathroom" / "one"
+    with monkeypatch.context() as patch:
+        patch.setattr(Training, "_update", stopping)
+        with pytest.raises(Stopped, match=f"stopped after 3 of 6 updates; go on with: .*resume={folder}"):
+            run(configured(rooms, tmp_path / "stopped"))
+        with pytest.raises(Stopped, match="stopped after 4 of 6 updates"):
+            resumed(folder, run, PlanitConfig)
+    assert resumed(folder, run, PlanitConfig) == folder
+    assert outcome(folder) == outcome(whole)
+    assert {file.name.split(".")[0] for file in whole.iterdir()} == {
+        "config", "metrics", "checkpoints", "evaluation", "events",
+    }  # fmt: skip
+    assert [row["updates"] for row in outcome(whole)["metrics"]] == ["2", "4", "6"]
+
+
+def test_a_loss_that_is_no_number_ends_the_run(rooms: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a loss is no number .* expected a lower method\.learning_rate"):
+        run(configured(rooms, tmp_path, "method.learning_rate=1e30"))
+
+
+def test_slanting_rooms_are_refused_in_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "rooms.jsonl"
+    lines = [room_to_dict(room) for room in designed("bathroom", 10)]
+    for line in lines:
+        line["furniture"][0]["rotation"] = 30
+        line["furniture"][0]["size"] = [0.3, 0.3]
+    file.write_text("\n".join(map(json.dumps, lines)))
+    with pytest.raises(InputError, match="stands at an angle; expected an upright room"):
+        run(configured(file, tmp_path))
+
+
+def test_the_command_line(tmp_path: Path) -> None:
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT), "XDG_CACHE_HOME": str(tmp_path)}
+
+    def planit(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "layoutrl.planit.train", *arguments]
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
+        )
+
+    done = planit("room=bathroom", "budget=smoke", "data.test_rooms=2", "data.train_rooms=8")
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("wrote ")
+    assert folder == tmp_path / "runs/bathroom/designer-main-planit-smoke-seed0"
+    assert "given graph, argmax, true size" in done.stdout
+    again = planit(f"resume={folder}")
+    assert again.stdout.strip() == f"{folder} is finished"
+    wrong = planit("room=attic")
+    assert wrong.returncode != 0
+    assert "Traceback" not in wrong.stderr
