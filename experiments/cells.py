@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import fcntl
 import json
 import subprocess
 import sys
 import time
 import traceback
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -240,7 +241,10 @@ def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.n
 
 
 def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[str], dict[str, Any]]:
-    """Train, or take the agent that was trained on the same rooms in the same way: (policy, categories, about it)."""
+    """Train, or take the agent that was trained on the same rooms in the same way: (policy, categories, about it).
+
+    A training that was killed goes on where its last checkpoint is.
+    """
     training = config.training()
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
@@ -250,15 +254,33 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
     folder = Path(config.runs) / config.room.type / name
     if not folder.exists():
         training.name = f"{name}-unfinished"
-        trained = training_entry.train(training, setting.training, setting.simulator.rooms)
-        if trained.learner.agent.updates < trained.learner.updates:
-            raise KeyboardInterrupt
-        about = {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
-        write_json(trained.folder / "trained.json", about | {"trained_on_machine": machine(setting.device)})
-        with contextlib.suppress(OSError):  # another job was faster: its agent is the same
-            trained.folder.rename(folder)
+        unfinished = folder.with_name(training.name)
+        with alone(folder.with_name(f"{name}.lock")) as mine:
+            goes_on = mine and (unfinished / "config.yaml").exists()
+            begun = unfinished if goes_on else None
+            trained = training_entry.train(training, setting.training, setting.simulator.rooms, begun)
+            if trained.learner.agent.updates < trained.learner.updates:
+                raise KeyboardInterrupt
+            about = {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
+            write_json(trained.folder / "trained.json", about | {"trained_on_machine": machine(setting.device)})
+            with contextlib.suppress(OSError):  # another job was faster: its agent is the same
+                trained.folder.rename(folder)
     agent, categories = build.trained_agent(folder, config.method, setting.device)
     return build.greedy(agent, config.method), categories, json.loads((folder / "trained.json").read_text())
+
+
+@contextlib.contextmanager
+def alone(file: Path) -> Iterator[bool]:
+    """Whether no other job of this machine holds the file meanwhile. However a job ends, it lets go of it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            mine = False
+        else:
+            mine = True
+        yield mine
 
 
 def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 
+import numpy as np
 import torch
 from cells import asked, cells_of, given, multirun
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
@@ -32,6 +34,8 @@ PAPER = {
 COLUMNS = (
     ("geometric", "agent", "geometric"),
     ("paper", "agent", "paper's network and moves"),
+    ("planit", "given categories, sampled, own size", "PlanIT, built anew"),
+    ("planit", "given graph, argmax, true size", "PlanIT, told relations and size"),
     ("regressor", "agent", "supervised regressor"),
     ("oracle", "oracle", "perfect Q"),
     ("rules", "nearest room", "nearest room"),
@@ -47,7 +51,13 @@ DETAILS = (
     "", "", "seeds", "mean IoU", "s.e. over seeds", "95% interval over rooms", "median", ">= 0.9", "best of 3",
     "overlap", "outside", "blocked", "moves", "minutes of training", "p, against the regressor",
 )  # fmt: skip
+PLANIT_ROWS = (
+    "sampled graph, sampled, own size", "sampled graph, argmax, own size", "given categories, sampled, own size",
+    "given categories, argmax, own size", "given graph, sampled, own size", "given graph, argmax, own size",
+    "given graph, sampled, true size", "given graph, argmax, true size",
+)  # fmt: skip
 WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
+PLANIT_SEEDS = {"0": tuple(PAPER), "1,2": ("bathroom", "bedroom")}  # types, by seeds
 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
@@ -56,9 +66,13 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     if "column" in chosen:
         return [every]
     sweeps = [every | {"column": columns} for columns in ("rules,oracle", "geometric", "regressor")]
+    asked = every["room"].split(",")
+    for seeds, types in PLANIT_SEEDS.items() if "seed" not in chosen else {every["seed"]: asked}.items():
+        if rooms := ",".join(room for room in asked if room in types):
+            sweeps.append(every | {"column": "planit", "seed": seeds, "room": rooms})
     paper = every | {"column": "paper"}
     if not (torch.cuda.is_available() or chosen.get("budget") == "smoke" or "hydra/launcher" in chosen):
-        paper["room"] = ",".join(room for room in WITHOUT_GPU if room in every["room"].split(","))
+        paper["room"] = ",".join(room for room in WITHOUT_GPU if room in asked)
         paper["seed"] = chosen.get("seed", "0")
     return [*sweeps, paper] if paper["room"] else sweeps
 
@@ -88,9 +102,34 @@ def main(arguments: list[str]) -> int:
     tables = [
         Table(f"Table 1, rooms never seen ({about})", HEADER, lines),
         Table("Table 1, how sure and how good", DETAILS, details),
+        *planit_tables(folder),
     ]
     write(tables, folder.with_name("table1"))
     return status
+
+
+def planit_tables(folder: Path) -> list[Table]:
+    """What PlanIT is worth by how much it is told and how it chooses: one item among the others, and whole rooms."""
+    one, every = [], []
+    for room in PAPER:
+        for column in ("planit", "planit_long"):
+            rows = {words: row(folder, f"{room}-own-{column}", words) for words in PLANIT_ROWS}
+            known = [found for found in rows.values() if found]
+            if not known:
+                continue
+            seconds, updates = known[0].about("training_seconds"), known[0].about("updates")
+            about = [str(len(known[0].cells)), f"{(seconds or 0) / 60:.1f}", f"{updates or 0:.0f}"]
+            name = [room.replace("_", " ") + (", longer" if column == "planit_long" else ""), *about]
+            one.append([*name, *map(text, rows.values())])
+            furnished = [cell["all items"] for cell in known[0].cells.values()]
+            every.append(
+                [*name, *(f"{np.mean([cell[words]['mean_iou'] for cell in furnished]):.3f}" for words in rows)]
+            )
+    header = ["", "seeds", "minutes of training", "updates", *PLANIT_ROWS]
+    return [
+        Table("PlanIT, the moving item among all others (mean IoU ± standard deviation over rooms)", header, one),
+        Table("PlanIT, all items of a room placed from nothing (mean IoU)", header, every),
+    ]
 
 
 def detail(agent: Row, best: Row | None, regressor: Row | None) -> list[str]:

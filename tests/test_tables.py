@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -22,6 +24,7 @@ from printing import NOT_RUN, Table, row, write
 
 from layoutrl.config import DataConfig, composed, config_directory
 from layoutrl.errors import InputError
+from layoutrl.monitor import watched
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
 
@@ -121,10 +124,65 @@ def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypat
     assert not list(folder_of(config).glob("*.json"))
     fill(config)
     assert cell(config)["updates"] == config.method.updates["smoke"]
-    assert sorted(path.name.split("-")[-1] for path in (tmp_path / "runs" / "tatami").iterdir()) == [
-        "seed0",
-        "unfinished",
-    ]
+    assert not list((tmp_path / "runs" / "tatami").glob("*unfinished*"))
+
+
+def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_path, designed, monkeypatch):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami", "method.updates={smoke: 8}")
+    fill(config)
+    whole = cell(config)
+
+    def killed(*arguments: Any) -> Any:
+        yield from itertools.islice(watched(*arguments), 1)
+        raise KeyboardInterrupt
+
+    again = replace(config, results=str(tmp_path / "again"), runs=str(tmp_path / "again"))
+    monkeypatch.setattr("layoutrl.train.watched", killed)
+    with pytest.raises(KeyboardInterrupt):
+        fill(again)
+    monkeypatch.undo()
+    (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
+    saved = {file.name for file in (unfinished / "checkpoints").iterdir()}
+    with cells.alone(unfinished.with_name(unfinished.name.replace("-unfinished", ".lock"))) as mine:
+        assert mine
+        fill(again)  # elsewhere, since another job may be writing there
+    assert {file.name for file in (unfinished / "checkpoints").iterdir()} == saved
+    assert cell(again)["rows"] == whole["rows"]
+    (folder_of(again) / f"{name_of(again)}.json").unlink()
+    (finished,) = (tmp_path / "again" / "tatami").glob("*seed0")
+    shutil.rmtree(finished)
+    begun = []
+    train = cells.training_entry.train
+    monkeypatch.setattr(cells.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
+    fill(again)
+    assert begun == [unfinished]
+    assert cell(again)["rows"] == whole["rows"]
+
+
+def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed):
+    few = ("room=tatami", "budget.evaluation_rooms=1")
+    fill(configured(tmp_path, designed, "column=planit", *few))
+    config = configured(tmp_path, designed, "column=planit", *few)
+    error = folder_of(config) / f"{name_of(config)}.error"
+    assert "planit trains for as long as geometric, which is not done" in error.read_text()
+    fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
+    fill(config)
+    longer = configured(tmp_path, designed, "column=planit_long", "planit.updates={smoke: 3}", *few)
+    fill(longer)
+    agent, found = cell(replace(config, column="geometric")), cell(config)
+    assert found["training_seconds"] == pytest.approx(agent["training_seconds"], abs=2)
+    assert cell(longer)["updates"] == 3
+    for words in table1.PLANIT_ROWS:
+        numbers = found["rows"][words]
+        iou = unpacked(numbers["iou"], cells.IOU) / 65535
+        assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
+        assert numbers["group"] == agent["rows"]["agent"]["group"]
+        boxes = unpacked(numbers["box"], cells.METRES).reshape(-1, 4)
+        assert len(boxes) == found["rooms"] == agent["rooms"]
+        assert np.isnan(boxes).any(1).mean() == pytest.approx(numbers["missing"])
+    one, every = table1.planit_tables(folder_of(config))
+    assert [line[0] for line in one.lines] == ["tatami", "tatami, longer"]
+    assert every.lines[1][3] == "3"
 
 
 def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
@@ -277,10 +335,14 @@ def test_the_slurm_launcher_is_composed():
     assert config.hydra.launcher.cpus_per_task == 2
 
 
+OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3))
+
+
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
-    ({}, True, [("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3), ("paper", 8, 3)]),
-    ({}, False, [("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3), ("paper", 2, 1)]),
-    ({"room": "kitchen"}, False, [("rules,oracle", 1, 3), ("geometric", 1, 3), ("regressor", 1, 3)]),
+    ({}, True, [*OURS, ("planit", 8, 1), ("planit", 2, 2), ("paper", 8, 3)]),
+    ({}, False, [*OURS, ("planit", 8, 1), ("planit", 2, 2), ("paper", 2, 1)]),
+    ({"room": "kitchen"}, False, [("rules,oracle", 1, 3), ("geometric", 1, 3), ("regressor", 1, 3), ("planit", 1, 1)]),
+    ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*OURS, ("planit", 8, 1), ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
 ])  # fmt: skip
 def test_table_1_trains_the_papers_network_where_there_is_a_gpu(chosen, gpu, expected, monkeypatch):
