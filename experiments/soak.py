@@ -47,6 +47,8 @@ def watched(command: list[str], folder: Path, minutes: float, every: float) -> l
             saved = sum(size for file, size in files if file.parent.name == "checkpoints")
             seen.append((passed, resident(process.pid), saved, sum(size for _, size in files) - saved))
             time.sleep(every)
+        if process.poll() is not None:
+            raise InputError(f"soak: the training ended after {passed:.1f} minutes; {folder / 'soak.log'} says why")
         process.send_signal(signal.SIGTERM)
     return seen
 
@@ -62,8 +64,6 @@ def main() -> None:
     given = [f"runs={options.runs}", f"method.updates.default={UPDATES}", *often]
     command = [sys.executable, "-m", "layoutrl.train", *given, *overrides]
     seen = watched(command, options.runs, options.minutes, every=max(1.0, options.minutes / 5))
-    if len(seen) < 3:
-        raise InputError(f"soak: the training ended at once; {options.runs / 'soak.log'} says why")
     with (options.runs / "soak.csv").open("w", newline="") as file:
         csv.writer(file).writerows([("minutes", "memory_mb", "checkpoints_mb", "other_files_mb"), *seen])
     minutes, memory, saved, other = np.array(seen).T

@@ -68,3 +68,22 @@ def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeyp
     module.main()
     assert [path.stat().st_mtime for path in checkpoints[:3]] == written[:3]
     assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows
+
+
+def test_soak_watches_the_memory_and_files_of_a_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = script("soak")
+    monkeypatch.setenv("PYTHONPATH", str(PROJECT))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    little = ["room=tatami", "data.train_rooms=8", "data.test_rooms=2", "method.batch=8", "method.warmup_moves=64"]
+    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=0.2", f"--runs={tmp_path / 'soak'}", *little])
+    module.main()
+    rows = (tmp_path / "soak" / "soak.csv").read_text().splitlines()
+    assert rows[0] == "minutes,memory_mb,checkpoints_mb,other_files_mb"
+    assert 100 < float(rows[-1].split(",")[1]) < 4000
+    assert (tmp_path / "soak" / "soak.svg").stat().st_size > 1000
+    assert "memory: " in capsys.readouterr().out
+    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=0.2", f"--runs={tmp_path / 'wrong'}", "room=attic"])
+    with pytest.raises(SystemExit, match="soak: the training ended after"):
+        module.main()

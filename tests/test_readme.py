@@ -17,7 +17,7 @@ README = (PROJECT / "README.md").read_text(encoding="utf-8")
 PAGES = {path: path.read_text(encoding="utf-8") for path in (PROJECT / "README.md", *(PROJECT / "docs").glob("*.md"))}
 BLOCKS = [dedent(block) for block in re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", README, flags=re.MULTILINE)]
 COMMANDS = sorted(
-    {command for page in PAGES.values() for command in re.findall(r"python -m layoutrl\.(\w+) (.*)", page)}
+    {command for page in PAGES.values() for command in re.findall(r"python -m layoutrl\.([\w.]+) (.*)", page)}
 )
 
 
@@ -40,7 +40,7 @@ def test_the_commands_options_exist(entry_point: str, options: str) -> None:
     given = [option.replace("<name>", "name") for option in options.split()]
     if "-m" in given:  # a sweep: its first run
         given = [option.split(",")[0] for option in given if option != "-m"]
-    assert composed(entry_point, *given)
+    assert composed(entry_point.removesuffix(".train"), *given)
 
 
 def test_the_scripts_and_pages_that_are_named_are_there() -> None:
