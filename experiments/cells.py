@@ -60,6 +60,7 @@ from layoutrl.runs import differences, machine, write_json
 
 RESULTS = Path(__file__).parent / "results"
 DRAWN = 8  # rooms whose layouts are kept
+PLANIT = "given categories, sampled, own size"  # what is PlanIT's answer where all other items stand
 STARTS_SEED = 0  # of the one list of starts that every method is scored from
 IOU, METRES, INDEX = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2"))  # of what is packed; IoU in 1/65535
 
@@ -160,9 +161,11 @@ def filled(config: CellConfig) -> dict[str, Any]:
         rows[row] = put.score.as_dict() | {
             "missing": put.missing,
             "iou": packed(np.round(put.iou * 65535), IOU),
-            "box": packed([box_of(item) if item else (np.nan,) * 4 for item in put.items], METRES),
             "group": packed([groups[room.group] for room in simulator.rooms], INDEX),
         }
+        if row == PLANIT:
+            boxes = [box_of(item) if item else (np.nan,) * 4 for item in put.items]
+            rows[row]["box"] = packed(np.round(boxes, 3), METRES)
     return {
         "rows": rows,
         "ceiling": float(lattice_ceiling(simulator, setting.room, setting.starts).mean()),

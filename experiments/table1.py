@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from cells import asked, cells_of, given, multirun
+from cells import PLANIT, asked, cells_of, given, multirun
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
 
 from layoutrl.build import answers_errors
@@ -34,7 +34,7 @@ PAPER = {
 COLUMNS = (
     ("geometric", "agent", "geometric"),
     ("paper", "agent", "paper's network and moves"),
-    ("planit", "given categories, sampled, own size", "PlanIT, built anew"),
+    ("planit", PLANIT, "PlanIT, built anew"),
     ("planit", "given graph, argmax, true size", "PlanIT, told relations and size"),
     ("regressor", "agent", "supervised regressor"),
     ("oracle", "oracle", "perfect Q"),

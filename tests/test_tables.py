@@ -177,9 +177,10 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
         iou = unpacked(numbers["iou"], cells.IOU) / 65535
         assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
         assert numbers["group"] == agent["rows"]["agent"]["group"]
-        boxes = unpacked(numbers["box"], cells.METRES).reshape(-1, 4)
-        assert len(boxes) == found["rooms"] == agent["rooms"]
-        assert np.isnan(boxes).any(1).mean() == pytest.approx(numbers["missing"])
+        assert len(iou) == found["rooms"] == agent["rooms"]
+    drawn = found["rows"][cells.PLANIT]
+    boxes = unpacked(drawn["box"], cells.METRES).reshape(-1, 4)
+    assert np.isnan(boxes).any(1).mean() == pytest.approx(drawn["missing"])
     one, every = table1.planit_tables(folder_of(config))
     assert [line[0] for line in one.lines] == ["tatami", "tatami, longer"]
     assert every.lines[1][3] == "3"
