@@ -52,11 +52,9 @@ from layoutrl.evaluation.supervised import (
 )
 from layoutrl.planit import train as planit_entry
 from layoutrl.planit.canvas import box_of
-from layoutrl.planit.graph import scene_of
-from layoutrl.planit.placement import Placer
-from layoutrl.planit.scoring import FURNISHED, furnish_all, place_targets
+from layoutrl.planit.scoring import score_all
 from layoutrl.rooms.room import Room
-from layoutrl.runs import differences, machine, write_json
+from layoutrl.runs import differences, load_config, machine, write_json
 
 RESULTS = Path(__file__).parent / "results"
 DRAWN = 8  # rooms whose layouts are kept
@@ -78,6 +76,7 @@ class CellConfig(TrainConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self.planit.check("planit")
         one_of("fill", self.fill, *FILLS)
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
@@ -259,8 +258,7 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
         training.name = f"{name}-unfinished"
         unfinished = folder.with_name(training.name)
         with alone(folder.with_name(f"{name}.lock")) as mine:
-            goes_on = mine and (unfinished / "config.yaml").exists()
-            begun = unfinished if goes_on else None
+            begun = unfinished if mine and goes_on(unfinished, training) else None
             trained = training_entry.train(training, setting.training, setting.simulator.rooms, begun)
             if trained.learner.agent.updates < trained.learner.updates:
                 raise KeyboardInterrupt
@@ -270,6 +268,13 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
                 trained.folder.rename(folder)
     agent, categories = build.trained_agent(folder, config.method, setting.device)
     return build.greedy(agent, config.method), categories, json.loads((folder / "trained.json").read_text())
+
+
+def goes_on(folder: Path, config: TrainConfig) -> bool:
+    """Whether a training began there, and as it is wanted."""
+    if not (folder / "config.yaml").exists():
+        return False
+    return not differences(resume.stated(load_config(folder, TrainConfig)), resume.stated(config))
 
 
 @contextlib.contextmanager
@@ -340,16 +345,13 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     trained = planit_entry.train(training, setting.training, rooms, spent)
     if trained.stopped:
         raise KeyboardInterrupt
-    one_seed, all_seed = planit_entry.seeds(training)[3].spawn(2)
-    few = rooms[: min(FURNISHED, config.budget.evaluation_rooms)]
-    one, every = (Placer(trained.model, those, [scene_of(room) for room in those]) for those in (rooms, few))
-    furnished = furnish_all(every, all_seed)
+    one, every = score_all(trained.placer, config.budget.evaluation_rooms, planit_entry.seeds(training)[3])
     return {
-        "items": place_targets(one, one_seed),
-        "all items": {name: found.as_dict(few) for name, found in furnished.items()},
+        "items": one,
+        "all items": {name: found.as_dict(rooms) for name, found in every.items()},
         "layouts": {
             name: [[[i.category, *np.round(box_of(i), 3).tolist()] for i in items] for items in found.layouts[:DRAWN]]
-            for name, found in furnished.items()
+            for name, found in every.items()
         },
         "training_seconds": trained.seconds,
         "updates": trained.updates,

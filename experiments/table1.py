@@ -122,14 +122,18 @@ def planit_tables(folder: Path) -> list[Table]:
             name = [room.replace("_", " ") + (", longer" if column == "planit_long" else ""), *about]
             one.append([*name, *map(text, rows.values())])
             furnished = [cell["all items"] for cell in known[0].cells.values()]
-            every.append(
-                [*name, *(f"{np.mean([cell[words]['mean_iou'] for cell in furnished]):.3f}" for words in rows)]
-            )
+            every.append([*name, *(of_all([cell[words] for cell in furnished]) for words in rows)])
     header = ["", "seeds", "minutes of training", "updates", *PLANIT_ROWS]
     return [
         Table("PlanIT, the moving item among all others (mean IoU ± standard deviation over rooms)", header, one),
-        Table("PlanIT, all items of a room placed from nothing (mean IoU)", header, every),
+        Table("PlanIT, all items of a room placed from nothing (mean IoU, standard error over rooms)", header, every),
     ]
+
+
+def of_all(cells: list[dict[str, float]]) -> str:
+    """Mean over seeds; the error is that of one."""
+    mean, error = (np.mean([cell[name] for cell in cells]) for name in ("mean_iou", "standard_error"))
+    return f"{mean:.3f} ({error:.3f})"
 
 
 def detail(agent: Row, best: Row | None, regressor: Row | None) -> list[str]:

@@ -84,6 +84,7 @@ class MethodConfig:
 
     def check(self, prefix: str) -> None:
         """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+        _within(f"{prefix}.learning_rate", self.learning_rate, self.learning_rate > 0, "more than 0")
         one_of(f"{prefix}.observation", self.observation, "geometry", "image")
         one_of(f"{prefix}.unit", self.unit, "metre", "pixel")
         one_of(f"{prefix}.on_illegal", self.on_illegal, "stop", "mask")
@@ -156,6 +157,12 @@ class PlanitMethodConfig:
     batch: int = MISSING
     learning_rate: float = MISSING
 
+    def check(self, prefix: str) -> None:
+        """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+        _within(f"{prefix}.learning_rate", self.learning_rate, self.learning_rate > 0, "more than 0")
+        _within(f"{prefix}.batch", self.batch, self.batch >= 2, "2 or more, for batch normalisation")
+        _within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
+
 
 @dataclass
 class PlanitConfig(LearningConfig):
@@ -163,8 +170,7 @@ class PlanitConfig(LearningConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within("method.batch", self.method.batch, self.method.batch >= 2, "2 or more, for batch normalisation")
-        _within("method.updates", self.method.updates, min(self.method.updates.values()) >= 1, "1 or more each")
+        self.method.check("method")
         one_of("budget.name", self.budget.name, *self.method.updates)
 
     def training(self) -> PlanitConfig:

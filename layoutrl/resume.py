@@ -101,7 +101,6 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
         raise InputError(f"resume: the checkpoint of {folder} is of another {', '.join(others)}; expected the same")
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
-    print(f"going on after {state['updates']} updates")
     return state
 
 

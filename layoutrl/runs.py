@@ -69,7 +69,7 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
     and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
     """
     buffer = io.BytesIO()
-    torch.save(state | {"updates": updates}, buffer)
+    torch.save(state, buffer)
     content = buffer.getvalue()
     file = folder / CHECKPOINTS / f"{updates:08d}.pt"
     mark = {"sha256": hashlib.sha256(content).hexdigest(), "updates": updates, "iou": iou}

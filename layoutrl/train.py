@@ -91,6 +91,7 @@ def train(
     seconds_before = 0.0
     if folder is not None and (state := last_state(folder, identity, device)):
         training.load_state_dict(state["training"])
+        print(f"going on after {learner.agent.updates} updates")
         seconds_before = state["seconds"]
     probes = {}
     parts = {"train": training_rooms, "held_out": held_out}

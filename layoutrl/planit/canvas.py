@@ -1,7 +1,8 @@
 """What PlanIT's image networks see: a room from above, centred and turned as asked, a channel for each kind of thing.
 
-Every channel is a sum of upright boxes with the exact share of each pixel that they cover, so that all rooms of a batch
-are drawn in one product of matrices. A polygon is such a sum, too: under each of its level edges a box without end.
+Every channel is a sum of upright boxes (round furniture, too, is its box) with the exact share of each pixel that they
+cover, so that all rooms of a batch are drawn in one product of matrices. A polygon is such a sum: under each of its
+level edges a box without end.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import torch
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from layoutrl.rooms.room import Item, Ring, Room
+from layoutrl.rooms.room import TOLERANCE, Item, Ring, Room
 
 ROOM, WALL, FURNITURE, SINE, COSINE, DOOR, WINDOW, FIXED_CHANNELS = range(8)  # then one a category
 WALL_GREY, CATEGORY_GREY = 0.5, 0.5  # as PlanIT has them
@@ -104,6 +105,11 @@ def box_of(item: Item) -> tuple[float, float, float, float]:
     assert item.center is not None
     (x, y), (width, depth) = item.center, item.size[:: 1 if item.rotation % 180 == 0 else -1]
     return x - width / 2, y - depth / 2, x + width / 2, y + depth / 2
+
+
+def overlapping(box: Sequence[float], other: Sequence[float]) -> bool:
+    """Whether two boxes share more than a centimetre along both axes."""
+    return all(min(box[k + 2], other[k + 2]) - max(box[k], other[k]) > TOLERANCE for k in (0, 1))
 
 
 def _architecture(room: Room) -> list[tuple[float, ...]]:

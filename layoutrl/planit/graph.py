@@ -57,19 +57,24 @@ def distance_of(type: int) -> int:
 
 @dataclass(frozen=True)
 class Scene:
-    """A room's N nodes: `walls` walls, then doors and windows, `fixed` in all, then the furniture that stands in it."""
+    """A room's N nodes: walls, doors and windows, `fixed` of them, then the furniture that stands in it."""
 
     category: tuple[str, ...]
     box: np.ndarray  # (N, 4): x0, y0, x1, y1 in metres
     facing: np.ndarray  # (N,): quarters counter-clockwise from right; architecture faces into the room
     circle: np.ndarray  # (N,): looks the same from all sides
-    walls: int
     fixed: int
     frame: tuple[tuple[int, int, float], ...]  # from each wall to the next, with the sine of the turn; to its openings
 
     @property
     def items(self) -> range:
         return range(self.fixed, len(self.category))
+
+    def without(self, item: int) -> Scene:
+        """The same scene before an item is there: those behind it move up by one."""
+        left = np.arange(len(self.category)) != item
+        names = tuple(name for name, there in zip(self.category, left, strict=True) if there)
+        return Scene(names, self.box[left], self.facing[left], self.circle[left], self.fixed, self.frame)
 
     @cached_property
     def relations(self) -> tuple[Relation, ...]:
@@ -98,6 +103,10 @@ def scene_of(room: Room) -> Scene:
         boxes.append(box)
         facing.append(facing[wall])
     items = [item for item in room.furniture if item.center is not None]
+    for polygon in (*room.walls, *(opening.polygon for opening in openings)):
+        sides = np.diff(np.array([*polygon, polygon[0]]), axis=0)
+        if (np.abs(sides).min(1) > TOLERANCE).any():
+            raise InputError(f"planit: room {room.id}: a wall or opening stands at an angle; expected an upright room")
     for item in items:
         if item.form == "rectangle" and item.rotation % 90:
             raise InputError(
@@ -108,9 +117,7 @@ def scene_of(room: Room) -> Scene:
     fixed = len(walls) + len(openings)
     categories = ["wall"] * len(walls) + [opening.kind for opening in openings] + [item.category for item in items]
     circle = [False] * fixed + [item.form == "circle" for item in items]
-    return Scene(
-        tuple(categories), np.array(boxes), np.array(facing), np.array(circle), len(walls), fixed, tuple(frame)
-    )
+    return Scene(tuple(categories), np.array(boxes), np.array(facing), np.array(circle), fixed, tuple(frame))
 
 
 def _wall(room: Room, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, int]:
@@ -161,7 +168,7 @@ def _seen_from(scene: Scene, anchor: int) -> list[Relation]:
         for target in np.flatnonzero(meets):
             beyond = np.concatenate([scene.box[target, 2:] - box[2:], box[:2] - scene.box[target, :2]])
             quarter = int(beyond.argmax())
-            type = SUPPORT if beyond.max() <= 0 else edge_type(_way(scene, anchor, quarter), ADJACENT)
+            type = SUPPORT if beyond.max() <= TOLERANCE else edge_type(_way(scene, anchor, quarter), ADJACENT)
             best[int(target)] = (np.inf, type)
     diagonal = np.linalg.norm(scene.box[:, 2:] - scene.box[:, :2], axis=1)
     for way in range(1 if fixed else 4):
@@ -258,6 +265,26 @@ def graph_of(scene: Scene, kept: Kept, order: Sequence[int]) -> Graph:
         graph[item] = telling or sorted(edges, key=lambda r: COST[distance_of(r.type)])[:1]
         placed.add(item)
     return graph
+
+
+def graph_with_last(scene: Scene, kept: Kept, order: Sequence[int], last: int) -> Graph:
+    """The graph of items in this order, and of one more, after all of them.
+
+    The others' edges are those of the room without it: what it hides is not known to be hidden before it is there.
+    """
+    others = scene.without(last)
+
+    def old(node: int) -> int:
+        return node + (node >= last)
+
+    def new(node: int) -> int:
+        return node - (node > last)
+
+    graph = graph_of(others, kept, [new(item) for item in order])
+    found = {
+        old(item): [Relation(old(r.anchor), old(r.target), r.type) for r in edges] for item, edges in graph.items()
+    }
+    return found | {last: graph_of(scene, kept, [*order, last])[last]}
 
 
 def placing_order(graph: Graph, size: Mapping[int, float]) -> list[int]:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 import torch
 from torch import nn
 
-from layoutrl.planit.canvas import FIXED_CHANNELS
+from layoutrl.planit.canvas import FIXED_CHANNELS, box_of, overlapping
 from layoutrl.planit.generator import GraphNetwork
 from layoutrl.planit.graph import ARCHITECTURE, Kept, Scene, kept
 from layoutrl.planit.networks import LocationNetwork, PictureNetwork, SizeNetwork
@@ -25,7 +25,7 @@ class Statistics:
     categories: list[str]  # of furniture, the most important (frequent and large) first
     types: list[tuple[str, str, list[int]]]  # anchor, target, types of edges that are kept
     sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: along its front, across, a circle
-    tucked: list[str]  # categories that stand partly under others
+    tucked: list[tuple[str, str]]  # categories of which the first stands partly under the second
     span: float  # metres: no room is longer
     most: int  # items in a room
 
@@ -33,6 +33,11 @@ class Statistics:
     def nodes(self) -> list[str]:
         """The categories of nodes."""
         return [*ARCHITECTURE, *self.categories]
+
+    @property
+    def importance(self) -> dict[str, int]:
+        """The rank of each category of furniture."""
+        return {category: rank for rank, category in enumerate(self.categories)}
 
     @property
     def kept(self) -> Kept:
@@ -53,10 +58,18 @@ def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
         [category for category, _ in sorted(weight.items(), key=lambda entry: (-entry[1], entry[0]))],
         [(*pair, sorted(types)) for pair, types in sorted(kept(scenes).types.items())],
         {category: sorted(found) for category, found in sorted(sizes.items())},
-        sorted({item.category for item in items if item.tucked}),
+        sorted({pair for room in rooms for pair in _tucked(room)}),
         float((bounds[:, 2:] - bounds[:, :2]).max()),
         max(len(scene.items) for scene in scenes),
     )
+
+
+def _tucked(room: Room) -> Iterator[tuple[str, str]]:
+    """The categories of items that stand partly under others, with those of the others."""
+    items = [item for item in room.furniture if item.center is not None]
+    for under, host in permutations(items, 2):
+        if under.tucked and not host.tucked and overlapping(box_of(under), box_of(host)):
+            yield under.category, host.category
 
 
 class PlanIT:
@@ -75,15 +88,3 @@ class PlanIT:
         self.networks = nn.ModuleDict(
             {"location": self.location, "orientation": self.orientation, "size": self.size, "graphs": self.graphs}
         ).to(self.device)
-
-    def state_dict(self) -> dict[str, Any]:
-        """Plain values and tensors."""
-        return {"statistics": asdict(self.statistics), "networks": self.networks.state_dict()}
-
-
-def trained(state: dict[str, Any], device: torch.device | str = "cpu") -> PlanIT:
-    """What a state dict holds, to be used, not trained."""
-    model = PlanIT(Statistics(**state["statistics"]), np.random.SeedSequence(0), device)
-    model.networks.load_state_dict(state["networks"])
-    model.networks.eval()
-    return model

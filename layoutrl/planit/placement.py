@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn.functional import grid_sample
 
 from layoutrl.errors import InputError
-from layoutrl.planit.canvas import Canvas, box_of, in_frame
+from layoutrl.planit.canvas import Canvas, box_of, in_frame, overlapping
 from layoutrl.planit.graph import (
     ADJACENT,
     DISTANT,
@@ -147,7 +147,7 @@ class Placer:
     ) -> Item | None:
         """A legal place by the heat map, if some trials find one, at which edges hold as far as `tolerance` allows.
 
-        `size` is of an item whose size and form are known; `avoid` are centres that were tried before.
+        `size` is of an item whose size, form and rotation are known; `avoid` are centres that were tried before.
         """
         tried = self._trials(query, heat, search, size, avoid)
         return next((item for item, held in tried if held >= 1 - tolerance), None)
@@ -194,8 +194,8 @@ class Placer:
     ) -> Layout:
         """All items of a graph into an empty room: `names` of its nodes, from the scene's first item on.
 
-        `sizes` are items whose sizes they take. Where no place is found, what was in the way most often is taken back,
-        with all that came after it.
+        `sizes` are items whose sizes, forms and rotations they take. Where no place is found, what was in the way most
+        often is taken back, with all that came after it.
         """
         fixed = self.scenes[room].fixed
         area = {fixed + k: float(np.prod(self.sizes[name], 1).mean()) for k, name in enumerate(names)}
@@ -210,7 +210,7 @@ class Placer:
             edges = [r for r in graph[node] if r.anchor < fixed or r.anchor in placed]
             query = Query(room, names[node - fixed], edges, dict(placed))
             search.in_the_way.clear()
-            known = node, *((k, placed[k].center) for k in placed)
+            known = node, *placed.items()
             if known not in heats:  # what is taken back is often put where it was
                 heats[known] = self.heat([query])[0]
             item = self.find(
@@ -273,7 +273,9 @@ class Placer:
 
     @torch.no_grad()
     def _items(self, query: Query, centres: np.ndarray, search: Search, size: Item | None) -> list[Item]:
-        """The item at each of n centres: which way it faces there and, if that is not given, how large it is."""
+        """The item at each of n centres: which way it faces there and how large it is, if that is not given."""
+        if size is not None:
+            return [replace(size, category=query.category, center=(float(x), float(y))) for x, y in centres]
         model, canvas, many = self.model, self.canvas, len(centres)
         furniture = canvas.furniture([[*query.placed.values()]]).expand(many, -1, -1)
         room = torch.full((many,), query.room, device=model.device)
@@ -289,20 +291,15 @@ class Placer:
         chance = model.orientation(picture(torch.zeros_like(room)), category).softmax(1).cpu().double().numpy()
         draws = None if search.rng is None else search.rng.random((many, 1))
         facing = chance.argmax(1) if draws is None else (chance.cumsum(1) > draws).argmax(1)
-        if size is None:
-            said = model.size(picture(torch.tensor(facing, device=model.device)), category, search.noise).cpu().numpy()
-            known = self.sizes[query.category]
-            nearest = np.linalg.norm(known - said[:, None] * reach, axis=-1).argmin(1)
-            sizes = [model.statistics.sizes[query.category][k] for k in nearest]
-        else:
-            sizes = [(*size.size, size.form == "circle")] * many
-        tucked = query.category in model.statistics.tucked
+        said = model.size(picture(torch.tensor(facing, device=model.device)), category, search.noise).cpu().numpy()
+        known, sizes = self.sizes[query.category], model.statistics.sizes[query.category]
+        nearest = np.linalg.norm(known - said[:, None] * reach, axis=-1).argmin(1)
         return [
             Item(
-                query.category, (along, across), (float(x), float(y)), 90.0 * int(quarter),
-                "circle" if circle else "rectangle", tucked,
+                query.category, sizes[k][:2], (float(x), float(y)), 90.0 * int(quarter),
+                "circle" if sizes[k][2] else "rectangle",
             )
-            for (x, y), quarter, (along, across, circle) in zip(centres, facing, sizes, strict=True)
+            for (x, y), quarter, k in zip(centres, facing, nearest, strict=True)
         ]  # fmt: skip
 
     def _snapped(self, query: Query, item: Item) -> Item:
@@ -310,7 +307,7 @@ class Placer:
         for edge in query.edges:
             if distance_of(edge.type) != ADJACENT or edge.type == SUPPORT:
                 continue
-            if item.tucked and edge.anchor >= self.scenes[query.room].fixed:  # it stands under it, not beside it
+            if self._stands_under(item, query.placed.get(edge.anchor)):
                 continue
             anchor, box = self._node(query, edge.anchor)[0], np.array(box_of(item))
             quarter = self._direction(query, edge, anchor, box)
@@ -329,16 +326,21 @@ class Placer:
             return int(np.argmax([gap(anchor, box, quarter) for quarter in range(4)]))
         return (facing + TURN[edge.type // 3]) % 4
 
+    def _stands_under(self, item: Item, other: Item | None) -> bool:
+        """Whether one of the two, by their categories, stands partly under the other."""
+        tucked = self.model.statistics.tucked
+        return other is not None and (
+            (item.category, other.category) in tucked or (other.category, item.category) in tucked
+        )
+
     def _collisions(self, query: Query, item: Item) -> list[int]:
-        """The nodes that the item stands in by more than a centimetre; what is tucked may, if not into its like."""
-        box, met = np.array(box_of(item)), []
-        for node, other in query.placed.items():
-            if item.tucked != other.tucked:
-                continue
-            there = np.array(box_of(other))
-            if (np.minimum(box[2:], there[2:]) - np.maximum(box[:2], there[:2]) > TOLERANCE).all():
-                met.append(node)
-        return met
+        """The nodes that the item stands in by more than a centimetre, but for what it stands under or on."""
+        supports = {edge.anchor for edge in query.edges if edge.type == SUPPORT}
+        return [
+            node
+            for node, other in query.placed.items()
+            if node not in supports and not self._stands_under(item, other) and overlapping(box_of(item), box_of(other))
+        ]
 
     def _indoors(self, room: int, item: Item) -> bool:
         return bool(shapely.covers(self.floors[room], shapely.box(*box_of(item))))
@@ -347,17 +349,21 @@ class Placer:
         """How well the worst of the edges holds, 0 to 1."""
         box, worst = np.array(box_of(item)), 1.0
         for edge in query.edges:
-            if edge.type == SUPPORT or (item.tucked and edge.anchor >= self.scenes[query.room].fixed):
+            anchor, distance = self._node(query, edge.anchor)[0], distance_of(edge.type)
+            if edge.type == SUPPORT:
+                beyond = max((anchor[:2] - box[:2]).max(), (box[2:] - anchor[2:]).max())
+                worst = min(worst, 1.0 if beyond <= TOLERANCE else 0.0)
                 continue
-            anchor = self._node(query, edge.anchor)[0]
             quarter = self._direction(query, edge, anchor, box)
-            off, distance = gap(anchor, box, quarter), distance_of(edge.type)
+            off = gap(anchor, box, quarter)
             if not faces_across(anchor, box, quarter):
                 missed = MISSED
             elif distance == DISTANT:
                 missed = DISTANT_BEYOND - off
             else:
                 missed = off - (TOUCHES if distance == ADJACENT else PROXIMAL_WITHIN)
+                if not self._stands_under(item, query.placed.get(edge.anchor)):
+                    missed = max(missed, -TOUCHES - off)  # in it, or on its other side
             worst = min(worst, 1 - missed / MISSED if missed > 0 else 1.0)
         return max(worst, 0.0)
 

@@ -17,14 +17,13 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
 from layoutrl.planit.generator import sample
-from layoutrl.planit.graph import Graph, Relation, graph_of, scene_of
-from layoutrl.planit.model import PlanIT
+from layoutrl.planit.graph import Graph, Relation
 from layoutrl.planit.placement import Layout, Placer, Query, Search
-from layoutrl.planit.training import planned
+from layoutrl.planit.training import planned, with_last
 from layoutrl.rooms.room import Item, Room
 
 CHOICES = ("sampled", "argmax")  # of places, facings and sizes
-SIZES = ("own size", "true size")
+SIZES = ("own size", "true size")  # with the true form and rotation, which the agent knows, too
 DRAWS = 10  # graphs, until one has the item that is asked for
 FURNISHED = 24  # rooms at most that are furnished from nothing: seconds each
 CHUNK = 64  # rooms whose heat maps are worked out at once
@@ -79,32 +78,28 @@ def _nodes(placer: Placer, room: int) -> tuple[dict[int, Item], int]:
     return {fixed + n: own.furniture[k] for n, k in enumerate(standing)}, fixed + standing.index(own.target)
 
 
-def given_query(placer: Placer, room: int, _: np.random.Generator | None = None) -> Query:
+def given_query(placer: Placer, room: int) -> Query:
     """The moving item, by the edges that lead to it from all else, where the designer has it."""
-    items, target = _nodes(placer, room)
-    scene = placer.scenes[room]
+    scene, (items, target) = placer.scenes[room], _nodes(placer, room)
     others = {node: item for node, item in items.items() if node != target}
-    edges = graph_of(scene, placer.model.statistics.kept, [*others, target])[target]
+    edges = with_last(placer.model.statistics, scene, target)[target]
     return Query(room, scene.category[target], edges, others)
 
 
 def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) -> Query:
-    """The moving item, by edges that are drawn for it, into the graph of all others as they stand."""
-    query = given_query(placer, room)
-    scene, statistics = placer.scenes[room], placer.model.statistics
-    node_of = dict(zip(query.placed, range(scene.fixed, len(scene.category)), strict=False))  # as they are drawn
-    names = [*(scene.category[node] for node in query.placed), query.category]
+    """The moving item, by edges that are drawn for it, into the graph of all others as they stand without it."""
+    scene, (items, target) = placer.scenes[room], _nodes(placer, room)
+    statistics = placer.model.statistics
+    *others, (_, _) = graph = list(with_last(statistics, scene, target).items())
+    drawn_as = {node: scene.fixed + k for k, (node, _) in enumerate(graph)}
+    node_of = {number: node for node, number in drawn_as.items()}
     known = [
-        [Relation(node_of.get(r.anchor, r.anchor), node_of[r.target], r.type) for r in edges]
-        for edges in graph_of(scene, statistics.kept, list(query.placed)).values()
+        [Relation(drawn_as.get(r.anchor, r.anchor), drawn_as[node], r.type) for r in edges] for node, edges in others
     ]
-    network, most = placer.model.graphs, len(names)
-    _, graph = sample(network, scene, statistics.nodes, statistics.kept, most, rng, names, known)
-    anchor_of = {drawn: node for node, drawn in node_of.items()}
-    *_, (last, edges) = graph.items()
-    target = next(node for node in scene.items if node not in query.placed)
-    assert last == scene.fixed + most - 1
-    return query._replace(edges=[Relation(anchor_of.get(r.anchor, r.anchor), target, r.type) for r in edges])
+    names = [scene.category[node] for node, _ in graph]
+    _, found = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, len(names), rng, names, known)
+    edges = [Relation(node_of.get(r.anchor, r.anchor), target, r.type) for r in found[drawn_as[target]]]
+    return Query(room, scene.category[target], edges, {node: items[node] for node, _ in others})
 
 
 def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Query:
@@ -136,7 +131,7 @@ def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Que
 QUERIES: dict[str, Callable[[Placer, int, np.random.Generator], Query]] = {
     "sampled graph": _query_by_sample,
     "given categories": _query_by_categories,
-    "given graph": given_query,
+    "given graph": lambda placer, room, _: given_query(placer, room),
 }
 GRAPHS = tuple(QUERIES)  # how much of it is the designer's
 
@@ -181,12 +176,19 @@ class Furnished:
         return float(np.mean([iou for room in self.iou for iou in room.values()]))
 
     def as_dict(self, rooms: Sequence[Room]) -> dict[str, float]:
-        return {"mean_iou": self.mean_iou, "target_iou": self.target_iou(rooms), "missing": self.missing}
+        """Its numbers, as JSON has them; `rooms` begin with those that were furnished."""
+        means = [np.mean(list(iou.values())) for iou in self.iou]
+        return {
+            "mean_iou": self.mean_iou,
+            "standard_error": float(np.std(means) / np.sqrt(len(means))),  # over rooms
+            "target_iou": self.target_iou(rooms),
+            "missing": self.missing,
+        }
 
     def target_iou(self, rooms: Sequence[Room]) -> float:
         """Over the items that move in Table 1."""
         return float(
-            np.mean([iou[room.target] for iou, room in zip(self.iou, rooms, strict=True) if room.target in iou])
+            np.mean([iou[room.target] for iou, room in zip(self.iou, rooms, strict=False) if room.target in iou])
         )
 
 
@@ -216,7 +218,7 @@ def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -
         names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, statistics.most, rng)
         return names, graph, []
     standing = [item for item in placer.rooms[room].furniture if item.center is not None]
-    graph, _ = planned(placer.model, scene, standing)
+    graph, _ = planned(statistics, scene, standing)
     if kind == "given graph":
         return [scene.category[node] for node in scene.items], graph, list(range(len(standing)))
     order = [node - scene.fixed for node in graph]  # the most important first, as it was learned
@@ -248,18 +250,24 @@ def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
     return iou
 
 
-def evaluated(model: PlanIT, rooms: Sequence[Room], furnished: int, seed: np.random.SeedSequence) -> dict[str, Any]:
-    """All that is scored, as plain numbers: one item in every room, and all items in the first `furnished`."""
+def score_all(
+    placer: Placer, furnished: int, seed: np.random.SeedSequence
+) -> tuple[dict[str, Places], dict[str, Furnished]]:
+    """One item in every room, and all items in the first `furnished` of them, FURNISHED at most."""
     one_seed, all_seed = seed.spawn(2)
-    scenes = [scene_of(room) for room in rooms]
-    one = place_targets(Placer(model, rooms, scenes), one_seed)
-    few = rooms[:furnished]
-    every = furnish_all(Placer(model, few, scenes[:furnished]), all_seed)
+    few = min(furnished, FURNISHED)
+    every = Placer(placer.model, placer.rooms[:few], placer.scenes[:few])
+    return place_targets(placer, one_seed), furnish_all(every, all_seed)
+
+
+def evaluated(placer: Placer, furnished: int, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """All that is scored, as plain numbers."""
+    one, every = score_all(placer, furnished, seed)
     return {
-        "rooms": len(rooms),
-        "furnished_rooms": len(few),
+        "rooms": len(placer.rooms),
+        "furnished_rooms": min(furnished, FURNISHED, len(placer.rooms)),
         "one item": {name: found.score.as_dict() | {"missing": found.missing} for name, found in one.items()},
-        "all items": {name: found.as_dict(few) for name, found in every.items()},
+        "all items": {name: found.as_dict(placer.rooms) for name, found in every.items()},
     }
 
 

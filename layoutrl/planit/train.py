@@ -26,7 +26,7 @@ from layoutrl.monitor import metrics
 from layoutrl.planit.graph import scene_of
 from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
-from layoutrl.planit.scoring import FURNISHED, evaluated, given_query, scored, table
+from layoutrl.planit.scoring import evaluated, given_query, scored, table
 from layoutrl.planit.training import LOSSES, Training
 from layoutrl.resume import EVALUATION, Stopped, carried_out, identity_of, last_state, stated, stopped_by_signals
 from layoutrl.rooms.room import Room
@@ -38,7 +38,7 @@ class Trained:
     """What a training leaves behind."""
 
     folder: Path
-    model: PlanIT
+    placer: Placer  # in the held-out rooms
     updates: int
     seconds: float
     stopped: bool  # before the budget was spent
@@ -56,11 +56,10 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
             f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates; "
             f"go on with: python -m layoutrl.planit.train resume={folder}"
         )
-    furnished = min(FURNISHED, config.budget.evaluation_rooms)
-    result = evaluated(trained.model, held_out, furnished, seeds(config)[3])
+    result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
     about = {
         "config": stated(config),
-        "machine": machine(trained.model.device),
+        "machine": machine(trained.placer.model.device),
         "updates": trained.updates,
         "training_seconds": trained.seconds,
     }
@@ -93,6 +92,7 @@ def train(
     scenes = [scene_of(room) for room in training_rooms]
     network_seed, training_seed, probe_seed, _ = seeds(config)
     model = PlanIT(counted(training_rooms, scenes), network_seed, device)
+    placer = Placer(model, held_out, [scene_of(room) for room in held_out])  # what it cannot score is refused now
     updates = config.method.updates[budget.name]
     training = Training(
         model,
@@ -108,6 +108,7 @@ def train(
     seconds_before = 0.0
     if folder is not None and (state := last_state(folder, identity, device)):
         training.load_state_dict(state["training"])
+        print(f"going on after {training.updates} updates")
         seconds_before = state["seconds"]
     placers = {}
     parts = {"train": training_rooms, "held_out": held_out}
@@ -133,7 +134,7 @@ def train(
         ) from None
     seconds = seconds_before + time.perf_counter() - began
     print(f"trained {training.updates} updates in {seconds / 60:.1f} minutes on {device}")
-    return Trained(folder, model, training.updates, seconds, training.stopping and spent(training.updates) < 1)
+    return Trained(folder, placer, training.updates, seconds, training.stopping and spent(training.updates) < 1)
 
 
 def _watched(

@@ -15,8 +15,8 @@ from torch.nn.utils.rnn import pad_sequence
 from layoutrl.evaluation.supervised import Spent
 from layoutrl.planit import generator
 from layoutrl.planit.canvas import Canvas, in_frame
-from layoutrl.planit.graph import MIRRORED, Graph, Relation, Scene, graph_of, placing_order
-from layoutrl.planit.model import PlanIT
+from layoutrl.planit.graph import MIRRORED, Graph, Relation, Scene, graph_of, graph_with_last, placing_order
+from layoutrl.planit.model import PlanIT, Statistics
 from layoutrl.planit.networks import HEAT_SIDE, SIDE, PictureNetwork, drawn, signed_distance
 from layoutrl.rooms.room import Item, Room
 
@@ -85,9 +85,9 @@ class Training:
         self._furniture = [[item for item in room.furniture if item.center is not None] for room in rooms]
         if not any(self._furniture):
             raise ValueError("no room has furniture to learn from")
-        self._kept = statistics.kept
         self._filled = [k for k, items in enumerate(self._furniture) if items]
-        self._planned: dict[int, tuple[Graph, list[int]]] = {}  # a room's graph, and the order to place it in
+        self._planned: dict[int, tuple[Graph, list[int]]] = {}  # of rooms, once they are asked for
+        self._last: dict[tuple[int, int], Graph] = {}  # of rooms and items
 
     def __iter__(self) -> Iterator[Report]:
         self.model.networks.train()
@@ -142,16 +142,21 @@ class Training:
             if self._rng.random() < 0.5:
                 graph, order = self._plan(room)
             else:
-                order = [k for k in self._plan(room)[1] if k != item] + [item]
-                graph = graph_of(scene, self._kept, order)
+                graph = self._with_last(room, item)
+                order = list(graph)
             if graph[item]:
                 edge = graph[item][int(self._rng.integers(len(graph[item])))]
                 return Example(room, scene, graph, item, frozenset(order[: order.index(item)]), edge)
 
     def _plan(self, room: int) -> tuple[Graph, list[int]]:
         if room not in self._planned:
-            self._planned[room] = planned(self.model, self._scenes[room], self._furniture[room])
+            self._planned[room] = planned(self.model.statistics, self._scenes[room], self._furniture[room])
         return self._planned[room]
+
+    def _with_last(self, room: int, item: int) -> Graph:
+        if (room, item) not in self._last:
+            self._last[room, item] = with_last(self.model.statistics, self._scenes[room], item)
+        return self._last[room, item]
 
     def _location_loss(self, examples: list[Example], room: Tensor, furniture: Tensor, mirrored: Tensor) -> Tensor:
         """Where everything is that the anchor has an edge of this type to, and that is not placed yet."""
@@ -244,7 +249,7 @@ class Training:
     def state_dict(self) -> dict[str, Any]:
         """All that it needs to go on exactly: tensors and plain values."""
         return {
-            "model": self.model.state_dict(),
+            "networks": self.model.networks.state_dict(),
             "discriminator": self._discriminator.state_dict(),
             "optimizers": [self._optimizer.state_dict(), self._judging.state_dict()],
             "rng": self._rng.bit_generator.state,
@@ -255,7 +260,7 @@ class Training:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from where another of the same settings was."""
-        self.model.networks.load_state_dict(state["model"]["networks"])
+        self.model.networks.load_state_dict(state["networks"])
         self._discriminator.load_state_dict(state["discriminator"])
         for optimizer, its_state in zip((self._optimizer, self._judging), state["optimizers"], strict=True):
             optimizer.load_state_dict(its_state)
@@ -265,13 +270,22 @@ class Training:
         self._recent = {name: list(values) for name, values in state["recent"].items()}
 
 
-def planned(model: PlanIT, scene: Scene, items: Sequence[Item]) -> tuple[Graph, list[int]]:
+def planned(statistics: Statistics, scene: Scene, items: Sequence[Item]) -> tuple[Graph, list[int]]:
     """The graph of a furnished room, and the order in which its items are placed.
 
-    Its edges lead from the more important furniture to the less important, and so never in a circle.
+    Its edges lead from the more important furniture to the less important, and so never in a cycle.
     """
-    rank = {category: k for k, category in enumerate(model.statistics.categories)}
-    important = sorted(scene.items, key=lambda k: rank.get(scene.category[k], len(rank)))
-    graph = graph_of(scene, model.statistics.kept, important)
+    graph = graph_of(scene, statistics.kept, _by_importance(statistics, scene))
     areas = {k: item.size[0] * item.size[1] for k, item in zip(scene.items, items, strict=True)}
     return graph, placing_order(graph, areas)
+
+
+def with_last(statistics: Statistics, scene: Scene, item: int) -> Graph:
+    """The graph of a room in which one item is placed after all others."""
+    others = [k for k in _by_importance(statistics, scene) if k != item]
+    return graph_with_last(scene, statistics.kept, others, item)
+
+
+def _by_importance(statistics: Statistics, scene: Scene) -> list[int]:
+    """A scene's items, the more important categories first."""
+    return sorted(scene.items, key=lambda k: statistics.importance[scene.category[k]])

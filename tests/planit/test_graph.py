@@ -29,6 +29,7 @@ from layoutrl.planit.graph import (
     Scene,
     edge_type,
     graph_of,
+    graph_with_last,
     kept,
     placing_order,
     scene_of,
@@ -51,14 +52,16 @@ def edges(room: Room) -> set[tuple[str, str, str]]:
     """By category; walls by the side of the room that they are on."""
     scene = scene_of(room)
     side = ("left wall", "lower wall", "right wall", "upper wall")
-    names = [side[scene.facing[k]] if k < scene.walls else scene.category[k] for k in range(len(scene.category))]
+    names = [
+        side[scene.facing[k]] if scene.category[k] == "wall" else scene.category[k] for k in range(len(scene.category))
+    ]
     return {(names[r.anchor], names[r.target], TYPES[r.type]) for r in scene.relations}
 
 
 def test_the_nodes_are_walls_then_openings_then_furniture_and_all_face_into_the_room() -> None:
     scene = scene_of(bedroom(Item("desk", (0.6, 1.2), (4.7, 2.0), rotation=180)))
     assert scene.category == ("wall",) * 4 + ("door", "window", "bed", "desk")
-    assert (scene.walls, scene.fixed, list(scene.items)) == (4, 6, [6, 7])
+    assert (scene.fixed, list(scene.items)) == (6, [6, 7])
     assert scene.facing.tolist() == [1, 2, 3, 0, 1, 2, 0, 2]
     assert scene.box[7].tolist() == pytest.approx([4.4, 1.4, 5.0, 2.6])
     assert set(scene.frame) == {(0, 1, 1.0), (1, 2, 1.0), (2, 3, 1.0), (3, 0, 1.0), (0, 4, 0.0), (1, 5, 0.0)}
@@ -235,7 +238,7 @@ def test_pruning_keeps_the_frequent_and_what_always_tells() -> None:
     counted: dict[tuple[str, str, int], int] = {}
     pairs = 0
     for scene in scenes:
-        pairs += scene.walls * scene.category.count("bed")
+        pairs += scene.category.count("wall") * scene.category.count("bed")
         for r in scene.relations:
             key = (scene.category[r.anchor], scene.category[r.target], r.type)
             counted[key] = counted.get(key, 0) + 1
@@ -263,6 +266,31 @@ def test_the_cheapest_edge_ties_up_what_nothing_else_does() -> None:
     scene = scene_of(bedroom(Item("nightstand", (0.4, 0.5), (0.2, 3.07), rotation=0)))
     bed, nightstand = scene.items
     assert graph_of(scene, Kept({}), [bed, nightstand])[nightstand][0].type % 3 == ADJACENT
+
+
+def test_of_a_graph_with_one_item_last_the_others_do_not_know_of_it() -> None:
+    """What the item hides from them is seen: their edges are the same wherever it stands, and without it."""
+    for room_type in MAIN_ITEM:
+        rooms = designed(room_type, 8)
+        scenes = [scene_of(room) for room in rooms]
+        types = kept(scenes)
+        for room, scene in zip(rooms, scenes, strict=True):
+            last = scene.items[0]
+            others = [k for k in scene.items if k != last]
+            graph = graph_with_last(scene, types, others[::-1], last)
+            assert list(graph) == [*others[::-1], last]
+            assert graph[last] == graph_of(scene, types, [*others, last])[last]
+            bare = scene_of(replace(room, furniture=room.furniture[1:]))
+            expected = graph_of(bare, types, [k - 1 for k in others[::-1]])
+
+            def number(node: int, first: int = scene.fixed) -> int:
+                return node - (node > first)
+
+            found = {
+                number(k): [Relation(number(r.anchor), number(r.target), r.type) for r in graph[k]]
+                for k in others[::-1]
+            }
+            assert found == expected
 
 
 def test_the_most_constrained_is_placed_first_and_of_equals_what_constrains_more() -> None:

@@ -20,6 +20,8 @@ from layoutrl.planit.graph import (
     FRONT,
     LEFT,
     PROXIMAL,
+    RIGHT,
+    SUPPORT,
     Relation,
     edge_type,
     faces_across,
@@ -28,8 +30,9 @@ from layoutrl.planit.graph import (
 )
 from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
-from layoutrl.planit.training import planned
-from layoutrl.rooms.room import TOLERANCE, Item, Room
+from layoutrl.planit.scoring import overlap_of
+from layoutrl.planit.training import planned, with_last
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, Room
 from tests.builders import rectangular_room
 from tests.planit.rooms import designed
 
@@ -58,7 +61,7 @@ def test_nothing_is_put_outside_or_into_another(room_type: str, sampled: bool) -
     placed = 0
     for k, room in enumerate(rooms):
         scene = placer.scenes[k]
-        graph, _ = planned(placer.model, scene, list(room.furniture))
+        graph, _ = planned(placer.model.statistics, scene, list(room.furniture))
         names = [scene.category[node] for node in scene.items]
         layout = placer.furnish(k, names, graph, search(k) if sampled else Search())
         assert sorted([*layout.placed, *layout.missing]) == list(scene.items)
@@ -67,7 +70,7 @@ def test_nothing_is_put_outside_or_into_another(room_type: str, sampled: bool) -
             assert item.category == scene.category[node]
             assert room.indoor.buffer(TOLERANCE + 1e-6, join_style="mitre").covers(item.footprint)
         for one, other in itertools.combinations(layout.placed.values(), 2):
-            if one.tucked == other.tucked:
+            if not placer._stands_under(one, other):
                 a, b = (item.footprint.buffer(-TOLERANCE / 2 - 1e-6, join_style="mitre") for item in (one, other))
                 assert not a.intersects(b)
     assert placed > 2 * len(rooms)
@@ -95,7 +98,7 @@ def test_an_item_among_others_is_put_outside_or_into_none_of_them(seed: int, roo
         return
     assert rooms[room].indoor.buffer(TOLERANCE + 1e-6, join_style="mitre").covers(item.footprint)
     for other in others.values():
-        if not other.tucked:
+        if not placer._stands_under(item, other):
             shrunk = (
                 item.footprint.buffer(-TOLERANCE / 2 - 1e-6),
                 other.footprint.envelope.buffer(-TOLERANCE / 2 - 1e-6),
@@ -176,6 +179,56 @@ def test_an_item_beside_another_is_not_in_front_of_it() -> None:
     for way, holds in ((LEFT, True), (FRONT, False)):
         query = Query(0, "chair", [Relation(first, first + 1, edge_type(way, ADJACENT))], {first: table})
         assert (placer._held(query, placer._snapped(query, chair)) == 1) is holds
+
+
+@pytest.mark.parametrize("room_type", list(MAIN_ITEM))
+def test_the_designers_place_holds_and_is_hardly_moved(room_type: str) -> None:
+    """Of every item among all others: snapping closes gaps, and pushes nothing off what stands under it."""
+    rooms = designed(room_type, 12)
+    placer = placer_of(rooms)
+    moved, held = [], []
+    for k, room in enumerate(rooms):
+        scene = placer.scenes[k]
+        items = dict(zip(scene.items, room.furniture, strict=True))
+        for node, item in items.items():
+            edges = with_last(placer.model.statistics, scene, node)[node]
+            query = Query(k, item.category, edges, {n: other for n, other in items.items() if n != node})
+            snapped = placer._snapped(query, item)
+            assert not placer._collisions(query, item)
+            moved.append(overlap_of(snapped, item))
+            held.append(placer._held(query, snapped))
+    assert np.mean(moved) > 0.97
+    assert np.mean(np.array(held) == 1) > 0.95
+
+
+def test_an_item_on_the_other_side_of_its_anchor_does_not_hold() -> None:
+    bed, stand = Item("bed", (2.0, 1.6), (1.0, 1.5)), Item("nightstand", (0.4, 0.4), (0.2, 2.5))  # on its left
+    placer = placer_of([rectangular_room(4.0, 3.0, bed, others=(stand,))])
+    first = placer.scenes[0].fixed
+    for way, distance in itertools.product((LEFT, RIGHT), (ADJACENT, PROXIMAL)):
+        query = Query(0, "nightstand", [Relation(first, first + 1, edge_type(way, distance))], {first: bed})
+        assert (placer._held(query, stand) == 1) is (way == LEFT)
+        assert placer._held(query, replace(stand, center=bed.center)) < 1  # nor within it
+
+
+def test_a_chair_may_stand_under_its_desk_and_under_nothing_else() -> None:
+    placer = placer_of(designed("study", 8))
+    desk, chair = Item("desk", (0.6, 1.2), (0.3, 1.0)), Item("chair", (0.5, 0.5), (0.6, 1.0), 180, tucked=True)
+    case = Item("bookcase", (0.6, 1.2), (0.3, 1.0))
+    assert not placer._collisions(Query(0, "chair", [], {20: desk}), chair)
+    assert not placer._collisions(Query(0, "desk", [], {20: chair}), desk)
+    assert placer._collisions(Query(0, "chair", [], {20: case}), chair) == [20]
+    assert placer._collisions(Query(0, "chair", [], {20: chair}), chair) == [20]
+
+
+def test_what_is_carried_stands_on_what_carries_it() -> None:
+    table, lamp = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("lamp", (0.2, 0.2), (2.0, 1.5))
+    placer = placer_of([rectangular_room(4.0, 3.0, table, others=(lamp,))])
+    first = placer.scenes[0].fixed
+    query = Query(0, "lamp", [Relation(first, first + 1, SUPPORT)], {first: table})
+    assert not placer._collisions(query, lamp)
+    assert placer._held(query, lamp) == 1
+    assert placer._held(query, replace(lamp, center=(3.0, 1.5))) == 0
 
 
 def test_gaps_are_measured_in_the_asked_direction() -> None:

@@ -98,20 +98,24 @@ def test_a_query_holds_nothing_of_where_the_item_is_but_a_given_graph(graph: str
 
 
 def moved(room: Room) -> Room:
-    """With its item shifted out of the way of what leads to it: only the place of the item differs."""
+    """With its item somewhere else, turned, and of another size: at the middle of the room, over whatever is there."""
     furniture = list(room.furniture)
-    x, y = room.moving.center
-    furniture[room.target] = replace(room.moving, center=(x + 0.31, y + 0.17))
+    x0, y0, x1, y1 = room.indoor.bounds
+    centre = ((x0 + x1) / 2, (y0 + y1) / 2)
+    furniture[room.target] = replace(
+        room.moving, center=centre, rotation=(room.moving.rotation + 90) % 360, size=(0.9, 0.7)
+    )
     return replace(room, furniture=tuple(furniture))
 
 
-def test_a_given_query_is_the_rooms_graph_with_the_item_last() -> None:
+def test_a_given_query_holds_all_edges_to_the_item_and_the_places_of_all_others() -> None:
     placer = placer_of(ROOMS)
     for k, room in enumerate(ROOMS):
         scene, query = placer.scenes[k], given_query(placer, k)
         target = scene.fixed + room.target
         order = [node for node in scene.items if node != target] + [target]
         assert query.edges == graph_of(scene, placer.model.statistics.kept, order)[target]
+        assert query.placed == {scene.fixed + n: item for n, item in enumerate(room.furniture) if n != room.target}
 
 
 def test_graphs_hold_what_is_given() -> None:
@@ -128,8 +132,8 @@ def test_graphs_hold_what_is_given() -> None:
 
 
 def test_a_score_hangs_on_the_seed_alone_and_says_what_the_table_shows() -> None:
-    model = placer_of(ROOMS).model
-    first, again = (evaluated(model, ROOMS, 1, np.random.SeedSequence(3)) for _ in range(2))
+    placer = placer_of(ROOMS)
+    first, again = (evaluated(placer, 1, np.random.SeedSequence(3)) for _ in range(2))
     assert first == again
     assert first["rooms"] == 3
     assert first["furnished_rooms"] == 1

@@ -54,7 +54,7 @@ def outcome(folder: Path) -> dict[str, Any]:
         metrics = list(csv.DictReader(file))
     evaluation = json.loads((folder / "evaluation.json").read_text())
     return {
-        "networks": {k: v.tolist() for k, v in state["training"]["model"]["networks"].items()},
+        "networks": {k: v.tolist() for k, v in state["training"]["networks"].items()},
         "metrics": metrics,
         "evaluation": {k: v for k, v in evaluation.items() if k not in ("training_seconds", "machine")},
     }
@@ -100,6 +100,17 @@ def test_slanting_rooms_are_refused_in_a_line(tmp_path: Path) -> None:
     file.write_text("\n".join(map(json.dumps, lines)))
     with pytest.raises(InputError, match="stands at an angle; expected an upright room"):
         run(configured(file, tmp_path))
+
+
+def test_what_it_cannot_score_is_refused_before_it_trains(tmp_path: Path) -> None:
+    rooms = [room_to_dict(room) for room in designed("bathroom", 10)]
+    for room in rooms:
+        room["furniture"].append({"category": f"shelf of {room['id']}", "center": [0.5, 0.5], "size": [0.1, 0.1]})
+    file = tmp_path / "rooms.jsonl"
+    file.write_text("\n".join(map(json.dumps, rooms)))
+    with pytest.raises(InputError, match="expected what training rooms have"):
+        run(configured(file, tmp_path))
+    assert not (tmp_path / "bathroom").exists()
 
 
 def test_the_command_line(tmp_path: Path) -> None:

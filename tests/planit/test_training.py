@@ -10,7 +10,7 @@ import torch
 
 from layoutrl.evaluation.supervised import updates_budget
 from layoutrl.planit.graph import scene_of
-from layoutrl.planit.model import PlanIT, counted, trained
+from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
 from layoutrl.planit.scoring import given_query
 from layoutrl.planit.training import LOSSES, Training
@@ -97,15 +97,6 @@ def test_a_training_that_goes_on_is_the_one_that_never_stopped() -> None:
         assert torch.equal(value, on.model.networks.state_dict()[name]), name
 
 
-def test_a_trained_model_comes_back_from_its_state(overfitted: tuple[PlanIT, list[dict[str, float]]]) -> None:
-    model, _ = overfitted
-    again = trained(model.state_dict())
-    assert again.statistics == model.statistics
-    query = given_query(Placer(model, ROOMS, SCENES), 0)
-    heats = [Placer(m, ROOMS, SCENES).heat([query])[0] for m in (model, again)]
-    np.testing.assert_array_equal(*heats)
-
-
 def test_half_of_the_examples_place_an_item_after_all_others() -> None:
     run = training(1)
     examples = [run._example() for _ in range(400)]
@@ -125,4 +116,4 @@ def test_statistics_count_the_training_rooms() -> None:
     assert {(*i.size, i.form == "circle") for i in items if i.category == "toilet"} == set(statistics.sizes["toilet"])
     assert statistics.most == max(len(room.furniture) for room in ROOMS)
     assert statistics.tucked == []
-    assert counted(designed("study", 4), [scene_of(r) for r in designed("study", 4)]).tucked == ["chair"]
+    assert counted(designed("study", 4), [scene_of(r) for r in designed("study", 4)]).tucked == [("chair", "desk")]
