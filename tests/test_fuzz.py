@@ -25,7 +25,7 @@ import torch
 from omegaconf import OmegaConf
 
 import layoutrl
-from layoutrl.config import composed
+from layoutrl.config import TrainConfig, composed
 from layoutrl.errors import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
@@ -316,5 +316,5 @@ def test_a_configuration_is_one_or_an_error_of_its_own(count, tmp_path):
     for _ in range(count):
         content = mutated_bytes(whole, dice)
         (tmp_path / "config.yaml").write_bytes(content)
-        answered(lambda: load_config(tmp_path), InputError, content)
+        answered(lambda: load_config(tmp_path, TrainConfig), InputError, content)
     shutil.rmtree(tmp_path)
