@@ -23,7 +23,7 @@ class Statistics:
     """What is counted in the training rooms."""
 
     categories: list[str]  # of furniture, the most important (frequent and large) first
-    types: list[tuple[str, str, list[int]]]  # anchor, target, types of edges that are kept
+    kept: Kept  # types of edges
     sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: along its front, across, a circle
     tucked: list[tuple[str, str]]  # categories of which the first stands partly under the second
     span: float  # metres: no room is longer
@@ -33,15 +33,6 @@ class Statistics:
     def nodes(self) -> list[str]:
         """The categories of nodes."""
         return [*ARCHITECTURE, *self.categories]
-
-    @property
-    def importance(self) -> dict[str, int]:
-        """The rank of each category of furniture."""
-        return {category: rank for rank, category in enumerate(self.categories)}
-
-    @property
-    def kept(self) -> Kept:
-        return Kept({(anchor, target): frozenset(types) for anchor, target, types in self.types})
 
 
 def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
@@ -56,7 +47,7 @@ def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
     bounds = np.array([room.envelope.bounds for room in rooms])
     return Statistics(
         [category for category, _ in sorted(weight.items(), key=lambda entry: (-entry[1], entry[0]))],
-        [(*pair, sorted(types)) for pair, types in sorted(kept(scenes).types.items())],
+        kept(scenes),
         {category: sorted(found) for category, found in sorted(sizes.items())},
         sorted({pair for room in rooms for pair in _tucked(room)}),
         float((bounds[:, 2:] - bounds[:, :2]).max()),

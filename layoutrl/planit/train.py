@@ -111,10 +111,10 @@ def train(
         print(f"going on after {training.updates} updates")
         seconds_before = state["seconds"]
     placers = {}
-    parts = {"train": training_rooms, "held_out": held_out}
-    for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
+    parts = {"train": (training_rooms, scenes), "held_out": (held_out, placer.scenes)}
+    for (name, (rooms, theirs)), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         few = sorted(np.random.default_rng(seed).permutation(len(rooms))[: budget.evaluation_rooms])
-        placers[name] = Placer(model, [rooms[k] for k in few], [scene_of(rooms[k]) for k in few])
+        placers[name] = Placer(model, [rooms[k] for k in few], [theirs[k] for k in few])
     folder, began = folder or new_folder(config), time.perf_counter()
 
     def save(iou: float | None) -> None:

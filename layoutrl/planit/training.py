@@ -288,4 +288,4 @@ def with_last(statistics: Statistics, scene: Scene, item: int) -> Graph:
 
 def _by_importance(statistics: Statistics, scene: Scene) -> list[int]:
     """A scene's items, the more important categories first."""
-    return sorted(scene.items, key=lambda k: statistics.importance[scene.category[k]])
+    return sorted(scene.items, key=lambda k: statistics.categories.index(scene.category[k]))
