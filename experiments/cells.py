@@ -345,7 +345,7 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     trained = planit_entry.train(training, setting.training, rooms, spent)
     if trained.stopped:
         raise KeyboardInterrupt
-    one, every = score_all(trained.placer, config.budget.evaluation_rooms, planit_entry.seeds(training)[3])
+    one, every = score_all(trained.placer, config.budget.evaluation_rooms, resume.seeds(training)[3])
     return {
         "items": one,
         "all items": {name: found.as_dict(rooms) for name, found in every.items()},

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
 
+import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
@@ -23,7 +24,16 @@ from layoutrl import __version__
 from layoutrl.config import PlanitConfig, TrainConfig
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
-from layoutrl.runs import Config, checkpoints, differences, load_checkpoint, load_config, wanted_folder
+from layoutrl.runs import (
+    Config,
+    checkpoints,
+    differences,
+    load_checkpoint,
+    load_config,
+    machine,
+    wanted_folder,
+    write_json,
+)
 
 EVALUATION = "evaluation.json"  # a run that has it is finished
 
@@ -38,6 +48,40 @@ class Stoppable(Protocol):
 
 class Stopped(InputError):
     """By the user, and saved."""
+
+
+def seeds(config: TrainConfig | PlanitConfig) -> list[np.random.SeedSequence]:
+    """Of the networks, the training, the probes and the evaluation."""
+    return np.random.SeedSequence(config.seed).spawn(4)
+
+
+@contextmanager
+def written_to(folder: Path, entry_point: str, updates: Callable[[], int]) -> Iterator[None]:
+    """Answer a disk that cannot be written to; `updates` says how many were made. Checkpoints answer for themselves."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"runs: cannot write to {folder} ({error.strerror}) after {updates()} updates; expected a disk "
+            f"to write to, where the last checkpoint goes on: python -m {entry_point} resume={folder}"
+        ) from None
+
+
+def finish(
+    folder: Path,
+    config: TrainConfig | PlanitConfig,
+    result: dict[str, Any],
+    shown: str,
+    *,
+    device: torch.device,
+    updates: int,
+    seconds: float,
+) -> None:
+    """Keep what a run was scored, which ends it, and show it."""
+    about = {"config": stated(config), "machine": machine(device), "updates": updates, "training_seconds": seconds}
+    write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
+    print(shown)
+    print(f"wrote {folder}")
 
 
 def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:

@@ -16,12 +16,11 @@ from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
 from layoutrl.config import TrainCommand, TrainConfig, config_directory, register
-from layoutrl.errors import InputError
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import record_result, watched
-from layoutrl.resume import EVALUATION, Stopped, carried_out, identity_of, last_state, stated, stopped_by_signals
+from layoutrl.resume import Stopped, carried_out, finish, identity_of, last_state, seeds, stopped_by_signals, written_to
 from layoutrl.rooms.room import Room
-from layoutrl.runs import checkpoints, machine, new_folder, save_checkpoint, write_json
+from layoutrl.runs import checkpoints, new_folder, save_checkpoint
 
 
 @dataclass(frozen=True)
@@ -53,22 +52,17 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
         starts_a_room=1,
         seed=seeds(config)[3],
     )
-    about = {
-        "config": stated(config),
-        "machine": machine(learner.simulator.device),
-        "updates": learner.agent.updates,
-        "training_seconds": trained.seconds,
-    }
     record_result(folder, asdict(config), result, learner.agent.updates)
-    write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
-    print(table(result))
-    print(f"wrote {folder}")
+    finish(
+        folder,
+        config,
+        result,
+        table(result),
+        device=learner.simulator.device,
+        updates=learner.agent.updates,
+        seconds=trained.seconds,
+    )
     return folder
-
-
-def seeds(config: TrainConfig) -> list[np.random.SeedSequence]:
-    """Of the network, the training, the probes and the evaluation."""
-    return np.random.SeedSequence(config.seed).spawn(4)
 
 
 def train(
@@ -107,17 +101,11 @@ def train(
         state = {"categories": learner.categories, "seconds": seconds, "training": training.state_dict()}
         save_checkpoint(folder, identity | state, learner.agent.updates, iou)
 
-    try:
-        with stopped_by_signals(training):
-            for iou in watched(training, learner.policy, probes, folder, updates, evaluate_every):
-                save(iou)
-            if training.stopping and [c.updates for c in checkpoints(folder)[:1]] != [learner.agent.updates]:
-                save(None)
-    except OSError as error:  # of what shows a run; save_checkpoint answers for itself
-        raise InputError(
-            f"runs: cannot write to {folder} ({error.strerror}) after {learner.agent.updates} updates; expected a disk "
-            f"to write to, where the last checkpoint goes on: python -m layoutrl.train resume={folder}"
-        ) from None
+    with written_to(folder, "layoutrl.train", lambda: learner.agent.updates), stopped_by_signals(training):
+        for iou in watched(training, learner.policy, probes, folder, updates, evaluate_every):
+            save(iou)
+        if training.stopping and [c.updates for c in checkpoints(folder)[:1]] != [learner.agent.updates]:
+            save(None)
     seconds = seconds_before + time.perf_counter() - began
     print(f"trained {learner.agent.updates} updates in {seconds / 60:.1f} minutes on {device}")
     return Trained(folder, learner, seconds)

@@ -28,9 +28,9 @@ from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
 from layoutrl.planit.scoring import evaluated, given_query, scored, table
 from layoutrl.planit.training import LOSSES, Training
-from layoutrl.resume import EVALUATION, Stopped, carried_out, identity_of, last_state, stated, stopped_by_signals
+from layoutrl.resume import Stopped, carried_out, finish, identity_of, last_state, seeds, stopped_by_signals, written_to
 from layoutrl.rooms.room import Room
-from layoutrl.runs import checkpoints, machine, new_folder, save_checkpoint, write_json
+from layoutrl.runs import checkpoints, new_folder, save_checkpoint
 
 
 @dataclass(frozen=True)
@@ -57,21 +57,16 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
             f"go on with: python -m layoutrl.planit.train resume={folder}"
         )
     result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
-    about = {
-        "config": stated(config),
-        "machine": machine(trained.placer.model.device),
-        "updates": trained.updates,
-        "training_seconds": trained.seconds,
-    }
-    write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
-    print(table(result))
-    print(f"wrote {folder}")
+    finish(
+        folder,
+        config,
+        result,
+        table(result),
+        device=trained.placer.model.device,
+        updates=trained.updates,
+        seconds=trained.seconds,
+    )
     return folder
-
-
-def seeds(config: PlanitConfig) -> list[np.random.SeedSequence]:
-    """Of the networks, the training, the probes and the evaluation."""
-    return np.random.SeedSequence(config.seed).spawn(4)
 
 
 def train(
@@ -122,16 +117,10 @@ def train(
         state = {"seconds": seconds, "training": training.state_dict()}
         save_checkpoint(folder, identity | state, training.updates, iou)
 
-    try:
-        with stopped_by_signals(training):
-            _watched(training, placers, folder, updates, max(1, updates // budget.evaluations), save)
-            if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
-                save(None)
-    except OSError as error:  # of what shows a run; save_checkpoint answers for itself
-        raise InputError(
-            f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk to "
-            f"write to, where the last checkpoint goes on: python -m layoutrl.planit.train resume={folder}"
-        ) from None
+    with written_to(folder, "layoutrl.planit.train", lambda: training.updates), stopped_by_signals(training):
+        _watched(training, placers, folder, updates, max(1, updates // budget.evaluations), save)
+        if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
+            save(None)
     seconds = seconds_before + time.perf_counter() - began
     print(f"trained {training.updates} updates in {seconds / 60:.1f} minutes on {device}")
     return Trained(folder, placer, training.updates, seconds, training.stopping and spent(training.updates) < 1)
