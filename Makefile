@@ -42,8 +42,7 @@ tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke D
 	exit $$status
 
 notebooks: setup  ## run the notebooks, and keep what they show
-	$(BIN)/jupyter execute --inplace --kernel_name=python3 --NotebookClient.record_timing=False \
-	  --NotebookClient.coalesce_streams=True notebooks/*.ipynb
+	$(BIN)/python notebooks/run.py
 
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs

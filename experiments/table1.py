@@ -62,7 +62,7 @@ PLANIT_SEEDS = {"0": tuple(PAPER), "1,2": ("bathroom", "bedroom")}  # types, by 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Sweeps one after the other: rooms are designed with the rules, the regressor trains for as long as the agent."""
-    every = {"column": "", "seed": "0,1,2", "room": ",".join(PAPER)} | chosen  # the first varies slowest
+    every = {"column": "", "seed": "0,1,2", "room": ",".join(PAPER), **chosen}  # the first varies slowest
     if "column" in chosen:
         return [every]
     sweeps = [every | {"column": columns} for columns in ("rules,oracle", "geometric", "regressor")]

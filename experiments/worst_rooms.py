@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cells import IOU, METRES, RESULTS, CellConfig, unpacked
+from cells import FLAG, IOU, METRES, unpacked
+from columns import RESULTS, CellConfig
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
@@ -102,7 +103,7 @@ def main() -> None:
         iou = build.simulator(rooms, config.method, config.reward).reward(np.arange(len(rooms)), places).iou
     if len(rooms) != len(places) or np.abs(iou - stored).max() > 1e-3:
         raise InputError(f"{options.cell}: was filled with other rooms; expected those rules again, or another --root")
-    knew_better = unpacked(cell["knew_better"], np.dtype("u1")).astype(bool)
+    knew_better = unpacked(cell["knew_better"], FLAG).astype(bool)
     reasons = {int(k): why(rooms[k], places[k], knew_better[k], config) for k in np.flatnonzero(iou < FAILED)}
 
     lost = Counter[str]()

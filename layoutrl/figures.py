@@ -115,11 +115,12 @@ def scale_bar(axes: Axes, *others: Axes) -> None:
     """A bar of one metre under a room; the same room is drawn to the same scale in the others."""
     x0, x1 = axes.get_xlim()
     y0, y1 = axes.get_ylim()
-    y = y0 - 0.04 * (y1 - y0)
+    gap = 0.06 * max(x1 - x0, y1 - y0)
+    y = y0 - gap
     axes.plot([x0, x0 + 1], [y, y], color="black", linewidth=1.5, solid_capstyle="butt", clip_on=False)
     axes.text(x0 + 1.08, y, "1 m", fontsize=6, va="center")
     for same in (axes, *others):
-        same.set(xlim=(x0, x1), ylim=(y - 0.06 * (y1 - y0), y1))
+        same.set(xlim=(x0, x1), ylim=(y - gap, y1))
 
 
 def positions(simulator: Simulator, room: int, spacing: float) -> tuple[np.ndarray, np.ndarray]:

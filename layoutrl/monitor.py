@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Never
 
 from torch.utils.tensorboard import SummaryWriter
 from torch.utils.tensorboard.summary import hparams
@@ -50,14 +50,9 @@ def watched(
     made = training.agent.updates
     held_out = float("nan")
     header = [*COLUMNS, *(f"seconds_{stage}" for stage in STAGES), *(f"iou_{name}" for name in probes)]
-    with (
-        SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
-        metrics(folder / "metrics.csv", header, made) as (rows, before),
-        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
-    ):
+    with shown(folder, header, made, updates) as (board, rows, bar, before):
         if not made:
             board.add_custom_scalars(LAYOUT)
-            board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
         for progress in training:
             if not math.isfinite(progress.loss):
                 raise InputError(
@@ -88,6 +83,24 @@ def watched(
             )  # fmt: skip
             if evaluates:
                 yield row["iou_train"]
+
+
+@contextmanager
+def shown(
+    folder: Path, header: Sequence[str], made: int, updates: int
+) -> Iterator[tuple[SummaryWriter, csv.DictWriter[str], tqdm[Never], int]]:
+    """TensorBoard, metrics.csv and the progress bar of a training, and of which update the table's last row is.
+
+    What the folder shows of later updates than the `made` ones is dropped.
+    """
+    with (
+        SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
+        metrics(folder / "metrics.csv", header, made) as (rows, before),
+        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
+    ):
+        if not made:
+            board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
+        yield board, rows, bar, before
 
 
 @contextmanager

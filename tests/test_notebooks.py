@@ -17,7 +17,7 @@ SHORT = {
 
 
 def test_every_notebook_is_known() -> None:
-    assert {path.stem for path in NOTEBOOKS.glob("*.ipynb")} == {*SHORT, "03_layouts", "05_tables"}
+    assert {path.stem for path in NOTEBOOKS.glob("*.ipynb")} == {*SHORT, "03_layouts", "05_tables", "06_planit"}
 
 
 @pytest.mark.filterwarnings("default")  # of the kernel's, which are not ours

@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import cells
+import columns
 import numpy as np
 import pytest
 import table1
 import worst_rooms
-from cells import CellConfig, fill, folder_of, name_of, packed, unpacked
+from cells import fill, packed, unpacked
+from columns import CellConfig, folder_of, name_of
 from hydra import compose, initialize_config_dir
 from printing import NOT_RUN, Table, row, write
 
@@ -77,7 +79,7 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     assert (best >= unpacked(found["rows"]["agent"]["iou"], cells.IOU)).all()
     rules = cell(replace(agent, column="rules"))["rows"]
     another = configured(tmp_path, designed, "column=paper", "room=tatami", "seed=1", "method.max_moves=3")
-    settings = [cells.setting_of(config, "cpu") for config in (agent, another)]
+    settings = [columns.setting_of(config, "cpu") for config in (agent, another)]
     np.testing.assert_array_equal(settings[0].starts, settings[1].starts)
     np.testing.assert_allclose(
         unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
@@ -90,7 +92,7 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     fill(config)
     file = folder_of(config) / f"{name_of(config)}.json"
     before = file.read_text()
-    monkeypatch.setattr(cells.training_entry, "train", None)  # would fail
+    monkeypatch.setattr(columns.training_entry, "train", None)  # would fail
     fill(config)
     assert file.read_text() == before
     assert "begins" in capsys.readouterr().out.split("done")[0]
@@ -143,7 +145,7 @@ def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_pat
     monkeypatch.undo()
     (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
     saved = {file.name for file in (unfinished / "checkpoints").iterdir()}
-    with cells.alone(unfinished.with_name(unfinished.name.replace("-unfinished", ".lock"))) as mine:
+    with columns.alone(unfinished.with_name(unfinished.name.replace("-unfinished", ".lock"))) as mine:
         assert mine
         fill(again)  # elsewhere, since another job may be writing there
     assert {file.name for file in (unfinished / "checkpoints").iterdir()} == saved
@@ -152,8 +154,8 @@ def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_pat
     (finished,) = (tmp_path / "again" / "tatami").glob("*seed0")
     shutil.rmtree(finished)
     begun = []
-    train = cells.training_entry.train
-    monkeypatch.setattr(cells.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
+    train = columns.training_entry.train
+    monkeypatch.setattr(columns.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
     fill(again)
     assert begun == [unfinished]
     assert cell(again)["rows"] == whole["rows"]
@@ -237,15 +239,15 @@ def test_the_slurm_launchers_local_executor_fills_cells(tmp_path, designed):
 
 def test_one_scene_is_trained_and_tested_in(tmp_path, designed):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami", "protocol=scene", "seed=2")
-    setting = cells.setting_of(config, "cpu")
+    setting = columns.setting_of(config, "cpu")
     assert setting.training == setting.simulator.rooms
     assert len(setting.training) == 1
     assert len(setting.starts) == 16
     assert len(np.unique(setting.starts, axis=0)) == 16
-    other = cells.setting_of(replace(config, seed=1), "cpu")
+    other = columns.setting_of(replace(config, seed=1), "cpu")
     assert other.training != setting.training
     with pytest.raises(InputError, match="expected a scene, 0 to 5; got 6"):
-        cells.setting_of(replace(config, seed=6), "cpu")
+        columns.setting_of(replace(config, seed=6), "cpu")
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
@@ -259,7 +261,7 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
             "column=geometric",
             f"trained_on={trained_on}",
         )
-        tasks[trained_on] = cells.setting_of(config, "cpu")
+        tasks[trained_on] = columns.setting_of(config, "cpu")
     real, designed, both = (tasks[name].training for name in ("own", "designer", "both"))
     assert both == designed + real
     assert len(designed) == 12

@@ -15,14 +15,12 @@ from typing import Any
 import hydra
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
-from torch.utils.tensorboard import SummaryWriter
-from tqdm import tqdm
 
 from layoutrl import build
 from layoutrl.config import PlanitCommand, PlanitConfig, config_directory, register
 from layoutrl.errors import InputError
 from layoutrl.evaluation.supervised import Spent, updates_budget
-from layoutrl.monitor import metrics
+from layoutrl.monitor import shown
 from layoutrl.planit.graph import scene_of
 from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
@@ -141,13 +139,7 @@ def _watched(
     """
     made, networks = training.updates, training.model.networks
     header = ["updates", *(f"loss_{name}" for name in LOSSES), *(f"iou_{name}" for name in placers)]
-    with (
-        SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
-        metrics(folder / "metrics.csv", header, made) as (rows, before),
-        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
-    ):
-        if not made:
-            board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
+    with shown(folder, header, made, updates) as (board, rows, bar, before):
         for report in training:
             if not all(map(math.isfinite, report.losses.values())):
                 raise InputError(

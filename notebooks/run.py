@@ -1,0 +1,20 @@
+"""Run the notebooks and keep what they show, but not when: python notebooks/run.py [03_layouts 05_tables]"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
+
+HERE = Path(__file__).parent
+
+for path in [HERE / f"{name}.ipynb" for name in sys.argv[1:]] or sorted(HERE.glob("*.ipynb")):
+    print(path.stem, flush=True)
+    notebook = nbformat.read(path, as_version=4)
+    for cell in notebook.cells:
+        cell.metadata.pop("execution", None)  # its times
+    where = {"metadata": {"path": str(HERE)}}
+    NotebookClient(notebook, timeout=None, record_timing=False, coalesce_streams=True, resources=where).execute()
+    nbformat.write(notebook, path)
