@@ -35,6 +35,7 @@ COLUMNS = (
     ("geometric", "agent", "geometric"),
     ("paper", "agent", "paper's network and moves"),
     ("planit", PLANIT, "PlanIT, built anew"),
+    ("planit_long", PLANIT, "PlanIT, trained longer"),
     ("planit", "given graph, argmax, true size", "PlanIT, told relations and size"),
     ("regressor", "agent", "supervised regressor"),
     ("oracle", "oracle", "perfect Q"),
@@ -57,7 +58,10 @@ PLANIT_ROWS = (
     "given graph, sampled, true size", "given graph, argmax, true size",
 )  # fmt: skip
 WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
-PLANIT_SEEDS = {"0": tuple(PAPER), "1,2": ("bathroom", "bedroom")}  # types, by seeds
+PLANIT_SWEEPS = (
+    ("planit,planit_long", "0", tuple(PAPER)),
+    ("planit", "1,2", ("bathroom", "bedroom")),
+)  # columns, seeds, types
 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
@@ -67,9 +71,10 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
         return [every]
     sweeps = [every | {"column": columns} for columns in ("rules,oracle", "geometric", "regressor")]
     asked = every["room"].split(",")
-    for seeds, types in PLANIT_SEEDS.items() if "seed" not in chosen else {every["seed"]: asked}.items():
+    planit = PLANIT_SWEEPS if "seed" not in chosen else [(PLANIT_SWEEPS[0][0], every["seed"], asked)]
+    for columns, seeds, types in planit:
         if rooms := ",".join(room for room in asked if room in types):
-            sweeps.append(every | {"column": "planit", "seed": seeds, "room": rooms})
+            sweeps.append(every | {"column": columns, "seed": seeds, "room": rooms})
     paper = every | {"column": "paper"}
     if not (torch.cuda.is_available() or chosen.get("budget") == "smoke" or "hydra/launcher" in chosen):
         paper["room"] = ",".join(room for room in WITHOUT_GPU if room in asked)

@@ -339,13 +339,14 @@ def test_the_slurm_launcher_is_composed():
 
 
 OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3))
+RIVALS = ("planit,planit_long", 8, 1)
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
-    ({}, True, [*OURS, ("planit", 8, 1), ("planit", 2, 2), ("paper", 8, 3)]),
-    ({}, False, [*OURS, ("planit", 8, 1), ("planit", 2, 2), ("paper", 2, 1)]),
-    ({"room": "kitchen"}, False, [("rules,oracle", 1, 3), ("geometric", 1, 3), ("regressor", 1, 3), ("planit", 1, 1)]),
-    ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*OURS, ("planit", 8, 1), ("paper", 2, 1))]),
+    ({}, True, [*OURS, RIVALS, ("planit", 2, 2), ("paper", 8, 3)]),
+    ({}, False, [*OURS, RIVALS, ("planit", 2, 2), ("paper", 2, 1)]),
+    ({"room": "kitchen"}, False, [*((columns, 1, seeds) for columns, _, seeds in OURS), ("planit,planit_long", 1, 1)]),
+    ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*OURS, RIVALS, ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
 ])  # fmt: skip
 def test_table_1_trains_the_papers_network_where_there_is_a_gpu(chosen, gpu, expected, monkeypatch):
