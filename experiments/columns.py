@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
@@ -25,16 +26,10 @@ from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.errors import InputError
 from layoutrl.evaluation.baselines import best_wall_place, far_end_place, nearest_room_place, nearest_wall_place
+from layoutrl.evaluation.budgets import seconds_budget, updates_budget
 from layoutrl.evaluation.oracle import perfect_places
 from layoutrl.evaluation.protocols import Greedy
-from layoutrl.evaluation.supervised import (
-    regressed_places,
-    scored_places,
-    seconds_budget,
-    train_regressor,
-    train_scorer,
-    updates_budget,
-)
+from layoutrl.evaluation.supervised import regressed_places, scored_places, train_regressor, train_scorer
 from layoutrl.planit import train as planit_entry
 from layoutrl.planit.canvas import box_of
 from layoutrl.planit.scoring import score_all
@@ -219,27 +214,32 @@ def supervised(
 ) -> tuple[GeometryNetwork, GeometryObservation, dict[str, Any]]:
     """The agent's network, trained otherwise for as long: (network, what it sees of the test rooms, about it)."""
     seconds = agent_seconds(config, setting)
+    spent = seconds_budget(seconds, clock_of(setting))
     build.keep_freed_memory()
     categories = categories_of(setting.training)
     training = build.simulator(setting.training, config.method, config.reward)
     observe = GeometryObservation(setting.training, categories, setting.device)
     seed = np.random.SeedSequence(config.seed)
-    network = train(training, observe, seconds_budget(seconds), seed, device=setting.device)
+    network = train(training, observe, spent, seed, device=setting.device)
     observe = GeometryObservation(setting.simulator.rooms, categories, setting.device)
     return network, observe, {"training_seconds": seconds}
 
 
 def agent_seconds(config: CellConfig, setting: Setting) -> float:
-    """For how long the agent was trained, on the same rooms with the same seed."""
-    file = folder_of(config) / f"{name_of(replace(config, column='geometric'))}.json"
-    try:
-        agent = json.loads(file.read_text())
-    except FileNotFoundError:
-        raise InputError(f"column: {config.column} trains for as long as geometric, which is not done") from None
-    theirs, ours = agent["machine"]["gpu"], machine(setting.device)["gpu"]
-    if theirs != ours:
+    """For how long the agent was trained on the same rooms: the mean over its seeds, since some met a busy machine."""
+    name = name_of(replace(config, column="geometric")).removesuffix(f"seed{config.seed}")
+    agents = [json.loads(file.read_text()) for file in sorted(folder_of(config).glob(f"{name}seed*.json"))]
+    if not agents:
+        raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
+    ours = machine(setting.device)["gpu"]
+    for theirs in {agent["machine"]["gpu"] for agent in agents} - {ours}:
         raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
-    return float(agent["training_seconds"])
+    return float(np.mean([agent["training_seconds"] for agent in agents]))
+
+
+def clock_of(setting: Setting) -> Callable[[], float]:
+    """What seconds of training are counted by: on a processor its own time, whatever else runs on the machine."""
+    return time.process_time if setting.device.type == "cpu" else time.perf_counter
 
 
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
@@ -247,7 +247,7 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     rooms = setting.simulator.rooms
     spent = updates_budget(config.planit.updates[config.budget.name])
     if config.planit_time == "agent":
-        spent = seconds_budget(agent_seconds(config, setting))
+        spent = seconds_budget(agent_seconds(config, setting), clock_of(setting))
     how = {name: getattr(config, name) for name in ("room", "data", "seed", "fold", "device", "runs")}
     budget = replace(config.budget, evaluations=1)
     training = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{config.column}-seed{config.seed}")

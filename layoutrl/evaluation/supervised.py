@@ -6,7 +6,6 @@ is; its answer is the best of many candidates, none of which is drawn from the a
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -23,31 +22,15 @@ from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.evaluation.baselines import play
+from layoutrl.evaluation.budgets import Spent
 
 SIDE = 11  # candidates along each side of the grid
 NEAR = (0.005, 0.5)  # metres: least and greatest spread of the training places around the designer's
 ALIGNED = 0.3  # chance that such a place is not off along an axis: at the right wall, or the very place
 BLOCK = 4096  # poses seen at once: memory, not speed
 
-Spent = Callable[[int], float]  # the share of a budget that is spent after so many updates; training ends at 1
 Draw = Callable[[torch.Generator], tuple[Tensor, Tensor]]  # a batch: what is seen (B, ...), what to say of it (B, n)
 Loss = Callable[[Tensor, Tensor], Tensor]
-
-
-def updates_budget(updates: int) -> Spent:
-    """So many updates."""
-    return lambda made: made / updates
-
-
-def seconds_budget(seconds: float) -> Spent:
-    """So many seconds from when it is first asked, by the clock on the wall."""
-    began: list[float] = []
-
-    def spent(_: int) -> float:
-        began[:] = began or [time.perf_counter()]
-        return (time.perf_counter() - began[0]) / seconds
-
-    return spent
 
 
 def train_regressor(

@@ -19,7 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from layoutrl import build
 from layoutrl.config import PlanitCommand, PlanitConfig, config_directory, register
 from layoutrl.errors import InputError
-from layoutrl.evaluation.supervised import Spent, updates_budget
+from layoutrl.evaluation.budgets import Spent, updates_budget
 from layoutrl.monitor import shown
 from layoutrl.planit.graph import scene_of
 from layoutrl.planit.model import PlanIT, counted

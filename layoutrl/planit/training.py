@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn.functional import cross_entropy, l1_loss, one_hot, softplus
 from torch.nn.utils.rnn import pad_sequence
 
-from layoutrl.evaluation.supervised import Spent
+from layoutrl.evaluation.budgets import Spent
 from layoutrl.planit import generator
 from layoutrl.planit.canvas import Canvas, in_frame
 from layoutrl.planit.graph import MIRRORED, Graph, Relation, Scene, graph_of, graph_with_last, placing_order

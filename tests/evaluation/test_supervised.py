@@ -15,14 +15,13 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation import supervised
+from layoutrl.evaluation.budgets import updates_budget
 from layoutrl.evaluation.supervised import (
     candidates,
     regressed_places,
     scored_places,
-    seconds_budget,
     train_regressor,
     train_scorer,
-    updates_budget,
 )
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 from tests.builders import l_room, opening, random_room, rectangular_room, room_of
@@ -67,14 +66,6 @@ def drawn_batch(monkeypatch: pytest.MonkeyPatch, train, rooms: list[Room], batch
     monkeypatch.setattr(supervised, "_trained", lambda observe, outputs, draw, *_: draw)
     draw = train(simulator_of(*rooms), observe_of(*rooms), updates_budget(1), seeded(0), batch=batch)
     return draw(torch.Generator().manual_seed(seed))
-
-
-def test_budgets_say_what_share_is_spent(monkeypatch):
-    assert [updates_budget(4)(made) for made in (0, 1, 4)] == [0, 0.25, 1]
-    clock = iter((50.0, 50.0, 55.0, 71.0))
-    monkeypatch.setattr(supervised.time, "perf_counter", lambda: next(clock))
-    spent = seconds_budget(20)
-    assert [spent(made) for made in (0, 1, 2)] == [0, 0.25, 1.05]
 
 
 @pytest.mark.parametrize("train", [train_regressor, train_scorer])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from layoutrl.evaluation.supervised import updates_budget
+from layoutrl.evaluation.budgets import updates_budget
 from layoutrl.planit.graph import scene_of
 from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
