@@ -35,7 +35,7 @@ from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.planit.canvas import box_of
 from layoutrl.runs import differences, machine, write_json
 
-PLANIT = "given categories, sampled, own size"  # what is PlanIT's answer where all other items stand
+PLANIT = "given categories, argmax, true size"  # told what the agent is told
 IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1"))  # of what is packed; IoU in 1/65535
 
 

@@ -20,7 +20,7 @@ from omegaconf import MISSING
 from layoutrl import build, resume
 from layoutrl import train as training_entry
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.config import DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of
+from layoutrl.config import DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.simulator import Simulator
@@ -59,6 +59,8 @@ class CellConfig(TrainConfig):
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
         one_of("planit_time", self.planit_time, "agent", "updates")
+        if self.fill == "planit":
+            one_of("budget.name", self.budget.name, *self.planit.updates)
 
 
 ConfigStore.instance().store(name="cell_schema", node=CellConfig)
@@ -151,7 +153,7 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
 
     A training that was killed goes on where its last checkpoint is.
     """
-    training = config.training()
+    training = part(config, TrainConfig)
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
     what = [asdict(training.data), config.trained_on, config.protocol, config.fold, config.budget.name, config.seed]
@@ -245,24 +247,26 @@ def clock_of(setting: Setting) -> Callable[[], float]:
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """PlanIT: the moving item among all others, and whole rooms from nothing."""
     rooms = setting.simulator.rooms
-    spent = updates_budget(config.planit.updates[config.budget.name])
-    if config.planit_time == "agent":
-        spent = seconds_budget(agent_seconds(config, setting), clock_of(setting))
+    seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
+    updates = config.planit.updates[config.budget.name]
+    spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
     how = {name: getattr(config, name) for name in ("room", "data", "seed", "fold", "device", "runs")}
     budget = replace(config.budget, evaluations=1)
     training = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{config.column}-seed{config.seed}")
     trained = planit_entry.train(training, setting.training, rooms, spent)
     if trained.stopped:
         raise KeyboardInterrupt
+    if len(trained.placer.rooms) < len(rooms):
+        raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
     one, every = score_all(trained.placer, config.budget.evaluation_rooms, resume.seeds(training)[3])
     return {
         "items": one,
-        "all items": {name: found.as_dict(rooms) for name, found in every.items()},
+        "all items": {name: found.as_dict() for name, found in every.items()},
         "layouts": {
             name: [[[i.category, *np.round(box_of(i), 3).tolist()] for i in items] for items in found.layouts[:DRAWN]]
             for name, found in every.items()
         },
-        "training_seconds": trained.seconds,
+        "training_seconds": seconds or trained.seconds,
         "updates": trained.updates,
     }
 

@@ -1,4 +1,5 @@
-"""The configuration's shape: what `conf/` may say. Entry points, build.py and runs.py read it, nothing else.
+"""The configuration's shape: what `conf/` may say. Entry points, build.py, runs.py and resume.py read it,
+and benchmarks/ and experiments/; nothing else.
 
 A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__` checks it.
 """
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
@@ -145,10 +146,6 @@ class TrainConfig(LearningConfig):
         one_of("reward.inside", self.reward.inside, "share", "iou")
         one_of("budget.name", self.budget.name, *self.method.updates)
 
-    def training(self) -> TrainConfig:
-        """The part that a training reads, of a configuration that has more."""
-        return TrainConfig(**{field.name: getattr(self, field.name) for field in fields(TrainConfig)})
-
 
 @dataclass
 class PlanitMethodConfig:
@@ -173,9 +170,9 @@ class PlanitConfig(LearningConfig):
         self.method.check("method")
         one_of("budget.name", self.budget.name, *self.method.updates)
 
-    def training(self) -> PlanitConfig:
-        """The part that a training reads, of a configuration that has more."""
-        return PlanitConfig(**{field.name: getattr(self, field.name) for field in fields(PlanitConfig)})
+
+AnyTraining = TrainConfig | PlanitConfig
+Config = TypeVar("Config", TrainConfig, PlanitConfig)
 
 
 @dataclass
@@ -281,6 +278,11 @@ class BenchConfig(TrainConfig):
         for name in ("seconds", "minutes"):
             value = getattr(self, name)
             _within(name, value, value > 0, "more than 0")
+
+
+def part(config: LearningConfig, schema: type[Config]) -> Config:
+    """What a training reads of a configuration that has more."""
+    return schema(**{field.name: getattr(config, field.name) for field in fields(schema)})
 
 
 def one_of(name: str, value: str, *allowed: str) -> None:

@@ -21,11 +21,10 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 
 from layoutrl import __version__
-from layoutrl.config import PlanitConfig, TrainConfig
+from layoutrl.config import AnyTraining, Config
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
 from layoutrl.runs import (
-    Config,
     checkpoints,
     differences,
     load_checkpoint,
@@ -50,7 +49,7 @@ class Stopped(InputError):
     """By the user, and saved."""
 
 
-def seeds(config: TrainConfig | PlanitConfig) -> list[np.random.SeedSequence]:
+def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
     """Of the networks, the training, the probes and the evaluation."""
     return np.random.SeedSequence(config.seed).spawn(4)
 
@@ -69,7 +68,7 @@ def written_to(folder: Path, entry_point: str, updates: Callable[[], int]) -> It
 
 def finish(
     folder: Path,
-    config: TrainConfig | PlanitConfig,
+    config: AnyTraining,
     result: dict[str, Any],
     shown: str,
     *,
@@ -126,7 +125,7 @@ def swept(config: Config, run: Run[Config]) -> None:
         traceback.print_exc()
 
 
-def identity_of(config: TrainConfig | PlanitConfig, rooms: Sequence[Room]) -> dict[str, Any]:
+def identity_of(config: AnyTraining, rooms: Sequence[Room]) -> dict[str, Any]:
     """What a checkpoint must agree with to be gone on with."""
     return {"version": __version__, "config": stated(config), "rooms": digest(rooms)}
 
@@ -148,7 +147,7 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
     return state
 
 
-def stated(config: TrainConfig | PlanitConfig) -> dict[str, Any]:
+def stated(config: AnyTraining) -> dict[str, Any]:
     """The configuration as plain values, but for where files lie."""
     moved = replace(config, runs="", name=None, data=replace(config.data, root=None))
     return json.loads(json.dumps(asdict(moved)))

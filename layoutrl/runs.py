@@ -10,7 +10,7 @@ import platform
 import re
 import subprocess
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -20,16 +20,14 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 import layoutrl
-from layoutrl.config import PlanitConfig, TrainConfig
+from layoutrl.config import AnyTraining, Config
 from layoutrl.errors import InputError
 
 CHECKPOINTS = "checkpoints"  # folder of a run
 KEPT = 2  # checkpoints, beside the best
 
-Config = TypeVar("Config", TrainConfig, PlanitConfig)
 
-
-def wanted_folder(config: TrainConfig | PlanitConfig) -> Path:
+def wanted_folder(config: AnyTraining) -> Path:
     """runs/<room>/<name>."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     name = config.name or (
@@ -38,7 +36,7 @@ def wanted_folder(config: TrainConfig | PlanitConfig) -> Path:
     return Path(config.runs) / config.room.type / name
 
 
-def new_folder(config: TrainConfig | PlanitConfig) -> Path:
+def new_folder(config: AnyTraining) -> Path:
     """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
     folder = make_folder(wanted_folder(config))
     OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")

@@ -15,7 +15,7 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
-from layoutrl.config import TrainCommand, TrainConfig, config_directory, register
+from layoutrl.config import TrainCommand, TrainConfig, config_directory, part, register
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import record_result, watched
 from layoutrl.resume import Stopped, carried_out, finish, identity_of, last_state, seeds, stopped_by_signals, written_to
@@ -118,7 +118,7 @@ register()
 @build.answers_errors
 def main(config: DictConfig) -> None:
     command: TrainCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
-    carried_out(command.training(), command.resume, run)
+    carried_out(part(command, TrainConfig), command.resume, run)
 
 
 if __name__ == "__main__":

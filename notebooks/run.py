@@ -10,7 +10,10 @@ from nbclient import NotebookClient
 
 HERE = Path(__file__).parent
 
-for path in [HERE / f"{name}.ipynb" for name in sys.argv[1:]] or sorted(HERE.glob("*.ipynb")):
+known = {path.stem: path for path in sorted(HERE.glob("*.ipynb"))}
+if unknown := [name for name in sys.argv[1:] if name not in known]:
+    sys.exit(f"{unknown[0]}: expected notebooks, by name: {', '.join(known)}")
+for path in [known[name] for name in sys.argv[1:] or known]:
     print(path.stem, flush=True)
     notebook = nbformat.read(path, as_version=4)
     for cell in notebook.cells:

@@ -21,7 +21,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 import layoutrl
 from layoutrl import runs
-from layoutrl.config import TrainConfig, composed
+from layoutrl.config import TrainConfig, composed, part
 from layoutrl.errors import InputError
 from layoutrl.resume import Stopped, resumed
 from layoutrl.rooms.designer.generator import design_rooms
@@ -51,7 +51,7 @@ def rooms(tmp_path_factory) -> Path:
 
 def configured(rooms: Path, folder: Path, *overrides: str) -> TrainConfig:
     places = ("room=tatami", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
-    return composed("train", *places, *SHORT, *overrides).training()
+    return part(composed("train", *places, *SHORT, *overrides), TrainConfig)
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from printing import NOT_RUN, Table, row, write
 
 from layoutrl.config import DataConfig, composed, config_directory
 from layoutrl.errors import InputError
+from layoutrl.evaluation.budgets import updates_budget
 from layoutrl.monitor import watched
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
@@ -161,18 +163,29 @@ def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_pat
     assert cell(again)["rows"] == whole["rows"]
 
 
-def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed):
+def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed, monkeypatch):
     few = ("room=tatami", "budget.evaluation_rooms=1")
     fill(configured(tmp_path, designed, "column=planit", *few))
     config = configured(tmp_path, designed, "column=planit", *few)
     error = folder_of(config) / f"{name_of(config)}.error"
     assert "planit trains for as long as geometric, which is not done" in error.read_text()
-    fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
+    for seed in (0, 1):
+        fill(configured(tmp_path, designed, "column=geometric", "room=tatami", f"seed={seed}"))
+    asked = []
+
+    def budget(seconds, clock):
+        asked.append((seconds, clock))
+        return updates_budget(2)
+
+    monkeypatch.setattr(columns, "seconds_budget", budget)
     fill(config)
     longer = configured(tmp_path, designed, "column=planit_long", "planit.updates={smoke: 3}", *few)
     fill(longer)
     agent, found = cell(replace(config, column="geometric")), cell(config)
-    assert found["training_seconds"] == pytest.approx(agent["training_seconds"], abs=2)
+    second = cell(replace(config, column="geometric", seed=1))
+    seconds = pytest.approx((agent["training_seconds"] + second["training_seconds"]) / 2)
+    assert asked == [(seconds, time.process_time)]  # of other work on the machine nothing counts
+    assert found["updates"] == 2
     assert cell(longer)["updates"] == 3
     for words in table1.PLANIT_ROWS:
         numbers = found["rows"][words]
@@ -184,7 +197,7 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
     boxes = unpacked(drawn["box"], cells.METRES).reshape(-1, 4)
     assert np.isnan(boxes).any(1).mean() == pytest.approx(drawn["missing"])
     one, every = table1.planit_tables(folder_of(config))
-    assert [line[0] for line in one.lines] == ["tatami", "tatami, longer"]
+    assert [line[0] for line in one.lines] == ["tatami", "tatami, 3,000 updates"]
     assert every.lines[1][3] == "3"
 
 

@@ -165,14 +165,13 @@ class Decision:
 
 
 def decisions(
-    scene: Scene, graph: Graph, categories: Sequence[str], rng: np.random.Generator
+    scene: Scene, graph: Graph, done: int, categories: Sequence[str], rng: np.random.Generator
 ) -> tuple[Decision, dict[str, Decision]]:
-    """One decision on a node and, if an item comes next, one on an edge to it from each side, of a room's graph.
+    """The decision on a node after `done` items of a room's graph and, if one comes next, on an edge from each side.
 
-    How far the graph is, and which of the edges to the new item are there already, are drawn.
+    Which of the edges to the new item are there already, is drawn.
     """
     items = list(graph)
-    done = int(rng.integers(len(items) + 1))
     number = {k: k for k in range(scene.fixed)} | {item: scene.fixed + n for n, item in enumerate(items)}
     named = [categories.index(scene.category[item]) for item in items]
 
@@ -207,8 +206,10 @@ def decisions(
 def loss(network: GraphNetwork, nodes: Sequence[Decision], edges: dict[str, list[Decision]]) -> Tensor:
     """Cross entropy of decisions, a mean of each kind."""
     device = network.device
-    logits = network.next_node([d.graph for d in nodes])
-    total = nn.functional.cross_entropy(logits, torch.tensor([d.right for d in nodes], device=device))
+    total = torch.zeros((), device=device)
+    if nodes:
+        logits = network.next_node([d.graph for d in nodes])
+        total = total + nn.functional.cross_entropy(logits, torch.tensor([d.right for d in nodes], device=device))
     for come_from, known in edges.items():
         if not known:
             continue

@@ -17,7 +17,6 @@ import torch
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from layoutrl.errors import InputError
 from layoutrl.planit.canvas import Canvas, box_of, in_frame, overlapping
 from layoutrl.planit.graph import (
     ADJACENT,
@@ -74,16 +73,10 @@ class Search:
 
 
 class Placer:
-    """A trained PlanIT, and the rooms that it furnishes.
-
-    Raises InputError for rooms with furniture that it does not know.
-    """
+    """A trained PlanIT, and the rooms that it furnishes, all of whose furniture it knows."""
 
     def __init__(self, model: PlanIT, rooms: Sequence[Room], scenes: Sequence[Scene]):
         self.model, self.rooms, self.scenes = model, rooms, scenes
-        for room, scene in zip(rooms, scenes, strict=True):
-            if unknown := sorted({*scene.category} - {*model.statistics.nodes}):
-                raise InputError(f"planit: room {room.id} has a {unknown[0]}; expected what training rooms have")
         self.canvas = Canvas(rooms, model.statistics.categories, model.device)
         self.floors = [room.indoor.buffer(TOLERANCE, join_style="mitre") for room in rooms]
         shapely.prepare(self.floors)

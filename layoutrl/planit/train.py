@@ -17,11 +17,11 @@ import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
-from layoutrl.config import PlanitCommand, PlanitConfig, config_directory, register
+from layoutrl.config import PlanitCommand, PlanitConfig, config_directory, part, register
 from layoutrl.errors import InputError
 from layoutrl.evaluation.budgets import Spent, updates_budget
 from layoutrl.monitor import shown
-from layoutrl.planit.graph import scene_of
+from layoutrl.planit.graph import ARCHITECTURE, Scene, scene_of
 from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
 from layoutrl.planit.scoring import evaluated, given_query, scored, table
@@ -76,16 +76,20 @@ def train(
 ) -> Trained:
     """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
 
-    An interrupt ends it early, with all that it needs to go on.
+    Rooms that PlanIT cannot draw or furnish are counted and left out. An interrupt ends it early, with all that it
+    needs to go on.
     """
     budget, device = config.budget, build.device(config.device)
     build.keep_freed_memory()
     build.refuse_chance(device)
+    identity = identity_of(config, training_rooms)
+    training_rooms, scenes = _drawn(training_rooms, "training")
+    known = {*ARCHITECTURE} | {name for scene in scenes for name in scene.category}
+    held_out, unseen = _drawn(held_out, "held-out", known)
     print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
-    scenes = [scene_of(room) for room in training_rooms]
     network_seed, training_seed, probe_seed, _ = seeds(config)
     model = PlanIT(counted(training_rooms, scenes), network_seed, device)
-    placer = Placer(model, held_out, [scene_of(room) for room in held_out])  # what it cannot score is refused now
+    placer = Placer(model, held_out, unseen)
     updates = config.method.updates[budget.name]
     training = Training(
         model,
@@ -97,14 +101,13 @@ def train(
         report_every=max(1, updates // budget.reports),
         seed=training_seed,
     )
-    identity = identity_of(config, training_rooms)
     seconds_before = 0.0
     if folder is not None and (state := last_state(folder, identity, device)):
         training.load_state_dict(state["training"])
         print(f"going on after {training.updates} updates")
         seconds_before = state["seconds"]
     placers = {}
-    parts = {"train": (training_rooms, scenes), "held_out": (held_out, placer.scenes)}
+    parts = {"train": (training_rooms, scenes), "held_out": (held_out, unseen)}
     for (name, (rooms, theirs)), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         few = sorted(np.random.default_rng(seed).permutation(len(rooms))[: budget.evaluation_rooms])
         placers[name] = Placer(model, [rooms[k] for k in few], [theirs[k] for k in few])
@@ -122,6 +125,28 @@ def train(
     seconds = seconds_before + time.perf_counter() - began
     print(f"trained {training.updates} updates in {seconds / 60:.1f} minutes on {device}")
     return Trained(folder, placer, training.updates, seconds, training.stopping and spent(training.updates) < 1)
+
+
+def _drawn(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> tuple[Sequence[Room], Sequence[Scene]]:
+    """The rooms that stand upright and whose furniture is `known`, and their scenes; says what is left out.
+
+    Raises InputError where nothing is left.
+    """
+    drawn, refused = [], []
+    for room in rooms:
+        try:
+            scene = scene_of(room)
+            if unknown := sorted({*scene.category} - (known or {*scene.category})):
+                raise InputError(f"planit: room {room.id} has a {unknown[0]}; expected what training rooms have")
+        except InputError as problem:
+            refused.append(str(problem))
+        else:
+            drawn.append((room, scene))
+    if refused:
+        print(f"left out {len(refused)} of {len(rooms)} {which} rooms, first {refused[0]}")
+    if not drawn:
+        raise InputError(refused[0])
+    return [room for room, _ in drawn], [scene for _, scene in drawn]
 
 
 def _watched(
@@ -181,7 +206,7 @@ register()
 @build.answers_errors
 def main(config: DictConfig) -> None:
     command: PlanitCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
-    carried_out(command.training(), command.resume, run)
+    carried_out(part(command, PlanitConfig), command.resume, run)
 
 
 if __name__ == "__main__":

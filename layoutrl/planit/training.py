@@ -45,6 +45,7 @@ class Example(NamedTuple):
     item: int
     placed: frozenset[int]
     edge: Relation
+    last: bool  # after all others, whatever its category
 
 
 class Training:
@@ -52,7 +53,8 @@ class Training:
 
     The rate falls linearly with what is left of the budget. Pictures are mirrored half of the time, and the orientation
     network's are turned. Half of the examples place the items in the order of their graph, half place one after all the
-    others. `state_dict` is all that it needs to go on exactly, where the budget is one of updates.
+    others, and ask for its edges alone. `state_dict` is all that it needs to go on exactly, where the budget is one of
+    updates.
     """
 
     def __init__(
@@ -83,9 +85,6 @@ class Training:
         self._judging = torch.optim.Adam(self._discriminator.parameters(), learning_rate, fused=True)
         self._recent: dict[str, list[Tensor]] = {}
         self._furniture = [[item for item in room.furniture if item.center is not None] for room in rooms]
-        if not any(self._furniture):
-            raise ValueError("no room has furniture to learn from")
-        self._filled = [k for k, items in enumerate(self._furniture) if items]
         self._planned: dict[int, tuple[Graph, list[int]]] = {}  # of rooms, once they are asked for
         self._last: dict[tuple[int, int], Graph] = {}  # of rooms and items
 
@@ -136,17 +135,18 @@ class Training:
     def _example(self) -> Example:
         """Draw one. An item that nothing leads to teaches nothing of where it goes, and is drawn again."""
         while True:
-            room = self._filled[int(self._rng.integers(len(self._filled)))]
+            room = int(self._rng.integers(len(self._rooms)))
             scene = self._scenes[room]
             item = int(self._rng.choice(scene.items))
-            if self._rng.random() < 0.5:
-                graph, order = self._plan(room)
-            else:
+            last = bool(self._rng.random() < 0.5)
+            if last:
                 graph = self._with_last(room, item)
                 order = list(graph)
+            else:
+                graph, order = self._plan(room)
             if graph[item]:
                 edge = graph[item][int(self._rng.integers(len(graph[item])))]
-                return Example(room, scene, graph, item, frozenset(order[: order.index(item)]), edge)
+                return Example(room, scene, graph, item, frozenset(order[: order.index(item)]), edge, last)
 
     def _plan(self, room: int) -> tuple[Graph, list[int]]:
         if room not in self._planned:
@@ -240,11 +240,22 @@ class Training:
         return size, judged.mean()
 
     def _graph_loss(self, examples: list[Example]) -> Tensor:
-        """Of some decisions on a node, and on an edge from each side, in each example's graph."""
-        names = self.model.statistics.nodes
-        made = [generator.decisions(e.scene, e.graph, names, self._rng) for e in examples for _ in range(DECISIONS)]
-        edges = {side: [e[side] for _, e in made if side in e] for side in ("furniture", "architecture")}
-        return generator.loss(self.model.graphs, [node for node, _ in made], edges)
+        """Of some decisions on a node, and on an edge from each side, in each example's graph.
+
+        Of one whose item comes last, on edges to that alone: what comes next is learned in the order of importance.
+        """
+        names, nodes = self.model.statistics.nodes, []
+        edges: dict[str, list[generator.Decision]] = {"furniture": [], "architecture": []}
+        for example in examples:
+            for _ in range(DECISIONS):
+                items = len(example.graph)
+                done = items - 1 if example.last else int(self._rng.integers(items + 1))
+                node, found = generator.decisions(example.scene, example.graph, done, names, self._rng)
+                if not example.last:
+                    nodes.append(node)
+                for side, decision in found.items():
+                    edges[side].append(decision)
+        return generator.loss(self.model.graphs, nodes, edges)
 
     def state_dict(self) -> dict[str, Any]:
         """All that it needs to go on exactly: tensors and plain values."""

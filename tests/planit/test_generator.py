@@ -41,9 +41,9 @@ def test_every_decision_is_one_that_leads_to_the_rooms_graph() -> None:
     for _ in range(200):
         scene = SCENES[int(rng.integers(len(SCENES)))]
         own = graph(scene)
-        node, edges = decisions(scene, own, NAMES, rng)
-        done = len(node.graph.category) - scene.fixed
         items = list(own)
+        done = int(rng.integers(len(items) + 1))
+        node, edges = decisions(scene, own, done, NAMES, rng)
         assert [NAMES[c] for c in node.graph.category[scene.fixed :]] == [scene.category[k] for k in items[:done]]
         if done == len(items):
             assert node.right == len(NAMES)
@@ -137,7 +137,7 @@ def test_it_learns_one_room_by_heart() -> None:
     own = graph(scene)
     optimizer = torch.optim.Adam(network.parameters(), 2e-3)
     for _ in range(300):
-        made = [decisions(scene, own, NAMES, rng) for _ in range(8)]
+        made = [decisions(scene, own, int(rng.integers(len(own) + 1)), NAMES, rng) for _ in range(8)]
         edges: dict[str, list[Decision]] = {
             side: [found[side] for _, found in made if side in found] for side in ("furniture", "architecture")
         }

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 import torch
 
-from layoutrl.config import PlanitConfig, composed
+from layoutrl.build import two_parts
+from layoutrl.config import PlanitConfig, composed, part
 from layoutrl.errors import InputError
 from layoutrl.planit.train import run
 from layoutrl.planit.training import Training
@@ -45,7 +46,7 @@ def written(file: Path, rooms: list[Room]) -> Path:
 
 def configured(rooms: Path, folder: Path, *overrides: str) -> PlanitConfig:
     places = ("room=bathroom", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
-    return composed("planit", *places, *SHORT, *overrides).training()
+    return part(composed("planit", *places, *SHORT, *overrides), PlanitConfig)
 
 
 def outcome(folder: Path) -> dict[str, Any]:
@@ -100,6 +101,29 @@ def test_slanting_rooms_are_refused_in_a_line(tmp_path: Path) -> None:
     file.write_text("\n".join(map(json.dumps, lines)))
     with pytest.raises(InputError, match="stands at an angle; expected an upright room"):
         run(configured(file, tmp_path))
+
+
+def test_rooms_that_it_cannot_draw_or_furnish_are_counted_and_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rooms = designed("bathroom", 24)
+    config = configured(file_of(tmp_path, [room_to_dict(room) for room in rooms]), tmp_path)
+    training, held_out = two_parts(config.room, config.data, config.fold)
+    slanting, unknown = (room_to_dict(part[0]) for part in (training, held_out))
+    slanting["furniture"][0] |= {"rotation": 30, "size": [0.3, 0.3]}
+    unknown["furniture"].append({"category": "shelf", "center": [0.5, 0.5], "size": [0.1, 0.1]})
+    others = [room_to_dict(room) for room in (*training[1:], *held_out[1:])]
+    run(configured(file_of(tmp_path, [slanting, unknown, *others]), tmp_path))
+    said = capsys.readouterr().out
+    assert f"left out 1 of {len(training)} training rooms, first planit: room {training[0].id}" in said
+    assert f"left out 1 of {len(held_out)} held-out rooms, first planit: room {held_out[0].id} has a shelf" in said
+    assert f"training on {len(training) - 1} rooms, {len(held_out) - 1} held out" in said
+
+
+def file_of(folder: Path, rooms: list[dict[str, Any]]) -> Path:
+    file = folder / "rooms.jsonl"
+    file.write_text("\n".join(map(json.dumps, rooms)))
+    return file
 
 
 def test_what_it_cannot_score_is_refused_before_it_trains(tmp_path: Path) -> None:

@@ -9,11 +9,13 @@ import pytest
 import torch
 
 from layoutrl.evaluation.budgets import updates_budget
+from layoutrl.planit import generator
+from layoutrl.planit.generator import Decision
 from layoutrl.planit.graph import scene_of
 from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
 from layoutrl.planit.scoring import given_query
-from layoutrl.planit.training import LOSSES, Training
+from layoutrl.planit.training import DECISIONS, LOSSES, Training
 from tests.planit.rooms import designed
 
 ROOMS = designed("bathroom", 8)
@@ -95,6 +97,26 @@ def test_a_training_that_goes_on_is_the_one_that_never_stopped() -> None:
     assert list(on) == reports
     for name, value in whole.model.networks.state_dict().items():
         assert torch.equal(value, on.model.networks.state_dict()[name]), name
+
+
+def test_of_an_item_that_comes_last_only_its_edges_are_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = training(1)
+    examples = [run._example() for _ in range(60)]
+    last = [e for e in examples if e.last]
+    found: list[tuple[list[Decision], dict[str, list[Decision]]]] = []
+    monkeypatch.setattr(generator, "loss", lambda _, nodes, edges: found.append((nodes, edges)))
+    run._graph_loss(last)
+    run._graph_loss([e for e in examples if not e.last])
+    (no_nodes, edges), (nodes, _) = found
+    assert no_nodes == []
+    assert len(nodes) == DECISIONS * (60 - len(last))
+    asked = iter(edges["architecture"])
+    for e in last:
+        assert e.item == list(e.graph)[-1]
+        for _ in range(DECISIONS):
+            graph = next(asked).graph
+            assert len(graph.category) == e.scene.fixed + len(e.graph)
+            assert graph.category[-1] == run.model.statistics.nodes.index(e.scene.category[e.item])
 
 
 def test_half_of_the_examples_place_an_item_after_all_others() -> None:
