@@ -70,26 +70,26 @@ def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random
     return np.random.default_rng(drawing), generator
 
 
-def _nodes(placer: Placer, room: int) -> tuple[dict[int, Item], int]:
-    """The items that stand in a room, by node, and the node of the one that moves."""
-    own, fixed = placer.rooms[room], placer.scenes[room].fixed
+def _bare_query(placer: Placer, room: int) -> tuple[Query, int]:
+    """The moving item among all others, as they stand, without an edge; and its node."""
+    own, scene = placer.rooms[room], placer.scenes[room]
     standing = [k for k, item in enumerate(own.furniture) if item.center is not None]
     assert own.target in standing
-    return {fixed + n: own.furniture[k] for n, k in enumerate(standing)}, fixed + standing.index(own.target)
+    target = scene.fixed + standing.index(own.target)
+    others = {scene.fixed + n: own.furniture[k] for n, k in enumerate(standing) if k != own.target}
+    return Query(room, scene.category[target], [], others), target
 
 
 def given_query(placer: Placer, room: int) -> Query:
     """The moving item, by the edges that lead to it from all else, where the designer has it."""
-    scene, (items, target) = placer.scenes[room], _nodes(placer, room)
-    others = {node: item for node, item in items.items() if node != target}
-    edges = with_last(placer.model.statistics, scene, target)[target]
-    return Query(room, scene.category[target], edges, others)
+    query, target = _bare_query(placer, room)
+    return query._replace(edges=with_last(placer.model.statistics, placer.scenes[room], target)[target])
 
 
 def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) -> Query:
     """The moving item, by edges that are drawn for it, into the graph of all others as they stand without it."""
-    scene, (items, target) = placer.scenes[room], _nodes(placer, room)
-    statistics = placer.model.statistics
+    query, target = _bare_query(placer, room)
+    scene, statistics = placer.scenes[room], placer.model.statistics
     *others, (_, _) = graph = list(with_last(statistics, scene, target).items())
     drawn_as = {node: scene.fixed + k for k, (node, _) in enumerate(graph)}
     node_of = {number: node for node, number in drawn_as.items()}
@@ -99,7 +99,7 @@ def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) ->
     names = [scene.category[node] for node, _ in graph]
     _, found = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, len(names), rng, names, known)
     edges = [Relation(node_of.get(r.anchor, r.anchor), target, r.type) for r in found[drawn_as[target]]]
-    return Query(room, scene.category[target], edges, {node: items[node] for node, _ in others})
+    return query._replace(edges=edges)
 
 
 def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Query:
@@ -108,14 +108,14 @@ def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Que
     Other nodes stand for the room's own items of their category, one after the other; what is left over is dropped.
     Where no graph has such a node, no edge leads to the item.
     """
-    query, (_, target) = given_query(placer, room), _nodes(placer, room)
+    query, target = _bare_query(placer, room)
     scene, statistics = placer.scenes[room], placer.model.statistics
     for _ in range(DRAWS):
         names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, statistics.most, rng)
         if query.category in names:
             break
     else:
-        return query._replace(edges=[])
+        return query
     stands_for = scene.fixed + names.index(query.category)
     node_of = {k: k for k in range(scene.fixed)}
     left = list(query.placed)
