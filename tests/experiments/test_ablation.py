@@ -1,0 +1,33 @@
+"""What each part of the method is worth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import ablation
+import pytest
+
+SMOKE_WITHOUT_SLIDES = ["budget=smoke", "method.slide=false"]
+
+
+def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ablation, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(ablation, "CHANGES", {"as it is": ["budget=smoke"], "no slides": SMOKE_WITHOUT_SLIDES})
+    arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
+    monkeypatch.setattr("sys.argv", arguments)
+    ablation.main()
+    checkpoints = sorted(tmp_path.glob("tatami/*/config.yaml"))
+    assert [path.parent.name for path in checkpoints] == [
+        "as-it-is-5-seed0", "as-it-is-5-seed1", "no-slides-5-seed0", "no-slides-5-seed1",
+    ]  # fmt: skip
+    rows = json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"]
+    assert rows["as it is"]["ceiling"] > rows["no slides"]["ceiling"]
+    first, second = rows["no slides"]["iou_by_seed"]
+    assert rows["no slides"]["mean_iou"] == pytest.approx((first + second) / 2)
+    written = [path.stat().st_mtime for path in checkpoints]
+
+    (tmp_path / "tatami" / "no-slides-5-seed1" / "evaluation.json").unlink()  # as if it had been interrupted
+    ablation.main()
+    assert [path.stat().st_mtime for path in checkpoints[:3]] == written[:3]
+    assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows

@@ -1,0 +1,137 @@
+"""Cells are filled once, side by side; one failure costs one cell."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from typing import Any
+
+import cells
+import columns
+import numpy as np
+import pytest
+from cells import fill, packed, unpacked
+from columns import folder_of, name_of
+from hydra import compose, initialize_config_dir
+
+from layoutrl.config import config_directory
+from layoutrl.monitor import watched
+from tests.experiments.builders import cell, configured, script
+
+
+def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_path, designed, monkeypatch, capsys):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami")
+    fill(config)
+    file = folder_of(config) / f"{name_of(config)}.json"
+    before = file.read_text()
+    monkeypatch.setattr(columns.training_entry, "train", None)  # would fail
+    fill(config)
+    assert file.read_text() == before
+    assert "begins" in capsys.readouterr().out.split("done")[0]
+    fill(configured(tmp_path, designed, "column=geometric", "room=tatami", "method.discount=0.5", "device=cpu"))
+    error = folder_of(config) / f"{name_of(config)}.error"
+    assert "filled with another method.discount; expected a new folder" in error.read_text()
+    assert file.read_text() == before
+    fill(config)
+    assert not error.exists()
+    file.unlink()
+    fill(config)
+    again = json.loads(file.read_text())
+    assert again["rows"] == json.loads(before)["rows"]
+    for column in ("rules", "oracle"):  # they know no seed: the first is enough
+        other = replace(config, column=column, fill=column, seed=1)
+        fill(other)
+        assert not (folder_of(other) / f"{name_of(other)}.json").exists()
+
+
+def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypatch):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami")
+
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr("layoutrl.train.watched", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fill(config)
+    monkeypatch.undo()
+    assert not list(folder_of(config).glob("*.json"))
+    fill(config)
+    assert cell(config)["updates"] == config.method.updates["smoke"]
+    assert not list((tmp_path / "runs" / "tatami").glob("*unfinished*"))
+
+
+def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_path, designed, monkeypatch):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami", "method.updates={smoke: 8}")
+    fill(config)
+    whole = cell(config)
+
+    def killed(*arguments: Any) -> Any:
+        yield from itertools.islice(watched(*arguments), 1)
+        raise KeyboardInterrupt
+
+    again = replace(config, results=str(tmp_path / "again"), runs=str(tmp_path / "again"))
+    monkeypatch.setattr("layoutrl.train.watched", killed)
+    with pytest.raises(KeyboardInterrupt):
+        fill(again)
+    monkeypatch.undo()
+    (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
+    saved = {file.name for file in (unfinished / "checkpoints").iterdir()}
+    with columns.alone(unfinished.with_name(unfinished.name.replace("-unfinished", ".lock"))) as mine:
+        assert mine
+        fill(again)  # elsewhere, since another job may be writing there
+    assert {file.name for file in (unfinished / "checkpoints").iterdir()} == saved
+    assert cell(again)["rows"] == whole["rows"]
+    (folder_of(again) / f"{name_of(again)}.json").unlink()
+    (finished,) = (tmp_path / "again" / "tatami").glob("*seed0")
+    shutil.rmtree(finished)
+    begun = []
+    train = columns.training_entry.train
+    monkeypatch.setattr(columns.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
+    fill(again)
+    assert begun == [unfinished]
+    assert cell(again)["rows"] == whole["rows"]
+
+
+def test_jobs_that_died_with_another_begin_again_while_that_helps(tmp_path, monkeypatch):
+    """A job that is killed for its memory, say, each time after others were finished."""
+    statuses, runs = iter([1, 1, 1]), []
+
+    def dies(command: list[str], check: bool) -> subprocess.CompletedProcess[str]:
+        runs.append(command)
+        if len(runs) < 3:
+            folder = tmp_path / "scene" / "table1"
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / f"{len(runs)}.json").touch()
+        return subprocess.CompletedProcess(command, next(statuses))
+
+    monkeypatch.setattr(subprocess, "run", dies)
+    assert cells.multirun("table1", {"budget": "scene", "room": "tatami", "results": str(tmp_path)}) == 1
+    assert len(runs) == 3
+    assert runs[0][2:] == ["table=table1", "budget=scene", "room=tatami", f"results={tmp_path}"]
+
+
+def test_the_slurm_launchers_local_executor_fills_cells(tmp_path, designed):
+    launcher = (
+        "hydra/launcher=submitit_local",
+        "hydra.launcher.timeout_min=5",
+        "hydra.launcher.submitit_folder=jobs/%j",
+    )
+    done = script("cells.py", "table=table1", "column=rules", "room=tatami", designed, *launcher, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "results" / "smoke" / "table1" / "tatami-own-rules-seed0.json").exists()
+
+
+def test_the_slurm_launcher_is_composed():
+    with initialize_config_dir(str(config_directory()), version_base="1.3"):
+        config = compose("cell", ["table=table1", "column=rules", "hydra/launcher=slurm"], return_hydra_config=True)
+    assert config.hydra.launcher._target_.endswith("SlurmLauncher")
+    assert config.hydra.launcher.cpus_per_task == 2
+
+
+def test_arrays_survive_packing():
+    values = np.random.default_rng(0).random((50, 2)).astype("f4")
+    np.testing.assert_array_equal(unpacked(packed(values, cells.METRES), cells.METRES).reshape(-1, 2), values)

@@ -1,0 +1,126 @@
+"""Every column is scored in the same rooms, from the same places."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import cells
+import columns
+import numpy as np
+import pytest
+import table1
+from cells import fill, unpacked
+from columns import folder_of, name_of
+
+from layoutrl.errors import InputError
+from layoutrl.evaluation.budgets import updates_budget
+from tests.experiments.builders import REAL, cell, configured
+
+
+def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_places(tmp_path, designed, capsys):
+    agent = configured(tmp_path, designed, "column=geometric", "room=tatami")
+    for config in (agent, configured(tmp_path, designed, "column=rules", "room=tatami")):
+        fill(config)
+    regressor = configured(tmp_path, designed, "column=regressor", "room=tatami")
+    fill(regressor)
+    assert "tatami-own-geometric-seed0 done" in capsys.readouterr().out
+    found = cell(agent)
+    assert found["rooms"] == 6
+    assert found["training_rooms"] == 12
+    assert found["config"]["method"]["name"] == "geometric"
+    assert found["machine"]["torch"]
+    assert set(found["rows"]) == {"agent", "best of 3", "random starts"}
+    assert len(unpacked(found["rows"]["random starts"]["iou"], cells.IOU)) == 16
+    for numbers in found["rows"].values():
+        iou = unpacked(numbers["iou"], cells.IOU) / 65535
+        assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
+    best = unpacked(found["rows"]["best of 3"]["iou"], cells.IOU)
+    assert (best >= unpacked(found["rows"]["agent"]["iou"], cells.IOU)).all()
+    rules = cell(replace(agent, column="rules"))["rows"]
+    another = configured(tmp_path, designed, "column=paper", "room=tatami", "seed=1", "method.max_moves=3")
+    settings = [columns.setting_of(config, "cpu") for config in (agent, another)]
+    np.testing.assert_array_equal(settings[0].starts, settings[1].starts)
+    np.testing.assert_allclose(
+        unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
+    )
+    assert cell(regressor)["training_seconds"] == found["training_seconds"]
+
+
+def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed):
+    config = configured(tmp_path, designed, "column=regressor", "room=tatami")
+    fill(config)
+    assert "as long as geometric" in (folder_of(config) / f"{name_of(config)}.error").read_text()
+
+
+def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed, monkeypatch):
+    few = ("room=tatami", "budget.evaluation_rooms=1")
+    fill(configured(tmp_path, designed, "column=planit", *few))
+    config = configured(tmp_path, designed, "column=planit", *few)
+    error = folder_of(config) / f"{name_of(config)}.error"
+    assert "planit trains for as long as geometric, which is not done" in error.read_text()
+    for seed in (0, 1):
+        fill(configured(tmp_path, designed, "column=geometric", "room=tatami", f"seed={seed}"))
+    asked = []
+
+    def budget(seconds, clock):
+        asked.append((seconds, clock))
+        return updates_budget(2)
+
+    monkeypatch.setattr(columns, "seconds_budget", budget)
+    fill(config)
+    longer = configured(tmp_path, designed, "column=planit_long", "planit.updates={smoke: 3}", *few)
+    fill(longer)
+    agent, found = cell(replace(config, column="geometric")), cell(config)
+    second = cell(replace(config, column="geometric", seed=1))
+    seconds = pytest.approx((agent["training_seconds"] + second["training_seconds"]) / 2)
+    assert asked == [(seconds, time.process_time)]  # of other work on the machine nothing counts
+    assert found["updates"] == 2
+    assert cell(longer)["updates"] == 3
+    for words in table1.PLANIT_ROWS:
+        numbers = found["rows"][words]
+        iou = unpacked(numbers["iou"], cells.IOU) / 65535
+        assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
+        assert numbers["group"] == agent["rows"]["agent"]["group"]
+        assert len(iou) == found["rooms"] == agent["rooms"]
+    drawn = found["rows"][cells.PLANIT]
+    boxes = unpacked(drawn["box"], cells.METRES).reshape(-1, 4)
+    assert np.isnan(boxes).any(1).mean() == pytest.approx(drawn["missing"])
+    one, every = table1.planit_tables(folder_of(config))
+    assert [line[0] for line in one.lines] == ["tatami", "tatami, 3,000 updates"]
+    assert every.lines[1][3] == "3"
+
+
+def test_one_scene_is_trained_and_tested_in(tmp_path, designed):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami", "protocol=scene", "seed=2")
+    setting = columns.setting_of(config, "cpu")
+    assert setting.training == setting.simulator.rooms
+    assert len(setting.training) == 1
+    assert len(setting.starts) == 16
+    assert len(np.unique(setting.starts, axis=0)) == 16
+    other = columns.setting_of(replace(config, seed=1), "cpu")
+    assert other.training != setting.training
+    with pytest.raises(InputError, match="expected a scene, 0 to 5; got 6"):
+        columns.setting_of(replace(config, seed=6), "cpu")
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
+def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
+    tasks = {}
+    for trained_on in ("own", "designer", "both"):
+        config = configured(
+            tmp_path,
+            "task=platform",
+            f"data.root={REAL / 'designer_rooms'}",
+            "column=geometric",
+            f"trained_on={trained_on}",
+        )
+        tasks[trained_on] = columns.setting_of(config, "cpu")
+    real, designed, both = (tasks[name].training for name in ("own", "designer", "both"))
+    assert both == designed + real
+    assert len(designed) == 12
+    held_out = {room.group for room in tasks["own"].simulator.rooms}
+    for task in tasks.values():
+        assert {room.group for room in task.simulator.rooms} == held_out
+        assert not held_out & {room.group for room in task.training}
+        np.testing.assert_array_equal(task.starts, tasks["own"].starts)

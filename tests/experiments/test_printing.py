@@ -1,0 +1,52 @@
+"""Tables are made from the files of filled cells."""
+
+from __future__ import annotations
+
+import json
+
+import cells
+import numpy as np
+import pytest
+from cells import packed
+from printing import NOT_RUN, Table, row, write
+
+from layoutrl.errors import InputError
+
+
+def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
+    for seed, ious in enumerate(([0.5, 1.0, 0.75], [0.7, 1.0, 0.55])):
+        numbers = {
+            "iou": packed(np.round(np.array(ious) * 65535), cells.IOU),
+            "group": packed([0, 1, 2], cells.INDEX),
+            "overlap": 0.1 * seed,
+        }
+        config = {"protocol": "unseen", "seed": seed, "fold": 0}
+        cell = {"rows": {"agent": numbers}, "config": config, "ceiling": 0.9}
+        (tmp_path / f"study-own-geometric-seed{seed}.json").write_text(json.dumps(cell))
+    found = row(tmp_path, "study-own-geometric")
+    assert found
+    assert found.mean == pytest.approx(0.75, abs=1e-4)
+    assert found.text() == f"0.750 ± {np.std([0.5, 1.0, 0.75, 0.7, 1.0, 0.55]):.3f}"
+    assert found.error_over_seeds() == "0.0000"
+    assert found.number("overlap") == pytest.approx(0.05)
+    low, high = map(float, found.interval().split(" to "))
+    assert 0.6 <= low < 0.75 < high <= 1
+    assert found.ceiling() == "0.900"
+    assert row(tmp_path, "study-own-paper") is None
+    assert row(tmp_path, "study-own-geometric", "hand rule") is None
+    cell["config"] |= {"seed": 2, "fold": 3}
+    (tmp_path / "study-own-geometric-seed2.json").write_text(json.dumps(cell))
+    with pytest.raises(InputError, match="cells of different fold"):
+        row(tmp_path, "study-own-geometric")
+
+
+def test_tables_are_written_in_three_formats(tmp_path):
+    table = Table("Means", ("", "IoU >= 0.9"), [("living_room", "0.9 ± 0.1, 5%"), ("study", NOT_RUN)])
+    write([table], tmp_path / "out" / "table")
+    assert (tmp_path / "out" / "table.md").read_text().splitlines()[2:] == [
+        "|  | IoU >= 0.9 |", "| --- | --- |", "| living_room | 0.9 ± 0.1, 5% |", "| study | not run |"
+    ]  # fmt: skip
+    assert (tmp_path / "out" / "table.csv").read_text().splitlines()[2] == 'living_room,"0.9 ± 0.1, 5%"'
+    tex = (tmp_path / "out" / "table.tex").read_text()
+    assert r"living\_room & 0.9 $\pm$ 0.1, 5\% \\" in tex
+    assert tex.count(r"\begin") == tex.count(r"\end") == 2

@@ -1,0 +1,69 @@
+"""The tables' own scripts: what they fill, and what they print."""
+
+from __future__ import annotations
+
+import pytest
+import table1
+
+from tests.experiments.builders import REAL, script
+
+
+def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
+    both = ("room=tatami,kitchen", "seed=0", designed, "room.item=platform")  # no kitchen has one
+    done = script("table1.py", "column=geometric,rules", *both, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "kitchen-platform-own-geometric-seed0 failed: error: room.item" in done.stderr
+    folder = tmp_path / "results" / "smoke" / "table1"
+    assert {path.name for path in folder.glob("*.json")} == {
+        f"tatami-platform-own-{column}-seed0.json" for column in ("geometric", "rules")
+    }
+    assert len(list(folder.glob("*.error"))) == 2
+    assert "Table 1" in done.stdout
+    assert (folder.parent / "table1.md").exists()
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
+def test_the_tables_scripts_fill_and_print_what_is_asked_of_them(tmp_path, designed):
+    roots = [f"{source}={REAL / source}" for source in ("designer_rooms", "floorplans")]
+    real = script("real_rooms.py", *roots, "task=platform", "trained_on=own", cwd=tmp_path)
+    assert real.returncode == 0, real.stderr
+    cells_of_platforms = sorted(path.name for path in (tmp_path / "results" / "smoke" / "real").iterdir())
+    assert cells_of_platforms == [
+        f"tatami-platform-designer_rooms-snapped-own-{column}-seed0.json" for column in ("geometric", "rules", "scorer")
+    ]
+    platform = next(line for line in real.stdout.splitlines() if line.startswith("| platform"))
+    assert platform.count("not run") == 3  # trained on designed rooms, on both, and the best of three of these
+    assert "| -" in platform  # the hand rule is for bathtubs
+
+    scenes = script("table2.py", "column=geometric", "room=tatami,study", "seed=0", designed, cwd=tmp_path)
+    assert scenes.returncode == 0, scenes.stderr
+    assert "Table 2, 16 random starts" in scenes.stdout
+    tatami = next(line for line in scenes.stdout.splitlines() if line.startswith("| tatami"))
+    assert tatami.split(" | ")[1] == "0.949 ± 0.009"
+    assert tatami.count("not run") == 4
+
+
+def test_a_script_says_what_it_expects(tmp_path):
+    assert "Table 1 of Di & Yu" in script("table1.py", "--help", cwd=tmp_path).stdout
+    wrong = script("table1.py", "smoke", cwd=tmp_path)
+    assert wrong.returncode != 0
+    assert wrong.stderr == "error: smoke: expected options as name=value; --help says which\n"
+    assert not (tmp_path / "results").exists()
+
+
+OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3))
+RIVALS = ("planit,planit_long", 8, 1)
+
+
+@pytest.mark.parametrize(("chosen", "gpu", "expected"), [
+    ({}, True, [*OURS, RIVALS, ("planit", 2, 2), ("paper", 8, 3)]),
+    ({}, False, [*OURS, RIVALS, ("planit", 2, 2), ("paper", 2, 1)]),
+    ({"room": "kitchen"}, False, [*((columns, 1, seeds) for columns, _, seeds in OURS), ("planit,planit_long", 1, 1)]),
+    ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*OURS, RIVALS, ("paper", 2, 1))]),
+    ({"column": "paper"}, False, [("paper", 8, 3)]),
+])  # fmt: skip
+def test_table_1_trains_the_papers_network_where_there_is_a_gpu(chosen, gpu, expected, monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: gpu)
+    sweeps = table1.stages(chosen)
+    found = [(sweep["column"], len(sweep["room"].split(",")), len(sweep["seed"].split(","))) for sweep in sweeps]
+    assert found == expected
