@@ -51,6 +51,19 @@ def test_the_scripts_and_pages_that_are_named_are_there() -> None:
             assert (path.parent / link).exists(), link
 
 
+def test_the_pages_show_every_table_of_the_results_as_it_is() -> None:
+    def tables(text: str) -> list[str]:
+        return re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
+
+    results = [path.read_text(encoding="utf-8") for path in (PROJECT / "experiments/results").glob("*/*.md")]
+    measured = [table for text in results for table in tables(text)]
+    headers = {table.splitlines()[0] for table in measured}
+    shown = [table for page in PAGES.values() for table in tables(page) if table.splitlines()[0] in headers]
+    assert sorted(shown) == sorted(measured)
+    (cells,) = (found for text in results for found in re.findall(r"Table 1, .*?(\d+ cells, \d+ minutes)", text))
+    assert cells in README
+
+
 def test_the_tests_that_promises_name_are_there() -> None:
     rows = re.findall(r"^\| .* \| (`test_\w+\.py`.*) \|$", README, flags=re.MULTILINE)
     assert len(rows) > 5
