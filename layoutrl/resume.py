@@ -9,7 +9,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import FrameType
@@ -27,8 +27,10 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs import (
     checkpoints,
     differences,
+    folders_of,
     load_checkpoint,
     load_config,
+    located,
     machine,
     wanted_folder,
     write_json,
@@ -108,21 +110,29 @@ def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
 
 def swept(config: Config, run: Run[Config]) -> None:
     """One run of a sweep: skipped if it is finished, gone on with if it is begun; what goes wrong stops no other."""
-    folder = wanted_folder(config)
     try:
-        if (folder / "config.yaml").exists() and not differences(
-            stated(load_config(folder, type(config))), stated(config)
-        ):
+        if folder := begun(config):
             resumed(folder, run, type(config))
         else:
             run(config, None)
     except Stopped:
         raise
     except InputError as error:
-        print(f"error: {folder}: {error}", file=sys.stderr)
+        print(f"error: {wanted_folder(config)}: {error}", file=sys.stderr)
     except Exception:  # whatever it is: the other runs shall not suffer
-        print(f"error: {folder}", file=sys.stderr)
+        print(f"error: {wanted_folder(config)}", file=sys.stderr)
         traceback.print_exc()
+
+
+def begun(config: Config) -> Path | None:
+    """The run of this configuration and data, if it was begun; others may have its name, and a number behind it."""
+    for folder in folders_of(wanted_folder(config)):
+        with suppress(InputError):  # one of another kind
+            theirs = load_config(folder, type(config))
+            elsewhere = config.data.source != "designer" and theirs.data.root != located(config.data).root
+            if not elsewhere and not differences(stated(theirs), stated(config)):
+                return folder
+    return None
 
 
 def identity_of(config: AnyTraining, rooms: Sequence[Room]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import os
 import platform
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -20,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 import layoutrl
-from layoutrl.config import AnyTraining, Config
+from layoutrl.config import AnyTraining, Config, DataConfig
 from layoutrl.errors import InputError
 
 CHECKPOINTS = "checkpoints"  # folder of a run
@@ -39,8 +40,19 @@ def wanted_folder(config: AnyTraining) -> Path:
 def new_folder(config: AnyTraining) -> Path:
     """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
     folder = make_folder(wanted_folder(config))
-    OmegaConf.save(OmegaConf.structured(config), folder / "config.yaml")
+    OmegaConf.save(OmegaConf.structured(replace(config, data=located(config.data))), folder / "config.yaml")
     return folder
+
+
+def folders_of(wanted: Path) -> list[Path]:
+    """Those that `make_folder` has made of one name."""
+    numbered = re.compile(rf"{re.escape(wanted.name)}(-\d+)?")
+    return [folder for folder in sorted(wanted.parent.glob("*")) if numbered.fullmatch(folder.name)]
+
+
+def located(data: DataConfig) -> DataConfig:
+    """The same data, wherever the run is read from."""
+    return replace(data, root=data.root and str(Path(data.root).expanduser().absolute()))
 
 
 def make_folder(wanted: Path) -> Path:

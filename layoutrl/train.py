@@ -34,8 +34,6 @@ class Trained:
 
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
     """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
-    if config.data.root is not None:  # the run is read again from elsewhere
-        config.data.root = str(Path(config.data.root).expanduser().absolute())
     training, held_out = build.two_parts(config.room, config.data, config.fold)
     trained = train(config, training, held_out, folder)
     learner, folder = trained.learner, trained.folder

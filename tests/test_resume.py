@@ -317,3 +317,19 @@ def test_a_sweep_leaves_out_what_fails_and_goes_on_where_it_stopped(rooms, tmp_p
     assert (tmp_path / "runs" / "tatami" / finished[0] / "evaluation.json").stat().st_mtime_ns == written
     assert (unfinished / "evaluation.json").exists()
     assert len(list(tmp_path.glob("runs/tatami/*"))) == 2
+
+
+def test_a_sweep_tells_apart_what_its_runs_names_do_not(rooms, tmp_path):
+    other = tmp_path / "other.jsonl"
+    other.write_text(Path(rooms).read_text())
+    swept = ("-m", "room=tatami", "data=json", f"data.root={rooms},other.jsonl", "fold=0,1")
+    arguments = (*swept, *SHORT, "method.updates.smoke=2", "budget.reports=1")
+    command("train", *arguments, cwd=tmp_path)
+    name = "json-main-geometric-smoke-seed0"
+    made = [name, f"{name}-2", f"{name}-3", f"{name}-4"]
+    assert sorted(file.parent.name for file in tmp_path.glob("runs/tatami/*/evaluation.json")) == made
+    (tmp_path / "runs" / "tatami" / made[2] / "evaluation.json").unlink()
+    again = command("train", *arguments, cwd=tmp_path)
+    assert again.stdout.count("is finished") == 3
+    assert "going on after 2 updates" in again.stdout
+    assert sorted(folder.name for folder in tmp_path.glob("runs/tatami/*")) == made
