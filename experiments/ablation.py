@@ -19,6 +19,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from layoutrl.build import answers_errors
+from layoutrl.errors import InputError
+from layoutrl.rooms.room import MAIN_ITEM
+
 RESULTS = Path(__file__).parent / "results" / "ablation"
 DATA_SEED = 1
 CHANGES = {
@@ -29,21 +33,24 @@ CHANGES = {
     "double Q-learning": ["method.double=true"],
     "no dueling head": ["method.dueling=false"],
     "discount 0.9": ["method.discount=0.9"],
+    "episodes end at the goal": ["method.goal_terminates=true"],
 }
 
 
 def trained(room_type: str, name: str, overrides: list[str], runs: Path) -> dict[str, Any]:
-    """The evaluation of a run, which is trained unless it is there."""
+    """The evaluation of a run, which is trained unless it is there, and gone on with if it was begun."""
     folder = runs / room_type / name
-    log = runs / f"{name}.log"
+    log = runs / f"{room_type}-{name}.log"
     if not (folder / "evaluation.json").exists():
-        if folder.exists():
-            folder.rename(folder.with_name(f"{name}-interrupted-{os.getpid()}"))
         arguments = [f"room={room_type}", f"data.seed={DATA_SEED}", f"runs={runs}", f"name={name}", *overrides]
+        if (folder / "config.yaml").exists():
+            arguments = [f"resume={folder}"]
         with log.open("w") as file:
             command = [sys.executable, "-m", "layoutrl.train", *arguments]
             environment = os.environ | {"OMP_NUM_THREADS": "1"}
-            subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT, check=True)
+            done = subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT, check=False)
+        if done.returncode:
+            raise InputError(f"{folder}: was not trained; {log} says why")
     return json.loads((folder / "evaluation.json").read_text())
 
 
@@ -61,9 +68,10 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+@answers_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("room_type")
+    parser.add_argument("room_type", choices=list(MAIN_ITEM))
     parser.add_argument("--updates", type=int, default=6000)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once, on one core each")

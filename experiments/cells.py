@@ -25,6 +25,7 @@ from typing import Any
 
 import hydra
 import numpy as np
+import torch
 from columns import FILLS, RESULTS, SEEDLESS, CellConfig, folder_of, name_of, setting_of
 from omegaconf import DictConfig, OmegaConf
 
@@ -73,6 +74,8 @@ def fill(config: CellConfig) -> None:
 def filled(config: CellConfig) -> dict[str, Any]:
     """All that is kept of a cell: where it comes from, and a row of numbers for each set of places."""
     began, device = datetime.now(UTC), build.device(config.device)
+    if device.type == "cpu":
+        torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds
     about = machine(device)
     setting = setting_of(config, device)
     found = FILLS[config.fill](config, setting)

@@ -19,7 +19,6 @@ from omegaconf import MISSING
 
 from layoutrl import build, resume
 from layoutrl import train as training_entry
-from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.config import DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
@@ -29,7 +28,15 @@ from layoutrl.evaluation.baselines import best_wall_place, far_end_place, neares
 from layoutrl.evaluation.budgets import seconds_budget, updates_budget
 from layoutrl.evaluation.oracle import perfect_places
 from layoutrl.evaluation.protocols import Greedy
-from layoutrl.evaluation.supervised import regressed_places, scored_places, train_regressor, train_scorer
+from layoutrl.evaluation.supervised import (
+    Network,
+    pointed_places,
+    regressed_places,
+    scored_places,
+    train_pointer,
+    train_regressor,
+    train_scorer,
+)
 from layoutrl.planit import train as planit_entry
 from layoutrl.planit.canvas import box_of
 from layoutrl.planit.scoring import score_all
@@ -46,7 +53,7 @@ class CellConfig(TrainConfig):
     planit: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
     table: str = MISSING
     column: str = MISSING
-    fill: Any = MISSING  # agent, regressor, scorer, planit, rules or oracle
+    fill: Any = MISSING  # agent, regressor, pointer, scorer, planit, rules or oracle
     protocol: Any = "unseen"  # unseen: other rooms are held out; scene: one room, in which it is trained and tested
     trained_on: Any = "own"  # own: the rooms of data; designer: designed rooms of the type; both
     planit_time: Any = "agent"  # PlanIT is trained for as long as the agent was, or for its own number of `updates`
@@ -156,7 +163,7 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
     training = part(config, TrainConfig)
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
-    what = [asdict(training.data), config.trained_on, config.protocol, config.fold, config.budget.name, config.seed]
+    what = [resume.digest(setting.training), config.budget.name, config.seed]
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
     name = f"{config.column}-{zlib.crc32(json.dumps([what, how]).encode()):08x}-seed{config.seed}"
     folder = Path(config.runs) / config.room.type / name
@@ -204,6 +211,13 @@ def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:
     return {"places": {"agent": (setting.room, place)}, **about}
 
 
+def pointer(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """A network made to point at the place, told it for as long as the agent was trained. It needs no start."""
+    network, observe, about = supervised(config, setting, train_pointer)
+    place = pointed_places(network, observe, build.views(config.method, setting.device))
+    return {"places": {"agent": (setting.room, place[setting.room])}, **about}
+
+
 def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The same network, told how good a place is; it takes the best of many. It needs no start."""
     network, observe, about = supervised(config, setting, train_scorer)
@@ -212,9 +226,9 @@ def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
 
 
 def supervised(
-    config: CellConfig, setting: Setting, train: Callable[..., GeometryNetwork]
-) -> tuple[GeometryNetwork, GeometryObservation, dict[str, Any]]:
-    """The agent's network, trained otherwise for as long: (network, what it sees of the test rooms, about it)."""
+    config: CellConfig, setting: Setting, train: Callable[..., Network]
+) -> tuple[Network, GeometryObservation, dict[str, Any]]:
+    """A network, told the answer for as long as the agent was trained: (network, what it sees in a test, about it)."""
     seconds = agent_seconds(config, setting)
     spent = seconds_budget(seconds, clock_of(setting))
     build.keep_freed_memory()
@@ -233,10 +247,19 @@ def agent_seconds(config: CellConfig, setting: Setting) -> float:
     agents = [json.loads(file.read_text()) for file in sorted(folder_of(config).glob(f"{name}seed*.json"))]
     if not agents:
         raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
+    for agent in agents:
+        refuse_other_rooms(name, agent["config"], resume.stated(config))
     ours = machine(setting.device)["gpu"]
     for theirs in {agent["machine"]["gpu"] for agent in agents} - {ours}:
         raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
     return float(np.mean([agent["training_seconds"] for agent in agents]))
+
+
+def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
+    """Raise InputError where two configurations of cells are not scored in the same rooms."""
+    one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
+    if others := differences(one, other):
+        raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")
 
 
 def clock_of(setting: Setting) -> Callable[[], float]:
@@ -247,18 +270,19 @@ def clock_of(setting: Setting) -> Callable[[], float]:
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """PlanIT: the moving item among all others, and whole rooms from nothing."""
     rooms = setting.simulator.rooms
+    training, held_out = planit_entry.drawn(setting.training, rooms)
+    if len(held_out.rooms) < len(rooms):
+        raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
     seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
     updates = config.planit.updates[config.budget.name]
     spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
     how = {name: getattr(config, name) for name in ("room", "data", "seed", "fold", "device", "runs")}
     budget = replace(config.budget, evaluations=1)
-    training = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{config.column}-seed{config.seed}")
-    trained = planit_entry.train(training, setting.training, rooms, spent)
+    rival = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{config.column}-seed{config.seed}")
+    trained = planit_entry.train(rival, training, held_out, spent)
     if trained.stopped:
         raise KeyboardInterrupt
-    if len(trained.placer.rooms) < len(rooms):
-        raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
-    one, every = score_all(trained.placer, config.budget.evaluation_rooms, resume.seeds(training)[3])
+    one, every = score_all(trained.placer, config.budget.evaluation_rooms, resume.seeds(rival)[3])
     return {
         "items": one,
         "all items": {name: found.as_dict() for name, found in every.items()},
@@ -294,6 +318,7 @@ def oracle(config: CellConfig, setting: Setting) -> dict[str, Any]:
 FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
     "agent": agent,
     "regressor": regressor,
+    "pointer": pointer,
     "scorer": scorer,
     "planit": planit,
     "rules": rules,

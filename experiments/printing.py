@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from cells import INDEX, IOU, unpacked
+from columns import refuse_other_rooms
 
 from layoutrl.errors import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
@@ -50,7 +51,9 @@ class Row:
         return f"{low:.3f} to {high:.3f}"
 
     def p_value(self, other: Row) -> str:
-        """Paired: the same rooms and starts."""
+        """Paired. Raises InputError where the rooms are not the same."""
+        (ours, *_), (theirs, *_) = self.cells.items(), other.cells.items()
+        refuse_other_rooms(f"{ours[0].stem} and {theirs[0].stem}", ours[1]["config"], theirs[1]["config"])
         p = paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, np.random.default_rng(0))
         return "< 0.001" if p < 0.001 else f"{p:.3f}"
 

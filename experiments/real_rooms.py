@@ -71,21 +71,24 @@ def main(arguments: list[str]) -> int:
             for labels in LABELS[source]:
                 name = f"{room}-{item}-{source}-{labels}"
                 rows = [row(folder, f"{name}-{on}-{column}", which) for on, column, which, _ in COLUMNS]
-                lines.append([item, labels if source == "floorplans" else "", *line(rows)])
+                lines.append([item, labels if source == "floorplans" else "", *line(item, rows)])
                 every += rows
     title = f"Real rooms never seen ({provenance(every)}; mean IoU ± standard deviation over rooms)"
     write([Table(title, HEADER, lines)], folder.with_name("real"))
     return status
 
 
-def line(rows: list[Row | None]) -> list[str]:
+def line(item: str, rows: list[Row | None]) -> list[str]:
     """Of one item and label set."""
-    own, scorer = rows[0], rows[5]
-    missing = dict.fromkeys((which for *_, which, _ in COLUMNS), NOT_RUN) | {"hand rule": "-"}  # it is for bathtubs
+    found = {(on, column, which): row for (on, column, which, _), row in zip(COLUMNS, rows, strict=True)}
+    own, scorer = found["own", "geometric", "agent"], found["own", "scorer", "agent"]
     size = f"{own.about('rooms'):.0f} ({own.about('training_rooms'):.0f})" if own else NOT_RUN
     return [
         size,
-        *(text(found, missing[which]) for found, (*_, which, _) in zip(rows, COLUMNS, strict=True)),
+        *(
+            text(row, "-" if which == "hand rule" and item != "bathtub" else NOT_RUN)
+            for (*_, which), row in found.items()
+        ),
         own.ceiling() if own else NOT_RUN,
         own.interval() if own else NOT_RUN,
         own.p_value(scorer) if own and scorer else NOT_RUN,

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from layoutrl.build import answers_errors
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Opening, Room
 from layoutrl.rooms.sources import designer_rooms
@@ -41,6 +42,7 @@ def _width(opening: Opening) -> float:
     return max(x1 - x0, y1 - y0)
 
 
+@answers_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)

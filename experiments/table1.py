@@ -9,7 +9,7 @@ paper's network is trained in two types, and with one seed, unless it is asked f
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +35,10 @@ COLUMNS = (
     ("geometric", "agent", "geometric"),
     ("paper", "agent", "paper's network and moves"),
     ("planit", PLANIT, "PlanIT, as long as geometric"),
-    ("planit_long", PLANIT, "PlanIT, 3,000 updates"),
+    ("planit_long", PLANIT, "PlanIT, fixed updates"),
     ("planit", "given graph, argmax, true size", "PlanIT, told the relations"),
     ("regressor", "agent", "supervised regressor"),
+    ("pointer", "agent", "supervised pointer"),
     ("oracle", "oracle", "perfect Q"),
     ("rules", "nearest room", "nearest room"),
     ("rules", "nearest wall", "nearest wall"),
@@ -47,10 +48,12 @@ HEADER = (
     "", "PlanIT (Di & Yu)", "theirs (Di & Yu)", *(words for _, _, words in COLUMNS), "lattice ceiling",
     "ceiling of the paper's moves",
 )  # fmt: skip
-AGENTS = ("geometric", "paper", "regressor")
+SUPERVISED = ("regressor", "pointer")
+AGENTS = ("geometric", "paper", *SUPERVISED)
 DETAILS = (
     "", "", "seeds", "mean IoU", "s.e. over seeds", "95% interval over rooms", "median", ">= 0.9", "best of 3",
     "overlap", "outside", "blocked", "moves", "minutes of training", "p, against the regressor",
+    "p, against the pointer",
 )  # fmt: skip
 PLANIT_ROWS = (
     "sampled graph, sampled, own size", "sampled graph, argmax, own size", "given categories, sampled, own size",
@@ -66,11 +69,11 @@ PLANIT_SWEEPS = (
 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """Sweeps one after the other: rooms are designed with the rules, the regressor trains for as long as the agent."""
+    """Sweeps one after the other: rooms are designed with the rules, the supervised train for as long as the agent."""
     every = {"column": "", "seed": "0,1,2", "room": ",".join(PAPER), **chosen}  # the first varies slowest
     if "column" in chosen:
         return [every]
-    sweeps = [every | {"column": columns} for columns in ("rules,oracle", "geometric", "regressor")]
+    sweeps = [every | {"column": columns} for columns in ("rules,oracle", "geometric", "regressor,pointer")]
     asked = every["room"].split(",")
     planit = PLANIT_SWEEPS if "seed" not in chosen else [(PLANIT_SWEEPS[0][0], every["seed"], asked)]
     for columns, seeds, types in planit:
@@ -101,9 +104,9 @@ def main(arguments: list[str]) -> int:
         every += rows
         for column, agent in agents.items():
             if agent:
-                beside = None if column == "regressor" else agents["regressor"]
+                rivals = [None if column in SUPERVISED else agents[rival] for rival in SUPERVISED]
                 best = found(room, column, "best of 3")
-                details.append([room.replace("_", " "), column, *detail(agent, best, beside)])
+                details.append([room.replace("_", " "), column, *detail(agent, best, rivals)])
     about = f"{provenance(every)}; mean IoU ± standard deviation over rooms, of all seeds"
     tables = [
         Table(f"Table 1, rooms never seen ({about})", HEADER, lines),
@@ -125,7 +128,7 @@ def planit_tables(folder: Path) -> list[Table]:
                 continue
             seconds, updates = known[0].about("training_seconds"), known[0].about("updates")
             about = [str(len(known[0].cells)), f"{(seconds or 0) / 60:.1f}", f"{updates or 0:.0f}"]
-            name = [room.replace("_", " ") + (", 3,000 updates" if column == "planit_long" else ""), *about]
+            name = [room.replace("_", " ") + (", fixed updates" if column == "planit_long" else ""), *about]
             one.append([*name, *map(text, rows.values())])
             furnished = [cell["all items"] for cell in known[0].cells.values()]
             every.append([*name, *(of_all([cell[words] for cell in furnished]) for words in rows)])
@@ -142,7 +145,7 @@ def of_all(cells: list[dict[str, float]]) -> str:
     return f"{mean:.3f} ({error:.3f})"
 
 
-def detail(agent: Row, best: Row | None, regressor: Row | None) -> list[str]:
+def detail(agent: Row, best: Row | None, rivals: Sequence[Row | None]) -> list[str]:
     """What the mean does not say."""
     moves, seconds = agent.about("moves"), agent.about("training_seconds")
     return [
@@ -158,7 +161,7 @@ def detail(agent: Row, best: Row | None, regressor: Row | None) -> list[str]:
         f"{agent.number('blocked'):.1%}",
         "-" if moves is None else f"{moves:.1f}",
         "-" if seconds is None else f"{seconds / 60:.1f}",
-        agent.p_value(regressor) if regressor else "-",
+        *(agent.p_value(rival) if rival else "-" for rival in rivals),
     ]
 
 

@@ -45,7 +45,7 @@ class GeometryObservation:
 
     An element is its kind, centre and size (metres, from the centre of the envelope), the double
     angle of its rotation (a rectangle turned by half a circle looks the same) and its category.
-    Rows of rooms with fewer elements are zero; `present` tells them apart.
+    Rows of rooms with fewer elements are zero; `present` tells them apart. `origin` (rooms, 2) are those centres.
     """
 
     def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
@@ -58,12 +58,12 @@ class GeometryObservation:
         self.space = spaces.Box(-limit, limit, shape, np.float32)
         self._elements = torch.zeros(len(rooms), *shape, device=device)
         self._elements[:, : table.shape[1]] = torch.as_tensor(table, dtype=torch.float32)
-        self._origin = torch.tensor(origin, device=device)  # float64, as positions
+        self.origin = torch.tensor(origin, device=device)  # float64, as positions
 
     def __call__(self, room: Tensor, position: Tensor) -> Tensor:
         """Observe poses: room index (B,), position (B, 2) in metres."""
         observation = self._elements.index_select(0, room)  # on a CPU several times as fast as by an index
-        observation[:, 0, X : Y + 1] = position - self._origin.index_select(0, room)
+        observation[:, 0, X : Y + 1] = position - self.origin.index_select(0, room)
         return observation
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:

@@ -1,20 +1,23 @@
-"""What supervised learning makes of the same rooms, the same observation and the same network: two yardsticks.
+"""What supervised learning makes of the same rooms and the same observation: three yardsticks.
 
-The regressor sees a start and says how far away the designer's place is. The scorer sees a place and says how good it
-is; its answer is the best of many candidates, none of which is drawn from the answer. Places are centres in metres.
+The regressor, the agent's network, sees a start and says how far away the designer's place is. The pointer, a network
+made for it, sees no start and points at a side or the middle of something. The scorer, the agent's network again, sees
+a place and says how good it is; its answer is the best of many candidates, none of which is drawn from the answer.
+Places are centres in metres.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 import shapely
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import l1_loss, mse_loss
 
-from layoutrl.agents.networks import GeometryNetwork
+from layoutrl.agents.networks import PRESENT, GeometryNetwork, upright_box
 from layoutrl.agents.training import in_every_view
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import padded, snap
@@ -28,9 +31,12 @@ SIDE = 11  # candidates along each side of the grid
 NEAR = (0.005, 0.5)  # metres: least and greatest spread of the training places around the designer's
 ALIGNED = 0.3  # chance that such a place is not off along an axis: at the right wall, or the very place
 BLOCK = 4096  # poses seen at once: memory, not speed
+ANCHORS = 5  # an item touches either side of an element, from within or without, or shares its middle
+BREADTH = 0.02  # metres: of the density around each place that the pointer holds for possible
 
 Draw = Callable[[torch.Generator], tuple[Tensor, Tensor]]  # a batch: what is seen (B, ...), what to say of it (B, n)
-Loss = Callable[[Tensor, Tensor], Tensor]
+Loss = Callable[[Any, Tensor], Tensor]
+Network = TypeVar("Network", bound=nn.Module)
 
 
 def train_regressor(
@@ -60,7 +66,7 @@ def train_regressor(
         turned = torch.cat([share @ view.matrix.T for view, share in shares(views, way)])
         return in_every_view(observe, views, observe(room, start)), turned
 
-    return _trained(observe, 2, draw, l1_loss, spent, seed, learning_rate, device)
+    return _trained(lambda: _agents_network(observe, 2), draw, l1_loss, spent, seed, learning_rate, device)
 
 
 def regressed_places(
@@ -72,11 +78,81 @@ def regressed_places(
 ) -> np.ndarray:
     """Where the regressor says the item goes from starts (B, 2) in rooms (B,), legal or not: (B, 2).
 
-    Along each axis the median of what it says in each of the `views`, turned back: they may point at two walls.
+    Along each axis the median over the `views`.
     """
-    said = _said(network, observe, room, starts, views)
-    ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
-    return starts + np.median(torch.stack(ways).numpy(), 0)
+    return starts + _agreed(_said(network, observe, room, starts, views), views)
+
+
+class PointingNetwork(nn.Module):
+    """Along each axis a mixture of places: where the item touches a side of an element, or shares its middle.
+
+    Each place is off that by a learnt offset; which of them it is, is learnt. Every element hears of the moving item
+    and of all others. Input: (B, elements, columns) as made by GeometryObservation, with the item in the middle of the
+    room, where it tells nothing. Output: log weights and centres, (B, 2, elements x ANCHORS) each; metres from there.
+    """
+
+    def __init__(self, columns: int, width: int = 96, rounds: int = 3):
+        super().__init__()
+        self.embed = nn.Sequential(nn.Linear(columns + 4, width), nn.ReLU())
+        self.own = nn.ModuleList(nn.Linear(width, width) for _ in range(rounds))
+        self.heard = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(rounds))
+        self.out = nn.ModuleList(nn.Linear(width, width) for _ in range(rounds))
+        self.head = nn.Linear(width, 2 * ANCHORS * 2)
+
+    def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
+        middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
+        present = elements[..., PRESENT, None]
+        state = self.embed(torch.cat([elements, (middle - half)[..., 0], (middle + half)[..., 0]], -1))
+        for own, heard, out in zip(self.own, self.heard, self.out, strict=True):
+            pooled = torch.cat([state[:, 0], (state * present).amax(1), (state * present).mean(1)], -1)
+            state = state + out((own(state) + heard(pooled)[:, None]).relu())
+        weight, offset = self.head(state).unflatten(-1, (2, ANCHORS, 2)).unbind(-1)  # (B, N, 2, ANCHORS)
+        item = half[:, :1]
+        touching = [middle - half - item, middle - half + item, middle, middle + half - item, middle + half + item]
+        center = torch.cat(touching, -1) + offset
+        weight = weight.masked_fill(present[..., None] == 0, -1e9)
+        weight, center = (t.transpose(1, 2).flatten(2) for t in (weight, center))
+        return weight.log_softmax(-1), center
+
+    def point(self, elements: Tensor) -> Tensor:
+        """The likeliest place: (B, 2)."""
+        weight, center = self(elements)
+        return center.gather(-1, weight.argmax(-1, keepdim=True))[..., 0]
+
+
+def train_pointer(
+    simulator: Simulator,
+    observe: GeometryObservation,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    *,
+    batch: int = 64,
+    learning_rate: float = 1e-3,
+    device: torch.device | str = "cpu",
+) -> PointingNetwork:
+    """A network that points at the designer's place, by the likelihood of it under the mixture.
+
+    Each batch has an equal share in every symmetry.
+    """
+    goal = torch.tensor(simulator.designer_position, device=device) - observe.origin
+    views = symmetries(simulator.moves, device)
+
+    def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        room = torch.randint(len(goal), (batch,), generator=generator, device=device)
+        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, goal[room].float())])
+        return in_every_view(observe, views, observe(room, observe.origin[room])), turned
+
+    def loss(said: tuple[Tensor, Tensor], goal: Tensor) -> Tensor:
+        weight, center = said
+        return -torch.logsumexp(weight - (center - goal[..., None]).abs() / BREADTH, -1).mean()
+
+    return _trained(lambda: PointingNetwork(observe.space.shape[1]), draw, loss, spent, seed, learning_rate, device)
+
+
+def pointed_places(network: PointingNetwork, observe: GeometryObservation, views: Sequence[Symmetry]) -> np.ndarray:
+    """Where the pointer points in each room, legal or not: (rooms, 2). Along each axis the median over the `views`."""
+    origin = observe.origin.cpu().numpy()
+    return origin + _agreed(_said(network.point, observe, np.arange(len(origin)), origin, views), views)
 
 
 def train_scorer(
@@ -116,7 +192,7 @@ def train_scorer(
         iou = batch_simulator.reward(room, place).iou
         return in_every_view(observe, views, observe(room, place)), iou[:, None]
 
-    return _trained(observe, 1, draw, mse_loss, spent, seed, learning_rate, device)
+    return _trained(lambda: _agents_network(observe, 1), draw, mse_loss, spent, seed, learning_rate, device)
 
 
 def scored_places(
@@ -159,21 +235,24 @@ def _contact_coordinates(borders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return coordinates[0], coordinates[1]
 
 
+def _agents_network(observe: GeometryObservation, outputs: int) -> GeometryNetwork:
+    return GeometryNetwork(observe.space.shape[1], outputs, dueling=False)
+
+
 def _trained(
-    observe: GeometryObservation,
-    outputs: int,
+    make: Callable[[], Network],
     draw: Draw,
     loss: Loss,
     spent: Spent,
     seed: np.random.SeedSequence,
     learning_rate: float,
     device: torch.device | str,
-) -> GeometryNetwork:
+) -> Network:
     """A network trained by Adam on ever new batches, at a rate that falls with what is left of the budget."""
     weights, drawing = (int(s.generate_state(1)[0]) for s in seed.spawn(2))
     with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
         torch.manual_seed(weights)
-        network = GeometryNetwork(observe.space.shape[1], outputs, dueling=False).to(device)
+        network = make().to(device)
     generator = torch.Generator(device).manual_seed(drawing)
     optimizer = torch.optim.Adam(network.parameters(), fused=True)
     updates = 0
@@ -181,10 +260,8 @@ def _trained(
         for group in optimizer.param_groups:
             group["lr"] = learning_rate * (1 - share)
         observation, goal = draw(generator)
-        said = network(observation)
-        assert said.shape == goal.shape
         optimizer.zero_grad(set_to_none=True)
-        loss(said, goal).backward()
+        loss(network(observation), goal).backward()
         optimizer.step()
         updates += 1
     return network
@@ -192,17 +269,23 @@ def _trained(
 
 @torch.no_grad()
 def _said(
-    network: GeometryNetwork,
+    say: Callable[[Tensor], Tensor],
     observe: GeometryObservation,
     room: np.ndarray,
     position: np.ndarray,
     views: Sequence[Symmetry],
 ) -> Tensor:
-    """The network's outputs, on the host, for poses (B,), (B, 2) in each view: (views, B, n)."""
-    device = next(network.parameters()).device
+    """A network's outputs, on the host, for poses (B,), (B, 2) in each view: (views, B, n)."""
+    device = observe.origin.device
     said = []
     for first in range(0, len(room), BLOCK):
         block = slice(first, first + BLOCK)
         seen = observe(torch.as_tensor(room[block], device=device), torch.as_tensor(position[block], device=device))
-        said.append(torch.stack([network(observe.turned(seen, view)) for view in views]))
+        said.append(torch.stack([say(observe.turned(seen, view)) for view in views]))
     return torch.cat(said, 1).cpu()
+
+
+def _agreed(said: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
+    """Ways (views, B, 2) turned back, and along each axis their median: they may point at two walls."""
+    ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
+    return np.median(torch.stack(ways).numpy(), 0)

@@ -32,6 +32,14 @@ from layoutrl.runs import checkpoints, new_folder, save_checkpoint
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """Rooms that PlanIT can draw, and their scenes."""
+
+    rooms: Sequence[Room]
+    scenes: Sequence[Scene]
+
+
+@dataclass(frozen=True)
 class Trained:
     """What a training leaves behind."""
 
@@ -44,7 +52,7 @@ class Trained:
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
-    training, held_out = build.two_parts(config.room, config.data, config.fold)
+    training, held_out = drawn(*build.two_parts(config.room, config.data, config.fold))
     trained = train(config, training, held_out, updates_budget(config.method.updates[config.budget.name]), folder)
     folder = trained.folder
     if trained.stopped:
@@ -67,48 +75,44 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
 
 def train(
     config: PlanitConfig,
-    training_rooms: Sequence[Room],
-    held_out: Sequence[Room],
+    training_rooms: Drawn,
+    held_out: Drawn,
     spent: Spent,
     folder: Path | None = None,
 ) -> Trained:
     """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
 
-    Rooms that PlanIT cannot draw or furnish are counted and left out. An interrupt ends it early, with all that it
-    needs to go on.
+    An interrupt ends it early, with all that it needs to go on.
     """
     budget, device = config.budget, build.device(config.device)
     build.keep_freed_memory()
     build.refuse_chance(device)
-    identity = identity_of(config, training_rooms)
-    training_rooms, scenes = _drawn(training_rooms, "training")
-    known = {*ARCHITECTURE} | {name for scene in scenes for name in scene.category}
-    held_out, unseen = _drawn(held_out, "held-out", known)
-    print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
+    print(f"training on {len(training_rooms.rooms)} rooms, {len(held_out.rooms)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
-    model = PlanIT(counted(training_rooms, scenes), network_seed, device)
-    placer = Placer(model, held_out, unseen)
+    model = PlanIT(counted(training_rooms.rooms, training_rooms.scenes), network_seed, device)
+    placer = Placer(model, held_out.rooms, held_out.scenes)
     updates = config.method.updates[budget.name]
     training = Training(
         model,
-        training_rooms,
-        scenes,
+        training_rooms.rooms,
+        training_rooms.scenes,
         spent,
         batch=config.method.batch,
         learning_rate=config.method.learning_rate,
         report_every=max(1, updates // budget.reports),
         seed=training_seed,
     )
+    identity = identity_of(config, training_rooms.rooms)
     seconds_before = 0.0
     if folder is not None and (state := last_state(folder, identity, device)):
         training.load_state_dict(state["training"])
         print(f"going on after {training.updates} updates")
         seconds_before = state["seconds"]
     placers = {}
-    parts = {"train": (training_rooms, scenes), "held_out": (held_out, unseen)}
-    for (name, (rooms, theirs)), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
-        few = sorted(np.random.default_rng(seed).permutation(len(rooms))[: budget.evaluation_rooms])
-        placers[name] = Placer(model, [rooms[k] for k in few], [theirs[k] for k in few])
+    parts = {"train": training_rooms, "held_out": held_out}
+    for (name, own), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
+        few = sorted(np.random.default_rng(seed).permutation(len(own.rooms))[: budget.evaluation_rooms])
+        placers[name] = Placer(model, [own.rooms[k] for k in few], [own.scenes[k] for k in few])
     folder, began = folder or new_folder(config), time.perf_counter()
 
     def save(iou: float | None) -> None:
@@ -125,12 +129,18 @@ def train(
     return Trained(folder, placer, training.updates, seconds, training.stopping and spent(training.updates) < 1)
 
 
-def _drawn(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> tuple[Sequence[Room], Sequence[Scene]]:
-    """The rooms that stand upright and whose furniture is `known`, and their scenes; says what is left out.
+def drawn(training: Sequence[Room], held_out: Sequence[Room]) -> tuple[Drawn, Drawn]:
+    """The rooms that stand upright and, of those held out, have no other furniture than training rooms.
 
-    Raises InputError where nothing is left.
+    Says what is left out. Raises InputError where nothing is left.
     """
-    drawn, refused = [], []
+    learnt = _drawn(training, "training")
+    known = {*ARCHITECTURE} | {name for scene in learnt.scenes for name in scene.category}
+    return learnt, _drawn(held_out, "held-out", known)
+
+
+def _drawn(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> Drawn:
+    kept, refused = [], []
     for room in rooms:
         try:
             scene = scene_of(room)
@@ -139,12 +149,12 @@ def _drawn(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> 
         except InputError as problem:
             refused.append(str(problem))
         else:
-            drawn.append((room, scene))
+            kept.append((room, scene))
     if refused:
         print(f"left out {len(refused)} of {len(rooms)} {which} rooms, first {refused[0]}")
-    if not drawn:
+    if not kept:
         raise InputError(refused[0])
-    return [room for room, _ in drawn], [scene for _, scene in drawn]
+    return Drawn([room for room, _ in kept], [scene for _, scene in kept])
 
 
 def _watched(
@@ -155,7 +165,7 @@ def _watched(
     evaluate_every: int,
     save: Callable[[float], None],
 ) -> None:
-    """Train and show every report; every `evaluate_every` updates and at the end place a few items, and save.
+    """Train and show every report; every `evaluate_every` updates place a few items, and save.
 
     What the folder shows of later updates than the training has made is dropped. Raises InputError when a loss is no
     number.

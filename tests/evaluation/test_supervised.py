@@ -17,9 +17,12 @@ from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation import supervised
 from layoutrl.evaluation.budgets import updates_budget
 from layoutrl.evaluation.supervised import (
+    PointingNetwork,
     candidates,
+    pointed_places,
     regressed_places,
     scored_places,
+    train_pointer,
     train_regressor,
     train_scorer,
 )
@@ -63,12 +66,12 @@ def lopsided() -> Room:
 
 def drawn_batch(monkeypatch: pytest.MonkeyPatch, train, rooms: list[Room], batch: int, seed: int = 0):
     """One batch that a network is trained on, (observations, what to say), instead of the training."""
-    monkeypatch.setattr(supervised, "_trained", lambda observe, outputs, draw, *_: draw)
+    monkeypatch.setattr(supervised, "_trained", lambda make, draw, *_: draw)
     draw = train(simulator_of(*rooms), observe_of(*rooms), updates_budget(1), seeded(0), batch=batch)
     return draw(torch.Generator().manual_seed(seed))
 
 
-@pytest.mark.parametrize("train", [train_regressor, train_scorer])
+@pytest.mark.parametrize("train", [train_regressor, train_pointer, train_scorer])
 def test_training_ends_with_its_budget_and_the_rate_falls_with_it(train, monkeypatch):
     rates = []
 
@@ -89,7 +92,7 @@ def test_training_ends_with_its_budget_and_the_rate_falls_with_it(train, monkeyp
     np.testing.assert_allclose(rates, [0.01, 0.009, 0.004])
 
 
-@pytest.mark.parametrize("train", [train_regressor, train_scorer])
+@pytest.mark.parametrize("train", [train_regressor, train_pointer, train_scorer])
 def test_a_network_hangs_on_the_seed_and_on_no_other_randomness(train):
     rooms = [lopsided(), rectangular_room()]
 
@@ -121,6 +124,48 @@ def test_the_regressor_learns_the_way_to_the_designers_place_in_each_symmetry(k,
     assert simulator.is_legal(index, starts.round(3)).all()
     expected = observe(torch.as_tensor(index), torch.as_tensor(starts))
     torch.testing.assert_close(seen[mine], expected, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_the_pointer_learns_the_designers_place_in_each_symmetry_and_sees_the_item_in_the_middle(k, monkeypatch):
+    room = lopsided()
+    seen, goal = drawn_batch(monkeypatch, train_pointer, [room], batch=16)
+    turned = room.turned(*SYMMETRIES[k])
+    observe, mine = observe_of(turned), slice(2 * k, 2 * k + 2)
+    origin = np.reshape(turned.envelope.bounds, (2, 2)).mean(0)
+    np.testing.assert_allclose(origin + goal[mine].numpy(), [turned.moving.center] * 2, atol=1e-5)
+    expected = observe(torch.zeros(2, dtype=torch.long), torch.as_tensor(origin).expand(2, 2))
+    torch.testing.assert_close(seen[mine], expected, atol=1e-5, rtol=0)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_pointer_can_point_at_every_place_where_the_item_touches_something(seed):
+    """With no offsets its places are those at which the item's upright box touches an element's, or is level with."""
+    room = random_room(np.random.default_rng(seed))
+    observe = observe_of(room)
+    network = PointingNetwork(observe.space.shape[1])
+    torch.nn.init.zeros_(network.head.weight)
+    torch.nn.init.zeros_(network.head.bias)
+    with torch.no_grad():
+        weight, center = network(observe(torch.tensor([0]), observe.origin))
+    np.testing.assert_allclose(weight.exp().sum(-1), [[1, 1]], rtol=1e-5)
+    middle = np.reshape(room.envelope.bounds, (2, 2)).mean(0)
+    half = np.reshape(room.moving.template.bounds, (2, 2))[1]
+    for axis in range(2):
+        possible = center[0, axis][weight[0, axis] > -100].numpy() + middle[axis]
+        for other in room.others:
+            low, high = np.reshape(other.footprint_at(other.center).bounds, (2, 2))[:, axis]
+            h = half[axis]
+            for place in (low - h, low + h, (low + high) / 2, high - h, high + h):
+                assert np.abs(possible - place).min() < 2e-3  # a circle's polygon is a little smaller
+
+
+def test_the_pointer_learns_a_rule_and_follows_it_in_rooms_that_it_never_saw():
+    rng = np.random.default_rng(0)
+    training, unseen = ([room_with_a_rule(rng) for _ in range(count)] for count in (60, 30))
+    network = train_pointer(simulator_of(*training), observe_of(*training), updates_budget(1000), seeded(0))
+    places = pointed_places(network, observe_of(*unseen), VIEWS)
+    assert simulator_of(*unseen).reward(np.arange(30), places).iou.mean() > 0.85
 
 
 @pytest.mark.parametrize("k", range(8))
@@ -186,7 +231,9 @@ def test_seen_from_all_sides_a_turned_room_gets_the_turned_answer(monkeypatch):
     simulator, observe = simulator_of(room), observe_of(room)
     starts = simulator.starts(index, np.random.default_rng(0))
     regressor = train_regressor(simulator, observe, updates_budget(1), seeded(0), batch=16)
+    pointer = train_pointer(simulator, observe, updates_budget(1), seeded(0))
     scorer = train_scorer(simulator, observe, updates_budget(1), seeded(0), batch=16)
+    pointed = pointed_places(pointer, observe, VIEWS)
     places = regressed_places(regressor, observe, index, starts, VIEWS)
     place = scored_places(scorer, simulator, observe, VIEWS)
     for which in SYMMETRIES:
@@ -194,6 +241,7 @@ def test_seen_from_all_sides_a_turned_room_gets_the_turned_answer(monkeypatch):
         observe = observe_of(turned)
         found = regressed_places(regressor, observe, index, starts @ matrix.T, VIEWS)
         np.testing.assert_allclose(found, places @ matrix.T, atol=1e-5)
+        np.testing.assert_allclose(pointed_places(pointer, observe, VIEWS), pointed @ matrix.T, atol=1e-5)
         found = scored_places(scorer, simulator_of(turned), observe, VIEWS)
         np.testing.assert_allclose(found, place @ matrix.T, atol=1e-5)
 

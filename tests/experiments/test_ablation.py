@@ -31,3 +31,8 @@ def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeyp
     ablation.main()
     assert [path.stat().st_mtime for path in checkpoints[:3]] == written[:3]
     assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows
+    assert "going on after" in (tmp_path / "tatami-no-slides-5-seed1.log").read_text()
+
+    monkeypatch.setattr(ablation, "CHANGES", {"nothing to learn": ["budget=smoke", "data.train_rooms=0"]})
+    with pytest.raises(SystemExit, match=r"error: .*: was not trained; .*nothing-to-learn-5-seed0\.log says why"):
+        ablation.main()

@@ -22,8 +22,8 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     agent = configured(tmp_path, designed, "column=geometric", "room=tatami")
     for config in (agent, configured(tmp_path, designed, "column=rules", "room=tatami")):
         fill(config)
-    regressor = configured(tmp_path, designed, "column=regressor", "room=tatami")
-    fill(regressor)
+    for column in ("regressor", "pointer"):
+        fill(configured(tmp_path, designed, f"column={column}", "room=tatami"))
     assert "tatami-own-geometric-seed0 done" in capsys.readouterr().out
     found = cell(agent)
     assert found["rooms"] == 6
@@ -44,13 +44,27 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     np.testing.assert_allclose(
         unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
     )
-    assert cell(regressor)["training_seconds"] == found["training_seconds"]
+    for column in ("regressor", "pointer"):
+        assert cell(replace(agent, column=column))["training_seconds"] == found["training_seconds"]
 
 
 def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed):
     config = configured(tmp_path, designed, "column=regressor", "room=tatami")
+    error = folder_of(config) / f"{name_of(config)}.error"
     fill(config)
-    assert "as long as geometric" in (folder_of(config) / f"{name_of(config)}.error").read_text()
+    assert "as long as geometric" in error.read_text()
+    fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
+    fill(configured(tmp_path, designed, "column=regressor", "room=tatami", "data.test_rooms=5"))
+    assert "cells of different data.test_rooms cannot be compared" in error.read_text()
+
+
+def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch):
+    config = configured(tmp_path, designed, "column=planit_long", "room=tatami")
+    drawn = columns.planit_entry.drawn
+    monkeypatch.setattr(columns.planit_entry, "drawn", lambda training, held_out: drawn(training, held_out[1:]))
+    monkeypatch.setattr(columns.planit_entry, "train", None)
+    fill(config)
+    assert "scored in all rooms or none" in (folder_of(config) / f"{name_of(config)}.error").read_text()
 
 
 def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed, monkeypatch):
@@ -87,7 +101,7 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
     boxes = unpacked(drawn["box"], cells.METRES).reshape(-1, 4)
     assert np.isnan(boxes).any(1).mean() == pytest.approx(drawn["missing"])
     one, every = table1.planit_tables(folder_of(config))
-    assert [line[0] for line in one.lines] == ["tatami", "tatami, 3,000 updates"]
+    assert [line[0] for line in one.lines] == ["tatami", "tatami, fixed updates"]
     assert every.lines[1][3] == "3"
 
 

@@ -20,7 +20,7 @@ def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
             "group": packed([0, 1, 2], cells.INDEX),
             "overlap": 0.1 * seed,
         }
-        config = {"protocol": "unseen", "seed": seed, "fold": 0}
+        config = {"protocol": "unseen", "seed": seed, "fold": 0, "room": {"type": "study"}, "data": {"seed": 0}}
         cell = {"rows": {"agent": numbers}, "config": config, "ceiling": 0.9}
         (tmp_path / f"study-own-geometric-seed{seed}.json").write_text(json.dumps(cell))
     found = row(tmp_path, "study-own-geometric")
@@ -34,7 +34,13 @@ def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
     assert found.ceiling() == "0.900"
     assert row(tmp_path, "study-own-paper") is None
     assert row(tmp_path, "study-own-geometric", "hand rule") is None
-    cell["config"] |= {"seed": 2, "fold": 3}
+    cell["config"] |= {"data": {"seed": 1}}
+    (tmp_path / "study-own-regressor-seed0.json").write_text(json.dumps(cell))
+    other = row(tmp_path, "study-own-regressor")
+    assert other
+    with pytest.raises(InputError, match=r"regressor-seed0: cells of different data\.seed cannot be compared"):
+        found.p_value(other)
+    cell["config"] |= {"seed": 2, "fold": 3, "data": {"seed": 0}}
     (tmp_path / "study-own-geometric-seed2.json").write_text(json.dumps(cell))
     with pytest.raises(InputError, match="cells of different fold"):
         row(tmp_path, "study-own-geometric")

@@ -51,7 +51,7 @@ def test_a_script_says_what_it_expects(tmp_path):
     assert not (tmp_path / "results").exists()
 
 
-OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor", 8, 3))
+OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor,pointer", 8, 3))
 RIVALS = ("planit,planit_long", 8, 1)
 
 

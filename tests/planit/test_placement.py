@@ -27,24 +27,15 @@ from layoutrl.planit.graph import (
     gap,
     scene_of,
 )
-from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
 from layoutrl.planit.scoring import overlap_of
 from layoutrl.planit.training import planned, with_last
-from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, Room
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item
 from tests.builders import rectangular_room
-from tests.planit.rooms import designed
+from tests.planit.rooms import designed, placer_of
 
 TYPES_OF_ROOMS = ("bathroom", "study", "kitchen", "dining_room")
 LOWER_WALL = 0
-
-
-def placer_of(rooms: list[Room], seed: int = 0) -> Placer:
-    """Untrained: its heat says nothing, so that most trials fail."""
-    scenes = [scene_of(room) for room in rooms]
-    model = PlanIT(counted(rooms, scenes), np.random.SeedSequence(seed))
-    model.networks.eval()
-    return Placer(model, rooms, scenes)
 
 
 def search(seed: int) -> Search:

@@ -28,8 +28,7 @@ from layoutrl.planit.scoring import (
 )
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room
-from tests.planit.rooms import designed
-from tests.planit.test_placement import placer_of
+from tests.planit.rooms import designed, placer_of
 
 ROOMS = designed("bathroom", 3)
 
