@@ -91,7 +91,8 @@ def folder_of(config: CellConfig) -> Path:
 
 def name_of(config: CellConfig) -> str:
     """Of a cell's file: the task, what was trained on, column and seed."""
-    data = "" if config.data.source == "designer" else f"-{config.data.source}-{config.data.labels}"
+    which = Path(config.data.root or "").stem if config.data.source == "json" else config.data.labels
+    data = "" if config.data.source == "designer" else f"-{config.data.source}-{which}"
     item = "" if config.room.item == "main" else f"-{config.room.item}"
     return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
 

@@ -138,3 +138,10 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
         assert {room.group for room in task.simulator.rooms} == held_out
         assert not held_out & {room.group for room in task.training}
         np.testing.assert_array_equal(task.starts, tasks["own"].starts)
+
+
+def test_cells_of_two_files_have_two_names(tmp_path):
+    names = [
+        name_of(configured(tmp_path, "data=json", f"data.root={file}", "column=rules")) for file in ("a/x.jsonl", "y")
+    ]
+    assert names == ["bedroom-json-x-own-rules-seed0", "bedroom-json-y-own-rules-seed0"]
