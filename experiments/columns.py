@@ -270,20 +270,9 @@ def clock_of(setting: Setting) -> Callable[[], float]:
 
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """PlanIT: the moving item among all others, and whole rooms from nothing."""
-    rooms = setting.simulator.rooms
-    training, held_out = planit_entry.drawn(setting.training, rooms)
-    if len(held_out.rooms) < len(rooms):
-        raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
-    seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
-    updates = config.planit.updates[config.budget.name]
-    spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
-    how = {name: getattr(config, name) for name in ("room", "data", "seed", "fold", "device", "runs")}
-    budget = replace(config.budget, evaluations=1)
-    rival = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{config.column}-seed{config.seed}")
-    trained = planit_entry.train(rival, training, held_out, spent)
-    if trained.stopped:
-        raise KeyboardInterrupt
-    one, every = score_all(trained.placer, config.budget.evaluation_rooms, resume.seeds(rival)[3])
+    trained, about = trained_planit(config, setting)
+    seed = resume.seeds(config)[3]
+    one, every = score_all(trained.placer, config.budget.evaluation_rooms, seed)
     return {
         "items": one,
         "all items": {name: found.as_dict() for name, found in every.items()},
@@ -291,9 +280,36 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
             name: [[[i.category, *np.round(box_of(i), 3).tolist()] for i in items] for items in found.layouts[:DRAWN]]
             for name, found in every.items()
         },
-        "training_seconds": seconds or trained.seconds,
-        "updates": trained.updates,
+        **about,
     }
+
+
+def trained_planit(config: CellConfig, setting: Setting) -> tuple[planit_entry.Trained, dict[str, Any]]:
+    """Train PlanIT, or take what was trained on the same rooms in the same way: (it, about it)."""
+    rooms = setting.simulator.rooms
+    training, held_out = planit_entry.drawn(setting.training, rooms)
+    if len(held_out.rooms) < len(rooms):
+        raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
+    seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
+    updates = config.planit.updates[config.budget.name]
+    what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
+    name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
+    folder = Path(config.runs) / config.room.type / name
+    how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
+    budget = replace(config.budget, evaluations=1)
+    rival = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{name}-unfinished")
+    if folder.exists():
+        spent = updates_budget(json.loads((folder / "trained.json").read_text())["updates"])  # all of it
+        trained = planit_entry.train(rival, training, held_out, spent, folder)
+    else:
+        spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
+        trained = planit_entry.train(rival, training, held_out, spent)
+        if trained.stopped:
+            raise KeyboardInterrupt
+        write_json(trained.folder / "trained.json", {"updates": trained.updates})
+        with contextlib.suppress(OSError):  # another job was faster
+            trained.folder.rename(folder)
+    return trained, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
 
 
 def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from layoutrl.rooms.room import Item, Room
 CHOICES = ("sampled", "argmax")  # of places, facings and sizes
 SIZES = ("own size", "true size")  # with the true form and rotation, which the agent knows, too
 DRAWS = 10  # graphs, until one has the item that is asked for
+TRIES = 4  # graphs that are drawn, until everything has a place; PlanIT sets no limit
 FURNISHED = 24  # rooms at most that are furnished from nothing: seconds each
 CHUNK = 64  # rooms whose heat maps are worked out at once
 
@@ -42,6 +43,7 @@ class Places:
 def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Places]:
     """The moving item of each of the placer's rooms among the others, by graph, choice and whose size it has.
 
+    Where there is no place, what is drawn of the graph is drawn again, TRIES times in all.
     The true size comes with form and rotation, as the agent knows them; a sampled graph has no item to take it of.
     """
     rng, noise = _generators(placer, seed)
@@ -55,6 +57,11 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
                     search = Search(rng, noise) if choice == "sampled" else Search()
                     size = placer.rooms[query.room].moving if whose == "true size" else None
                     item = placer.target(query, heat, search, size)
+                    redrawing = rng.spawn(1)[0]  # of its own: what other rows draw does not hang on it
+                    for _ in range(_tries(graph) - 1):
+                        if item is None:
+                            again = QUERIES[graph](placer, query.room, redrawing)
+                            item = placer.target(again, placer.heat([again])[0], search, size)
                     found.setdefault(f"{graph}, {choice}, {whose}", []).append(item)
     return {name: scored(placer.rooms, items) for name, items in found.items()}
 
@@ -62,6 +69,11 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
 def _variants(graph: str) -> Iterator[tuple[str, str]]:
     """How places are chosen, and whose size is taken."""
     return product(CHOICES, SIZES[:1] if graph == "sampled graph" else SIZES)
+
+
+def _tries(graph: str) -> int:
+    """How many graphs are tried: the designer's is one."""
+    return 1 if graph == "given graph" else TRIES
 
 
 def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random.Generator, torch.Generator]:
@@ -199,12 +211,15 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
     for room in tqdm(range(len(placer.rooms)), "all items", leave=False):
         standing = [item for item in placer.rooms[room].furniture if item.center is not None]
         for kind in GRAPHS:
-            names, graph, stands_for = room_graph(placer, room, kind, rng)
             for choice, whose in _variants(kind):
                 search = Search(rng, noise) if choice == "sampled" else Search()
-                sizes = [standing[k] for k in stands_for] if whose == "true size" else None
-                layout = placer.furnish(room, names, graph, search, sizes)
-                found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
+                layouts: list[Layout] = []
+                while len(layouts) < _tries(kind) and not (layouts and not layouts[-1].missing):
+                    names, graph, stands_for = room_graph(placer, room, kind, rng)
+                    sizes = [standing[k] for k in stands_for] if whose == "true size" else None
+                    layouts.append(placer.furnish(room, names, graph, search, sizes))
+                fullest = min(layouts, key=lambda layout: len(layout.missing))
+                found.setdefault(f"{kind}, {choice}, {whose}", []).append(fullest)
     return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
 
 

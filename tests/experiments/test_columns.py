@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import replace
 
@@ -100,6 +101,12 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
     drawn = found["rows"][cells.PLANIT]
     boxes = unpacked(drawn["box"], cells.METRES).reshape(-1, 4)
     assert np.isnan(boxes).any(1).mean() == pytest.approx(drawn["missing"])
+    file = folder_of(config) / f"{name_of(config)}.json"
+    before = file.read_text()
+    file.unlink()
+    monkeypatch.setattr(columns, "seconds_budget", None)  # it is not trained again
+    fill(config)
+    assert cell(config)["rows"] == json.loads(before)["rows"]
     one, every = table1.planit_tables(folder_of(config))
     assert [line[0] for line in one.lines] == ["tatami", "tatami, fixed updates"]
     assert every.lines[1][3] == "3"

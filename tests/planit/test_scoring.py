@@ -11,9 +11,10 @@ import pytest
 
 from layoutrl.planit import scoring
 from layoutrl.planit.graph import graph_of, scene_of
-from layoutrl.planit.placement import Layout, Placer
+from layoutrl.planit.placement import Layout, Placer, Query
 from layoutrl.planit.scoring import (
     QUERIES,
+    TRIES,
     Furnished,
     evaluated,
     furnish_all,
@@ -104,7 +105,8 @@ def test_a_query_holds_nothing_of_where_the_item_is_but_a_given_graph(graph: str
 
 
 def test_no_place_hangs_on_the_items_own_but_by_a_given_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor on its size, unless that is told."""
+    """Nor on its size, unless that is told. (How often a graph is drawn hangs on it then.)"""
+    monkeypatch.setattr(scoring, "TRIES", 1)
     rooms = designed("study", 3)
     placer = placer_of(rooms)
     known: list[object] = []
@@ -132,6 +134,48 @@ def test_no_place_hangs_on_the_items_own_but_by_a_given_graph(monkeypatch: pytes
         if change is moved:
             name = "given categories, argmax, true size"
             assert {item.size for item in found[name].items if item} == {(0.9, 0.7)}
+
+
+def test_where_there_is_no_place_what_is_drawn_of_a_graph_is_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    placer, moving = placer_of(ROOMS[:1]), ROOMS[0].moving
+    asked: list[Query] = []
+
+    def never(query: Query, *_: Any) -> Item | None:
+        asked.append(query)
+        return None
+
+    def every_other_time(query: Query, *_: Any) -> Item | None:
+        asked.append(query)
+        return moving if len(asked) % 2 == 0 else None
+
+    monkeypatch.setattr(placer, "target", never)
+    found = place_targets(placer, np.random.SeedSequence(0))
+    assert all(places.missing == 1 for places in found.values())
+    assert len(asked) == 6 * TRIES + 4  # rows, of which four are told the only graph
+    assert any(query.edges != asked[0].edges for query in asked[1:TRIES])
+    asked.clear()
+    monkeypatch.setattr(placer, "target", every_other_time)
+    found = place_targets(placer, np.random.SeedSequence(0))
+    assert len(asked) == 6 * 2 + 4
+    assert all(places.missing == 0 for name, places in found.items() if not name.startswith("given graph"))
+
+
+def test_of_rooms_the_fullest_of_a_few_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    placer, item = placer_of(ROOMS[:1]), ROOMS[0].moving
+    layouts = [Layout({9: item}, [8, 7]), Layout({9: item}, [8]), Layout({9: item}, [8, 7, 6]), Layout({}, [8, 7])]
+    made: list[Layout] = []
+
+    def furnish(*_: Any) -> Layout:
+        made.append(layouts[len(made) % 4])
+        return made[-1]
+
+    monkeypatch.setattr(placer, "furnish", furnish)
+    found = furnish_all(placer, np.random.SeedSequence(0))
+    assert len(made) == 6 * TRIES + 4
+    assert found["sampled graph, argmax, own size"].missing == 1 / 2
+    layouts[1] = Layout({9: item}, [])
+    made.clear()
+    assert furnish_all(placer, np.random.SeedSequence(0))["sampled graph, argmax, own size"].missing == 0
 
 
 def shifted(room: Room) -> Room:
