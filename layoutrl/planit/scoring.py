@@ -214,10 +214,12 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
             for choice, whose in _variants(kind):
                 search = Search(rng, noise) if choice == "sampled" else Search()
                 layouts: list[Layout] = []
-                while len(layouts) < _tries(kind) and not (layouts and not layouts[-1].missing):
+                for _ in range(_tries(kind)):
                     names, graph, stands_for = room_graph(placer, room, kind, rng)
                     sizes = [standing[k] for k in stands_for] if whose == "true size" else None
                     layouts.append(placer.furnish(room, names, graph, search, sizes))
+                    if not layouts[-1].missing:
+                        break
                 fullest = min(layouts, key=lambda layout: len(layout.missing))
                 found.setdefault(f"{kind}, {choice}, {whose}", []).append(fullest)
     return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
