@@ -177,11 +177,16 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
             if trained.learner.agent.updates < trained.learner.updates:
                 raise KeyboardInterrupt
             about = {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
-            write_json(trained.folder / "trained.json", about | {"trained_on_machine": machine(setting.device)})
-            with contextlib.suppress(OSError):  # another job was faster: its agent is the same
-                trained.folder.rename(folder)
+            keep(trained.folder, folder, about | {"trained_on_machine": machine(setting.device)})
     agent, categories = build.trained_agent(folder, config.method, setting.device)
     return build.greedy(agent, config.method), categories, json.loads((folder / "trained.json").read_text())
+
+
+def keep(unfinished: Path, folder: Path, about: dict[str, Any]) -> None:
+    """Give a training that is done its name, under which it is found, and never made again."""
+    write_json(unfinished / "trained.json", about)
+    with contextlib.suppress(OSError):  # another job was faster
+        unfinished.rename(folder)
 
 
 def goes_on(folder: Path, config: TrainConfig) -> bool:
@@ -306,9 +311,7 @@ def trained_planit(config: CellConfig, setting: Setting) -> tuple[planit_entry.T
         trained = planit_entry.train(rival, training, held_out, spent)
         if trained.stopped:
             raise KeyboardInterrupt
-        write_json(trained.folder / "trained.json", {"updates": trained.updates})
-        with contextlib.suppress(OSError):  # another job was faster
-            trained.folder.rename(folder)
+        keep(trained.folder, folder, {"updates": trained.updates})
     return trained, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
 
 

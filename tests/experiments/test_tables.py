@@ -51,14 +51,15 @@ def test_a_script_says_what_it_expects(tmp_path):
     assert not (tmp_path / "results").exists()
 
 
-OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3), ("regressor,pointer", 8, 3))
-RIVALS = ("planit,planit_long", 8, 1)
+OURS = (("rules,oracle", 8, 3), ("geometric", 8, 3))
+RIVALS = ("regressor,pointer,planit", 8, 1)
+EVERY = (*OURS, RIVALS, ("planit", 2, 2), ("planit_long", 2, 1))
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
-    ({}, True, [*OURS, RIVALS, ("planit", 2, 2), ("paper", 8, 3)]),
-    ({}, False, [*OURS, RIVALS, ("planit", 2, 2), ("paper", 2, 1)]),
-    ({"room": "kitchen"}, False, [*((columns, 1, seeds) for columns, _, seeds in OURS), ("planit,planit_long", 1, 1)]),
+    ({}, True, [*EVERY, ("paper", 8, 3)]),
+    ({}, False, [*EVERY, ("paper", 2, 1)]),
+    ({"room": "study"}, False, [("rules,oracle", 1, 3), ("geometric", 1, 3), (RIVALS[0], 1, 1)]),
     ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*OURS, RIVALS, ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
 ])  # fmt: skip
