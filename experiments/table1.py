@@ -36,7 +36,6 @@ COLUMNS = (
     ("geometric", "agent", "geometric"),
     ("paper", "agent", "paper's network and moves"),
     ("planit", PLANIT, "PlanIT, as long as geometric"),
-    ("planit_long", PLANIT, "PlanIT, fixed updates"),
     ("planit", "given graph, argmax, true size", "PlanIT, told the relations"),
     ("regressor", "agent", "supervised regressor"),
     ("pointer", "agent", "supervised pointer"),

@@ -104,7 +104,8 @@ class PointingNetwork(nn.Module):
         present = elements[..., PRESENT, None]
         state = self.embed(torch.cat([elements, (middle - half)[..., 0], (middle + half)[..., 0]], -1))
         for own, heard, out in zip(self.own, self.heard, self.out, strict=True):
-            pooled = torch.cat([state[:, 0], (state * present).amax(1), (state * present).mean(1)], -1)
+            highest = state.masked_fill(present == 0, -torch.inf).amax(1)
+            pooled = torch.cat([state[:, 0], highest, (state * present).sum(1) / present.sum(1)], -1)
             state = state + out((own(state) + heard(pooled)[:, None]).relu())
         weight, offset = self.head(state).unflatten(-1, (2, ANCHORS, 2)).unbind(-1)  # (B, N, 2, ANCHORS)
         item = half[:, :1]
@@ -286,6 +287,6 @@ def _said(
 
 
 def _agreed(said: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
-    """Ways (views, B, 2) turned back, and along each axis their median: they may point at two walls."""
+    """Ways (views, B, 2) turned back, and along each axis their median: few that point at another wall do not count."""
     ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
     return np.median(torch.stack(ways).numpy(), 0)

@@ -160,6 +160,19 @@ def test_the_pointer_can_point_at_every_place_where_the_item_touches_something(s
                 assert np.abs(possible - place).min() < 2e-3  # a circle's polygon is a little smaller
 
 
+def test_where_the_pointer_points_in_a_room_hangs_on_no_other_room():
+    """Rooms with fewer elements are filled up."""
+    bare = rectangular_room(4.0, 3.0, Item("bed", (1.0, 0.6), (3.2, 0.5)))
+    categories = categories_of([bare, lopsided()])
+    torch.manual_seed(0)
+    network = PointingNetwork(GeometryObservation([bare], categories).space.shape[1])
+    alone, beside = (
+        pointed_places(network, GeometryObservation(rooms, categories), VIEWS)[0]
+        for rooms in ([bare], [bare, lopsided()])
+    )
+    np.testing.assert_allclose(alone, beside, atol=1e-5)
+
+
 def test_the_pointer_learns_a_rule_and_follows_it_in_rooms_that_it_never_saw():
     rng = np.random.default_rng(0)
     training, unseen = ([room_with_a_rule(rng) for _ in range(count)] for count in (60, 30))
