@@ -117,7 +117,8 @@ def setting_of(config: CellConfig, device: torch.device) -> Setting:
 
 def designer(config: CellConfig) -> DataConfig:
     """Designed rooms, as many as the budget has."""
-    return DataConfig("designer", train_rooms=config.data.train_rooms, test_rooms=config.data.test_rooms)
+    rooms = config.data
+    return DataConfig("designer", train_rooms=rooms.train_rooms, test_rooms=rooms.test_rooms, seed=rooms.seed)
 
 
 def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:

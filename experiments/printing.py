@@ -136,5 +136,5 @@ def provenance(rows: Sequence[Row | None]) -> str:
     dates = sorted({cell["date"] for cell in cells})
     hardware = sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in machines})
     versions = sorted({f"layoutrl {machine['layoutrl']}" for machine in machines})
-    minutes = sum(cell["minutes"] for cell in cells)
-    return "; ".join([f"{len(cells)} cells, {minutes:.0f} minutes in sum", *dates, *hardware, *versions])
+    minutes = sum(cell.get("training_seconds", 0) for cell in cells) / 60
+    return "; ".join([f"{len(cells)} cells, {minutes:.0f} minutes of training", *dates, *hardware, *versions])

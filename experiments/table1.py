@@ -142,8 +142,9 @@ def planit_tables(folder: Path) -> list[Table]:
 
 def of_all(cells: list[dict[str, float]]) -> str:
     """Mean over seeds; the error is that of one."""
-    mean, error = (np.mean([cell[name] for cell in cells]) for name in ("mean_iou", "standard_error"))
-    return f"{mean:.3f} ({error:.3f})"
+    mean = np.mean([cell["mean_iou"] for cell in cells])
+    errors = [cell["standard_error"] for cell in cells]
+    return f"{mean:.3f}" if None in errors else f"{mean:.3f} ({np.mean(errors):.3f})"
 
 
 def detail(agent: Row, best: Row | None, rivals: Sequence[Row | None]) -> list[str]:

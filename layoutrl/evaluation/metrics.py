@@ -9,6 +9,7 @@ import shapely
 from shapely.affinity import translate
 
 from layoutrl.env.simulator import TOUCHING, Simulator
+from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.room import TOLERANCE, Room
 
 FRONT = 0.3  # metres before and behind a door that who passes it needs
@@ -43,11 +44,10 @@ def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score
 
 def summary(iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: np.ndarray, group: np.ndarray) -> Score:
     """The score of B places, from what each is worth (B,), and which group its room is of (B,)."""
-    means = np.array([iou[group == g].mean() for g in np.unique(group)])
     return Score(
         float(iou.mean()),
         float(iou.std()),
-        float(means.std(ddof=1) / np.sqrt(len(means))) if len(means) > 1 else None,
+        standard_error(iou, group),
         float(np.median(iou)),
         float((iou >= 0.9).mean()),
         float(overlap.mean()),

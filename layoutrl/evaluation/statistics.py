@@ -14,6 +14,15 @@ def group_sums(value: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.bincount(index, value), np.bincount(index)
 
 
+def standard_error(value: np.ndarray, group: np.ndarray) -> float | None:
+    """Of the mean of values (B,), whose groups (B,) are independent, and they are not; None of one group."""
+    total, count = group_sums(value, group)
+    if len(total) < 2:
+        return None
+    beyond = total - count * value.mean()
+    return float(np.sqrt((beyond**2).sum() * len(total) / (len(total) - 1)) / len(value))
+
+
 def bootstrap_interval(value: np.ndarray, group: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
     """The 95% interval of the mean of values (B,): percentiles over resamples of whole groups (B,), replaced."""
     total, count = group_sums(value, group)

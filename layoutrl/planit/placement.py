@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
+from layoutrl.env.geometry import GRID
 from layoutrl.planit.canvas import Canvas, box_of, in_frame, overlapping
 from layoutrl.planit.graph import (
     ADJACENT,
@@ -78,7 +79,11 @@ class Placer:
     def __init__(self, model: PlanIT, rooms: Sequence[Room], scenes: Sequence[Scene]):
         self.model, self.rooms, self.scenes = model, rooms, scenes
         self.canvas = Canvas(rooms, model.statistics.categories, model.device)
-        self.floors = [room.indoor.buffer(TOLERANCE, join_style="mitre") for room in rooms]
+        envelopes = [room.envelope.buffer(GRID, join_style="mitre") for room in rooms]  # which may have no wall
+        self.floors = [
+            shapely.intersection(room.indoor.buffer(TOLERANCE, join_style="mitre"), envelope)
+            for room, envelope in zip(rooms, envelopes, strict=True)
+        ]
         shapely.prepare(self.floors)
         self.pixel = 2 * model.statistics.span / HEAT_SIDE  # metres, of heat maps
         axis = (np.arange(HEAT_SIDE // 2) + 0.5 - HEAT_SIDE // 4) * self.pixel
@@ -255,7 +260,7 @@ class Placer:
         if search.rng is None:
             chosen = int(heat.argmax())
         else:
-            chance = heat ** (1 / TEMPERATURE)
+            chance = (heat / heat.max()) ** (1 / TEMPERATURE)
             chosen = int(search.rng.choice(len(chance), p=chance / chance.sum()))
         near = np.abs(cells - cells[chosen]).max(1) < 1.5 * self.pixel
         return np.average(cells[near], axis=0, weights=heat[near])

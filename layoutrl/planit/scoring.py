@@ -16,6 +16,7 @@ from tqdm import tqdm
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
+from layoutrl.evaluation.statistics import standard_error
 from layoutrl.planit.generator import sample
 from layoutrl.planit.graph import Graph, Relation
 from layoutrl.planit.placement import Layout, Placer, Query, Search
@@ -57,7 +58,7 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
                     search = Search(rng, noise) if choice == "sampled" else Search()
                     size = placer.rooms[query.room].moving if whose == "true size" else None
                     item = placer.target(query, heat, search, size)
-                    redrawing = rng.spawn(1)[0]  # of its own: what other rows draw does not hang on it
+                    redrawing = rng.spawn(1)[0]  # the likeliest place draws from no other generator
                     for _ in range(_tries(graph) - 1):
                         if item is None:
                             again = QUERIES[graph](placer, query.room, redrawing)
@@ -156,7 +157,7 @@ def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
         furnished = [_with(rooms[k], items[k]) for k in there]
         simulator = Simulator(furnished, Moves(), Reward())
         index, position = np.arange(len(there)), simulator.designer_position  # which is where they were put
-        iou[there] = [overlap_of(room.moving, rooms[k].moving) for room, k in zip(furnished, there, strict=True)]
+        iou[there] = [iou_of(room.moving, rooms[k].moving) for room, k in zip(furnished, there, strict=True)]
         overlap[there], outside[there] = simulator.overlap_and_outside(index, position)
         blocked[there] = blocks_openings(simulator, index, position)
     group = np.array([room.group for room in rooms])
@@ -168,7 +169,7 @@ def _with(room: Room, item: Item | None) -> Room:
     return replace(room, furniture=tuple(item if k == room.target else o for k, o in enumerate(room.furniture)))
 
 
-def overlap_of(item: Item, other: Item) -> float:
+def iou_of(item: Item, other: Item) -> float:
     """IoU of two footprints."""
     shared = shapely.area(shapely.intersection(item.footprint, other.footprint))
     return float(shared / (item.footprint.area + other.footprint.area - shared))
@@ -179,24 +180,25 @@ class Furnished:
     """All items of B rooms, placed from nothing."""
 
     layouts: list[list[Item]]
+    group: np.ndarray  # (B,), of rooms that are not independent
     iou: list[dict[int, float]]  # of each room, by index of the designer's item: 0 for one that has no match
     missing: float  # share of the graphs' items for which there was no place
 
     @property
     def mean_iou(self) -> float:
         """Over rooms, of each room's mean over the designer's items."""
-        return float(np.mean(self._means))
+        return float(self._means.mean())
 
     @property
-    def standard_error(self) -> float:
-        """Over rooms; 0 of one."""
-        return float(np.std(self._means) / np.sqrt(max(len(self._means) - 1, 1)))
+    def standard_error(self) -> float | None:
+        """Over groups of rooms that are not independent; None of one."""
+        return standard_error(self._means, self.group)
 
     @property
-    def _means(self) -> list[float]:
-        return [float(np.mean(list(room.values()))) for room in self.iou]
+    def _means(self) -> np.ndarray:
+        return np.array([np.mean(list(room.values())) for room in self.iou])
 
-    def as_dict(self) -> dict[str, float]:
+    def as_dict(self) -> dict[str, float | None]:
         """Its numbers, as JSON has them."""
         return {name: getattr(self, name) for name in ("mean_iou", "standard_error", "missing")}
 
@@ -248,7 +250,8 @@ def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
     )
     items = [list(layout.placed.values()) for layout in layouts]
     iou = [match(room, placed) for room, placed in zip(rooms, items, strict=True)]
-    return Furnished(items, iou, missing / max(missing + placed, 1))
+    group = np.array([room.group for room in rooms])
+    return Furnished(items, group, iou, missing / max(missing + placed, 1))
 
 
 def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
@@ -258,7 +261,7 @@ def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
     for category in {item.category for item in designed.values()}:
         theirs = [k for k, item in designed.items() if item.category == category]
         ours = [item for item in placed if item.category == category]
-        table = np.array([[overlap_of(designed[k], item) for item in ours] for k in theirs]).reshape(len(theirs), -1)
+        table = np.array([[iou_of(designed[k], item) for item in ours] for k in theirs]).reshape(len(theirs), -1)
         for row, column in zip(*linear_sum_assignment(table, maximize=True), strict=True):
             iou[theirs[row]] = float(table[row, column])
     return iou

@@ -32,10 +32,10 @@ def test_a_score_is_as_worked_out_by_hand():
     room = np.array([0, 0, 1, 1, 1])
     iou = np.array([1.0, 1 / 3, 1.0, 0.9 / 1.1, 0.8 / 1.2])
     result = score(simulator_of(*rooms), room, position)
-    means = iou[:2].mean(), iou[2:].mean()
+    off = iou - iou.mean()
     assert result.mean_iou == pytest.approx(iou.mean())
     assert result.std_iou == pytest.approx(np.sqrt(((iou - iou.mean()) ** 2).mean()))
-    assert result.standard_error == pytest.approx(abs(means[0] - means[1]) / 2)  # (difference / sqrt 2) / sqrt 2
+    assert result.standard_error == pytest.approx(np.hypot(off[:2].sum(), off[2:].sum()) * np.sqrt(2) / 5)
     assert result.median_iou == pytest.approx(0.9 / 1.1)
     assert result.share_090 == pytest.approx(2 / 5)
     assert result.overlap == pytest.approx(0.25 / 5)  # the second covers a quarter of itself with the chair

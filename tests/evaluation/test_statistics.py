@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
+from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value, standard_error
 
 
 def alone(values: np.ndarray) -> np.ndarray:
@@ -32,6 +32,18 @@ def test_copies_of_a_room_make_nobody_surer():
         np.repeat(values, 20), np.repeat(values[::-1] + 0.1, 20), np.repeat(alone(values), 20), np.random.default_rng(3)
     )
     assert again == p
+
+
+def test_the_standard_error_is_that_of_the_mean_where_groups_are_of_different_sizes():
+    rng = np.random.default_rng(5)
+    group = np.repeat(np.arange(30), [1] * 25 + [10] * 5)
+    means, errors = [], []
+    for _ in range(2000):
+        values = rng.normal(size=30)[group] + rng.normal(size=len(group))
+        means.append(values.mean())
+        errors.append(standard_error(values, group))
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(means), rel=0.15)
+    assert standard_error(values, np.zeros(len(values))) is None
 
 
 def test_the_interval_covers_the_truth_as_often_as_it_says():

@@ -28,7 +28,7 @@ from layoutrl.planit.graph import (
     scene_of,
 )
 from layoutrl.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
-from layoutrl.planit.scoring import overlap_of
+from layoutrl.planit.scoring import iou_of, scored
 from layoutrl.planit.training import planned, with_last
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item
 from tests.builders import rectangular_room
@@ -40,6 +40,17 @@ LOWER_WALL = 0
 
 def search(seed: int) -> Search:
     return Search(np.random.default_rng(seed), torch.Generator().manual_seed(seed))
+
+
+def test_a_room_without_walls_lets_nothing_reach_over_its_outline() -> None:
+    """By as little as a wall would hide: it could not be scored."""
+    bed = Item("bed", (2.0, 1.0), (1.0, 1.5))
+    placer = placer_of([replace(rectangular_room(2.0, 3.0, bed), walls=())])
+    for width, fits in ((2.0, True), (2.005, False)):
+        item = replace(bed, size=(width, 1.0))
+        assert placer._indoors(0, item) == fits
+        if fits:
+            scored(placer.rooms, [item])
 
 
 @pytest.mark.parametrize("room_type", TYPES_OF_ROOMS)
@@ -185,7 +196,7 @@ def test_the_designers_place_holds_and_is_hardly_moved(room_type: str) -> None:
             query = Query(k, item.category, edges, {n: other for n, other in items.items() if n != node})
             snapped = placer._snapped(query, item)
             assert not placer._collisions(query, item)
-            moved.append(overlap_of(snapped, item))
+            moved.append(iou_of(snapped, item))
             held.append(placer._held(query, snapped))
     assert np.mean(moved) > 0.97
     assert np.mean(np.array(held) == 1) > 0.95

@@ -19,9 +19,9 @@ from layoutrl.planit.scoring import (
     evaluated,
     furnish_all,
     given_query,
+    iou_of,
     match,
     matched,
-    overlap_of,
     place_targets,
     room_graph,
     scored,
@@ -52,7 +52,7 @@ def test_what_is_put_elsewhere_is_scored_where_it_is_and_as_large_as_it_is() -> 
     assert put.score.overlap == pytest.approx(0.5)
     half = scored([room], [Item("bed", (2.0, 1.0), (3.0, 0.5))])
     assert half.iou[0] == pytest.approx(1 / 3)
-    assert overlap_of(Item("a", (1, 1), (0, 0)), Item("a", (1, 1), (0.5, 0))) == pytest.approx(1 / 3)
+    assert iou_of(Item("a", (1, 1), (0, 0)), Item("a", (1, 1), (0.5, 0))) == pytest.approx(1 / 3)
 
 
 def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
@@ -65,7 +65,7 @@ def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
         theirs = [item for item in room.furniture if item.category == category]
         ours = [item for item in moved if item.category == category]
         best = max(
-            sum(overlap_of(a, b) for a, b in zip(theirs, order, strict=True)) for order in itertools.permutations(ours)
+            sum(iou_of(a, b) for a, b in zip(theirs, order, strict=True)) for order in itertools.permutations(ours)
         )
         mine = sum(iou for k, iou in found.items() if room.furniture[k].category == category)
         assert mine == pytest.approx(best)
@@ -80,7 +80,7 @@ def test_an_item_too_few_counts_as_nothing() -> None:
 
 
 def test_every_room_counts_alike_however_many_items_it_has() -> None:
-    found = Furnished([], [{0: 1.0}, {0: 0.0, 1: 0.0, 2: 0.0}], 0.0)
+    found = Furnished([], np.arange(2), [{0: 1.0}, {0: 0.0, 1: 0.0, 2: 0.0}], 0.0)
     assert found.mean_iou == pytest.approx(0.5)
     assert found.standard_error == pytest.approx(np.std([1, 0], ddof=1) / np.sqrt(2))
 
