@@ -7,6 +7,7 @@ import json
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -32,6 +33,8 @@ from layoutrl.runs import (
     load_config,
     located,
     machine,
+    new_folder,
+    save_checkpoint,
     wanted_folder,
     write_json,
 )
@@ -42,9 +45,16 @@ Run = Callable[[Config, Path | None], Path]  # a run as configured: a new one, o
 
 
 class Stoppable(Protocol):
-    """A training that ends after the update that it makes."""
+    """A training that ends after the update that it makes, if `stopping` is set, and whose state goes on exactly."""
 
     stopping: bool
+
+    @property
+    def updates(self) -> int: ...
+
+    def state_dict(self) -> dict[str, Any]: ...
+
+    def load_state_dict(self, state: dict[str, Any]) -> None: ...
 
 
 class Stopped(InputError):
@@ -56,14 +66,60 @@ def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
     return np.random.SeedSequence(config.seed).spawn(4)
 
 
+class Session:
+    """A training in the folder of its run."""
+
+    def __init__(self, training: Stoppable, folder: Path, about: dict[str, Any], seconds_before: float):
+        self.folder = folder
+        self._training, self._about = training, about
+        self._began = time.perf_counter() - seconds_before
+
+    @property
+    def seconds(self) -> float:
+        """Of training, what was before it stopped included."""
+        return time.perf_counter() - self._began
+
+    def save(self, iou: float | None) -> None:
+        """A checkpoint, with the IoU in training rooms, if it is known."""
+        state = self._about | {"seconds": self.seconds, "training": self._training.state_dict()}
+        save_checkpoint(self.folder, state, self._training.updates, iou)
+
+
 @contextmanager
-def written_to(folder: Path, entry_point: str, updates: Callable[[], int]) -> Iterator[None]:
-    """Answer a disk that cannot be written to; `updates` says how many were made. Checkpoints answer for themselves."""
+def session(
+    training: Stoppable,
+    config: AnyTraining,
+    rooms: Sequence[Room],
+    folder: Path | None,
+    device: torch.device,
+    entry_point: str,
+    **about: Any,
+) -> Iterator[Session]:
+    """Train inside: goes on with what is in the folder, if one is given, and is saved at the end, a signal's included.
+
+    Checkpoints say `about`, too. Raises InputError where the folder cannot be written to, or is of another run.
+    """
+    identity, seconds_before = identity_of(config, rooms), 0.0
+    if folder is not None and (state := last_state(folder, identity, device)):
+        training.load_state_dict(state["training"])
+        print(f"going on after {training.updates} updates")
+        seconds_before = state["seconds"]
+    kept = Session(training, folder or new_folder(config), identity | about, seconds_before)
+    with written_to(kept.folder, entry_point, training), stopped_by_signals(training):
+        yield kept
+        if [c.updates for c in checkpoints(kept.folder)[:1]] != [training.updates]:
+            kept.save(None)
+    print(f"trained {training.updates} updates in {kept.seconds / 60:.1f} minutes on {device}")
+
+
+@contextmanager
+def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[None]:
+    """Answer a disk that cannot be written to. Checkpoints answer for themselves."""
     try:
         yield
     except OSError as error:
         raise InputError(
-            f"runs: cannot write to {folder} ({error.strerror}) after {updates()} updates; expected a disk "
+            f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
             f"to write to, where the last checkpoint goes on: python -m {entry_point} resume={folder}"
         ) from None
 

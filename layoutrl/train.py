@@ -5,7 +5,6 @@ or resume=<folder of a run>, which goes on as if it had never stopped.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,9 +17,8 @@ from layoutrl import build
 from layoutrl.config import TrainCommand, TrainConfig, config_directory, part, register
 from layoutrl.evaluation.report import evaluate, table
 from layoutrl.monitor import record_result, watched
-from layoutrl.resume import Stopped, carried_out, finish, identity_of, last_state, seeds, stopped_by_signals, written_to
+from layoutrl.resume import Stopped, carried_out, finish, seeds, session
 from layoutrl.rooms.room import Room
-from layoutrl.runs import checkpoints, new_folder, save_checkpoint
 
 
 @dataclass(frozen=True)
@@ -79,34 +77,18 @@ def train(
     network_seed, training_seed, probe_seed, _ = seeds(config)
     learner = build.Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
     training = learner.training(max(1, updates // budget.reports))
-    identity = identity_of(config, training_rooms)
-    seconds_before = 0.0
-    if folder is not None and (state := last_state(folder, identity, device)):
-        training.load_state_dict(state["training"])
-        print(f"going on after {learner.agent.updates} updates")
-        seconds_before = state["seconds"]
     probes = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
         few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
         probes[name] = build.probe([rooms[k] for k in few], method, reward, learner.categories, rng, device)
-    folder, evaluate_every = folder or new_folder(config), max(1, updates // budget.evaluations)
-    began = time.perf_counter()
-
-    def save(iou: float | None) -> None:
-        seconds = seconds_before + time.perf_counter() - began
-        state = {"categories": learner.categories, "seconds": seconds, "training": training.state_dict()}
-        save_checkpoint(folder, identity | state, learner.agent.updates, iou)
-
-    with written_to(folder, "layoutrl.train", lambda: learner.agent.updates), stopped_by_signals(training):
-        for iou in watched(training, learner.policy, probes, folder, updates, evaluate_every):
-            save(iou)
-        if training.stopping and [c.updates for c in checkpoints(folder)[:1]] != [learner.agent.updates]:
-            save(None)
-    seconds = seconds_before + time.perf_counter() - began
-    print(f"trained {learner.agent.updates} updates in {seconds / 60:.1f} minutes on {device}")
-    return Trained(folder, learner, seconds)
+    about = {"categories": learner.categories}
+    with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
+        every = max(1, updates // budget.evaluations)
+        for iou in watched(training, learner.policy, probes, kept.folder, updates, every):
+            kept.save(iou)
+    return Trained(kept.folder, learner, kept.seconds)
 
 
 register()

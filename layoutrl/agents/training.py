@@ -113,6 +113,11 @@ class Training:
             if agent.updates % self._report_every == 0 or agent.updates == self._updates:
                 yield self._report()
 
+    @property
+    def updates(self) -> int:
+        """Made so far."""
+        return self.agent.updates
+
     def _act(self) -> None:
         """One move of every episode, stored."""
         running, recent = self._running, self._recent

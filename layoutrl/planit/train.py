@@ -6,8 +6,7 @@ or resume=<folder of a run>, which goes on as if it had never stopped.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,9 +25,8 @@ from layoutrl.planit.model import PlanIT, counted
 from layoutrl.planit.placement import Placer, Search
 from layoutrl.planit.scoring import evaluated, given_query, scored, table
 from layoutrl.planit.training import LOSSES, Training
-from layoutrl.resume import Stopped, carried_out, finish, identity_of, last_state, seeds, stopped_by_signals, written_to
+from layoutrl.resume import Stopped, carried_out, finish, seeds, session
 from layoutrl.rooms.room import Room
-from layoutrl.runs import checkpoints, new_folder, save_checkpoint
 
 
 @dataclass(frozen=True)
@@ -102,31 +100,17 @@ def train(
         report_every=max(1, updates // budget.reports),
         seed=training_seed,
     )
-    identity = identity_of(config, training_rooms.rooms)
-    seconds_before = 0.0
-    if folder is not None and (state := last_state(folder, identity, device)):
-        training.load_state_dict(state["training"])
-        print(f"going on after {training.updates} updates")
-        seconds_before = state["seconds"]
     placers = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, own), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         few = sorted(np.random.default_rng(seed).permutation(len(own.rooms))[: budget.evaluation_rooms])
         placers[name] = Placer(model, [own.rooms[k] for k in few], [own.scenes[k] for k in few])
-    folder, began = folder or new_folder(config), time.perf_counter()
-
-    def save(iou: float | None) -> None:
-        seconds = seconds_before + time.perf_counter() - began
-        state = {"seconds": seconds, "training": training.state_dict()}
-        save_checkpoint(folder, identity | state, training.updates, iou)
-
-    with written_to(folder, "layoutrl.planit.train", lambda: training.updates), stopped_by_signals(training):
-        _watched(training, placers, folder, updates, max(1, updates // budget.evaluations), save)
-        if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
-            save(None)
-    seconds = seconds_before + time.perf_counter() - began
-    print(f"trained {training.updates} updates in {seconds / 60:.1f} minutes on {device}")
-    return Trained(folder, placer, training.updates, seconds, training.stopping and spent(training.updates) < 1)
+    with session(training, config, training_rooms.rooms, folder, device, "layoutrl.planit.train") as kept:
+        every = max(1, updates // budget.evaluations)
+        for iou in _watched(training, placers, kept.folder, updates, every):
+            kept.save(iou)
+    stopped = training.stopping and spent(training.updates) < 1
+    return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)
 
 
 def drawn(training: Sequence[Room], held_out: Sequence[Room]) -> tuple[Drawn, Drawn]:
@@ -163,9 +147,8 @@ def _watched(
     folder: Path,
     updates: int,
     evaluate_every: int,
-    save: Callable[[float], None],
-) -> None:
-    """Train and show every report; every `evaluate_every` updates place a few items, and save.
+) -> Iterator[float]:
+    """Train and show every report; every `evaluate_every` updates place a few items, and yield the IoU in the first.
 
     What the folder shows of later updates than the training has made is dropped. Raises InputError when a loss is no
     number.
@@ -196,7 +179,7 @@ def _watched(
             bar.update(report.updates - bar.n)
             bar.set_postfix({name: f"{value:.3f}" for name, value in row.items() if name != "updates"})
             if evaluates:
-                save(row["iou_train"])
+                yield row["iou_train"]
 
 
 def probed(placer: Placer) -> float:
