@@ -19,7 +19,7 @@ from omegaconf import MISSING
 
 from layoutrl import build, resume
 from layoutrl import train as training_entry
-from layoutrl.config import DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
+from layoutrl.config import Config, DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.simulator import Simulator
@@ -39,6 +39,7 @@ from layoutrl.evaluation.supervised import (
 )
 from layoutrl.planit import train as planit_entry
 from layoutrl.planit.canvas import box_of
+from layoutrl.planit.placement import Placer
 from layoutrl.planit.scoring import score_all
 from layoutrl.rooms.room import Room
 from layoutrl.runs import differences, load_config, machine, write_json
@@ -158,43 +159,53 @@ def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.n
 
 
 def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[str], dict[str, Any]]:
-    """Train, or take the agent that was trained on the same rooms in the same way: (policy, categories, about it).
-
-    A training that was killed goes on where its last checkpoint is.
-    """
+    """The agent that is trained on these rooms in this way: (policy, the categories it knows, about its training)."""
     training = part(config, TrainConfig)
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
     what = [resume.digest(setting.training), config.budget.name, config.seed]
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
-    name = f"{config.column}-{zlib.crc32(json.dumps([what, how]).encode()):08x}-seed{config.seed}"
+
+    def train(begun: Path | None) -> tuple[Path, dict[str, Any]]:
+        trained = training_entry.train(training, setting.training, setting.simulator.rooms, begun)
+        if trained.learner.agent.updates < trained.learner.updates:
+            raise KeyboardInterrupt
+        return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
+
+    folder, about = trained_once(config, training, [what, how], train)
+    agent, categories = build.trained_agent(folder, config.method, setting.device)
+    return build.greedy(agent, config.method), categories, about
+
+
+def trained_once(
+    config: CellConfig,
+    training: Config,
+    what: Any,
+    train: Callable[[Path | None], tuple[Path, dict[str, Any]]],
+) -> tuple[Path, dict[str, Any]]:
+    """The folder of a training, and what is said of it; made where there is none of its kind (`what`).
+
+    A training that was killed goes on where its last checkpoint is: `train` is given its folder.
+    """
+    name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
+    training.name = f"{name}-unfinished"
     folder = Path(config.runs) / config.room.type / name
     if not folder.exists():
-        training.name = f"{name}-unfinished"
         unfinished = folder.with_name(training.name)
         with alone(folder.with_name(f"{name}.lock")) as mine:
-            begun = unfinished if mine and goes_on(unfinished, training) else None
-            trained = training_entry.train(training, setting.training, setting.simulator.rooms, begun)
-            if trained.learner.agent.updates < trained.learner.updates:
-                raise KeyboardInterrupt
-            about = {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
-            keep(trained.folder, folder, about | {"trained_on_machine": machine(setting.device)})
-    agent, categories = build.trained_agent(folder, config.method, setting.device)
-    return build.greedy(agent, config.method), categories, json.loads((folder / "trained.json").read_text())
+            made, about = train(unfinished if mine and goes_on(unfinished, training) else None)
+            about |= {"trained_on_machine": machine(build.device(config.device))}
+            write_json(made / "trained.json", about)
+            with contextlib.suppress(OSError):  # another job was faster
+                made.rename(folder)
+    return folder, json.loads((folder / "trained.json").read_text())
 
 
-def keep(unfinished: Path, folder: Path, about: dict[str, Any]) -> None:
-    """Give a training that is done its name, under which it is found, and never made again."""
-    write_json(unfinished / "trained.json", about)
-    with contextlib.suppress(OSError):  # another job was faster
-        unfinished.rename(folder)
-
-
-def goes_on(folder: Path, config: TrainConfig) -> bool:
+def goes_on(folder: Path, config: Config) -> bool:
     """Whether a training began there, and as it is wanted."""
     if not (folder / "config.yaml").exists():
         return False
-    return not differences(resume.stated(load_config(folder, TrainConfig)), resume.stated(config))
+    return not differences(resume.stated(load_config(folder, type(config))), resume.stated(config))
 
 
 @contextlib.contextmanager
@@ -276,9 +287,9 @@ def clock_of(setting: Setting) -> Callable[[], float]:
 
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """PlanIT: the moving item among all others, and whole rooms from nothing."""
-    trained, about = trained_planit(config, setting)
+    placer, about = trained_planit(config, setting)
     seed = resume.seeds(config)[3]
-    one, every = score_all(trained.placer, config.budget.evaluation_rooms, seed)
+    one, every = score_all(placer, config.budget.evaluation_rooms, seed)
     return {
         "items": one,
         "all items": {name: found.as_dict() for name, found in every.items()},
@@ -290,30 +301,27 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     }
 
 
-def trained_planit(config: CellConfig, setting: Setting) -> tuple[planit_entry.Trained, dict[str, Any]]:
-    """Train PlanIT, or take what was trained on the same rooms in the same way: (it, about it)."""
+def trained_planit(config: CellConfig, setting: Setting) -> tuple[Placer, dict[str, Any]]:
+    """PlanIT, trained on these rooms in this way, in the rooms to be scored in; and about its training."""
     rooms = setting.simulator.rooms
-    training, held_out = planit_entry.drawn(setting.training, rooms)
+    training, held_out = planit_entry.usable(setting.training, rooms)
     if len(held_out.rooms) < len(rooms):
         raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
     seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
     updates = config.planit.updates[config.budget.name]
     what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
-    name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
-    folder = Path(config.runs) / config.room.type / name
     how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
-    budget = replace(config.budget, evaluations=1)
-    rival = PlanitConfig(**how, budget=budget, method=config.planit, name=f"{name}-unfinished")
-    if folder.exists():
-        spent = updates_budget(json.loads((folder / "trained.json").read_text())["updates"])  # all of it
-        trained = planit_entry.train(rival, training, held_out, spent, folder)
-    else:
+    rival = PlanitConfig(**how, budget=replace(config.budget, evaluations=1), method=config.planit)
+
+    def train(begun: Path | None) -> tuple[Path, dict[str, Any]]:
         spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
-        trained = planit_entry.train(rival, training, held_out, spent)
+        trained = planit_entry.train(rival, training, held_out, spent, None if seconds else begun)
         if trained.stopped:
             raise KeyboardInterrupt
-        keep(trained.folder, folder, {"updates": trained.updates})
-    return trained, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
+        return trained.folder, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
+
+    folder, about = trained_once(config, rival, what, train)
+    return planit_entry.load(folder, training, held_out, setting.device), about
 
 
 def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:

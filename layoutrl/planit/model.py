@@ -79,3 +79,4 @@ class PlanIT:
         self.networks = nn.ModuleDict(
             {"location": self.location, "orientation": self.orientation, "size": self.size, "graphs": self.graphs}
         ).to(self.device)
+        self.networks.eval()  # but while they are trained

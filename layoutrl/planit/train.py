@@ -13,6 +13,7 @@ from typing import Any
 
 import hydra
 import numpy as np
+import torch
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
@@ -27,10 +28,11 @@ from layoutrl.planit.scoring import evaluated, given_query, scored, table
 from layoutrl.planit.training import LOSSES, Training
 from layoutrl.resume import Stopped, carried_out, finish, seeds, session
 from layoutrl.rooms.room import Room
+from layoutrl.runs import load_checkpoint
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Usable:
     """Rooms that PlanIT can draw, and their scenes."""
 
     rooms: Sequence[Room]
@@ -50,7 +52,7 @@ class Trained:
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
-    training, held_out = drawn(*build.two_parts(config.room, config.data, config.fold))
+    training, held_out = usable(*build.two_parts(config.room, config.data, config.fold))
     trained = train(config, training, held_out, updates_budget(config.method.updates[config.budget.name]), folder)
     folder = trained.folder
     if trained.stopped:
@@ -73,8 +75,8 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
 
 def train(
     config: PlanitConfig,
-    training_rooms: Drawn,
-    held_out: Drawn,
+    training_rooms: Usable,
+    held_out: Usable,
     spent: Spent,
     folder: Path | None = None,
 ) -> Trained:
@@ -113,17 +115,24 @@ def train(
     return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)
 
 
-def drawn(training: Sequence[Room], held_out: Sequence[Room]) -> tuple[Drawn, Drawn]:
+def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:
+    """PlanIT as a training on these rooms left it in its folder, in the held-out rooms."""
+    model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
+    model.networks.load_state_dict(load_checkpoint(folder, device)["training"]["networks"])
+    return Placer(model, held_out.rooms, held_out.scenes)
+
+
+def usable(training: Sequence[Room], held_out: Sequence[Room]) -> tuple[Usable, Usable]:
     """The rooms that stand upright and, of those held out, have no other furniture than training rooms.
 
     Says what is left out. Raises InputError where nothing is left.
     """
-    learnt = _drawn(training, "training")
+    learnt = _usable(training, "training")
     known = {*ARCHITECTURE} | {name for scene in learnt.scenes for name in scene.category}
-    return learnt, _drawn(held_out, "held-out", known)
+    return learnt, _usable(held_out, "held-out", known)
 
 
-def _drawn(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> Drawn:
+def _usable(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> Usable:
     kept, refused = [], []
     for room in rooms:
         try:
@@ -138,7 +147,7 @@ def _drawn(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> 
         print(f"left out {len(refused)} of {len(rooms)} {which} rooms, first {refused[0]}")
     if not kept:
         raise InputError(refused[0])
-    return Drawn([room for room, _ in kept], [scene for _, scene in kept])
+    return Usable([room for room, _ in kept], [scene for _, scene in kept])
 
 
 def _watched(

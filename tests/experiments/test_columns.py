@@ -49,6 +49,26 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
         assert cell(replace(agent, column=column))["training_seconds"] == found["training_seconds"]
 
 
+@pytest.mark.parametrize("column", ["regressor", "pointer", "scorer"])
+def test_the_supervised_are_trained_for_as_long_as_the_agent(column, tmp_path, designed, monkeypatch):
+    fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
+    config = configured(tmp_path, designed, f"column={column}", "room=tatami")
+    asked, made = [], []
+
+    def budget(seconds, clock):
+        def spent(updates):
+            made.append(updates)
+            return updates / 3
+
+        asked.append((seconds, clock))
+        return spent
+
+    monkeypatch.setattr(columns, "seconds_budget", budget)
+    fill(config)
+    assert asked == [(cell(replace(config, column="geometric"))["training_seconds"], time.process_time)]
+    assert made == [0, 1, 2, 3]
+
+
 def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed):
     config = configured(tmp_path, designed, "column=regressor", "room=tatami")
     error = folder_of(config) / f"{name_of(config)}.error"
@@ -61,8 +81,8 @@ def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed
 
 def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch):
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami")
-    drawn = columns.planit_entry.drawn
-    monkeypatch.setattr(columns.planit_entry, "drawn", lambda training, held_out: drawn(training, held_out[1:]))
+    usable = columns.planit_entry.usable
+    monkeypatch.setattr(columns.planit_entry, "usable", lambda training, held_out: usable(training, held_out[1:]))
     monkeypatch.setattr(columns.planit_entry, "train", None)
     fill(config)
     assert "scored in all rooms or none" in (folder_of(config) / f"{name_of(config)}.error").read_text()
