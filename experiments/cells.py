@@ -26,7 +26,7 @@ from typing import Any
 import hydra
 import numpy as np
 import torch
-from columns import FILLS, RESULTS, SEEDLESS, CellConfig, folder_of, name_of, setting_of
+from columns import FILLS, RESULTS, CellConfig, folder_of, name_of, setting_of
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build, resume
@@ -44,8 +44,6 @@ def fill(config: CellConfig) -> None:
     """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells."""
     folder, name = folder_of(config), name_of(config)
     file, error = folder / f"{name}.json", folder / f"{name}.error"
-    if config.seed > 0 and config.fill in SEEDLESS and config.protocol == "unseen":
-        return
     if file.exists():
         error.unlink(missing_ok=True)
         if others := differences(json.loads(file.read_text())["config"], stated(config)):

@@ -353,4 +353,3 @@ FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
     "rules": rules,
     "oracle": oracle,
 }
-SEEDLESS = ("rules", "oracle")  # nothing is drawn but the starts, which are the same for every seed

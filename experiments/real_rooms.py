@@ -49,6 +49,8 @@ def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
     common = {name: value for name, value in chosen.items() if name not in TASKS}
     common |= {"data.root": str(Path(chosen[source]).absolute()), "task": ",".join(tasks)}
     labels = {"data.labels": ",".join(LABELS[source])}
+    if "column" in chosen:
+        return [labels | common]
     agents = {"column": "geometric", "trained_on": "own,designer,both"}
     others = {"column": "rules,scorer", "trained_on": "own"}
     return [sweep | labels | common for sweep in (agents, others)]

@@ -62,29 +62,27 @@ PLANIT_ROWS = (
     "given graph, argmax, true size",
 )  # fmt: skip
 WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
-RIVALS = (
-    ("regressor,pointer,planit", "0", tuple(PAPER)),
+SWEEPS = (
+    ("rules,oracle", "0", tuple(PAPER)),  # before agents: it designs the rooms
+    ("geometric", "0,1,2", tuple(PAPER)),
+    ("regressor,pointer,planit", "0", tuple(PAPER)),  # after: they train for as long
     ("planit", "1,2", ("bathroom", "bedroom")),
     ("planit_long", "0", ("kitchen", "balcony")),  # whether the agent's minutes are too few for it
 )  # columns, seeds, types
 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """Sweeps one after the other: rooms are designed with the rules, the rivals train for as long as the agent."""
+    """Sweeps, one after the other."""
     every = {"column": "", "seed": "0,1,2", "room": ",".join(PAPER), **chosen}  # the first varies slowest
     if "column" in chosen:
         return [every]
-    sweeps = [every | {"column": columns} for columns in ("rules,oracle", "geometric")]
-    asked = every["room"].split(",")
-    rivals = RIVALS if "seed" not in chosen else [(RIVALS[0][0], every["seed"], asked)]
-    for columns, seeds, types in rivals:
-        if rooms := ",".join(room for room in asked if room in types):
-            sweeps.append(every | {"column": columns, "seed": seeds, "room": rooms})
-    paper = every | {"column": "paper"}
-    if not (torch.cuda.is_available() or chosen.get("budget") == "smoke" or "hydra/launcher" in chosen):
-        paper["room"] = ",".join(room for room in WITHOUT_GPU if room in asked)
-        paper["seed"] = chosen.get("seed", "0")
-    return [*sweeps, paper] if paper["room"] else sweeps
+    anywhere = torch.cuda.is_available() or chosen.get("budget") == "smoke" or "hydra/launcher" in chosen
+    paper = ("paper", "0,1,2", tuple(PAPER)) if anywhere else ("paper", "0", WITHOUT_GPU)
+    sweeps = []
+    for columns, seeds, types in (*SWEEPS, paper):
+        if rooms := ",".join(room for room in every["room"].split(",") if room in types):
+            sweeps.append(every | {"column": columns, "seed": chosen.get("seed", seeds), "room": rooms})
+    return sweeps
 
 
 @answers_errors

@@ -41,10 +41,6 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     fill(config)
     again = json.loads(file.read_text())
     assert again["rows"] == json.loads(before)["rows"]
-    for column in ("rules", "oracle"):  # they know no seed: the first is enough
-        other = replace(config, column=column, fill=column, seed=1)
-        fill(other)
-        assert not (folder_of(other) / f"{name_of(other)}.json").exists()
 
 
 def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypatch):
