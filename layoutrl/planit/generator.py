@@ -233,7 +233,7 @@ def sample(
     """Draw furniture and its graph for a room: categories, and the edges to each, numbered from scene.fixed on.
 
     With `given` categories, in this order, only the edges are drawn; the first items' may be `known`. At most `most`
-    items. Edges that training rooms do not have are not drawn; where none leads to an item, they are drawn again, a few
+    items. Edges that are not `kept` are not drawn; where none leads to an item, they are drawn again, a few
     times.
     """
     partial = architecture(scene, categories)

@@ -26,7 +26,7 @@ class Statistics:
     kept: Kept  # types of edges
     sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: along its front, across, a circle
     tucked: list[tuple[str, str]]  # categories of which the first stands partly under the second
-    span: float  # metres: no room is longer
+    span: float  # metres: no training room is longer
     most: int  # items in a room
 
     @property

@@ -102,15 +102,15 @@ def given_query(placer: Placer, room: int) -> Query:
 def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) -> Query:
     """The moving item, by edges that are drawn for it, into the graph of all others as they stand without it."""
     query, target = _bare_query(placer, room)
-    scene, statistics = placer.scenes[room], placer.model.statistics
-    *others, (_, _) = graph = list(with_last(statistics, scene, target).items())
+    scene = placer.scenes[room]
+    *others, (_, _) = graph = list(with_last(placer.model.statistics, scene, target).items())
     drawn_as = {node: scene.fixed + k for k, (node, _) in enumerate(graph)}
     node_of = {number: node for node, number in drawn_as.items()}
     known = [
         [Relation(drawn_as.get(r.anchor, r.anchor), drawn_as[node], r.type) for r in edges] for node, edges in others
     ]
     names = [scene.category[node] for node, _ in graph]
-    _, found = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, len(names), rng, names, known)
+    _, found = _sampled(placer, room, rng, names, known)
     edges = [Relation(node_of.get(r.anchor, r.anchor), target, r.type) for r in found[drawn_as[target]]]
     return query._replace(edges=edges)
 
@@ -122,9 +122,9 @@ def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Que
     Where no graph has such a node, no edge leads to the item.
     """
     query, target = _bare_query(placer, room)
-    scene, statistics = placer.scenes[room], placer.model.statistics
+    scene = placer.scenes[room]
     for _ in range(DRAWS):
-        names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, statistics.most, rng)
+        names, graph = _sampled(placer, room, rng)
         if query.category in names:
             break
     else:
@@ -139,6 +139,19 @@ def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Que
             left.remove(same)
     edges = [Relation(node_of[r.anchor], target, r.type) for r in graph[stands_for] if r.anchor in node_of]
     return query._replace(edges=edges)
+
+
+def _sampled(
+    placer: Placer,
+    room: int,
+    rng: np.random.Generator,
+    given: Sequence[str] | None = None,
+    known: Sequence[Sequence[Relation]] = (),
+) -> tuple[list[str], Graph]:
+    """A graph for a room, of categories that are `given` or drawn, the first items' edges maybe `known`."""
+    model, scene = placer.model, placer.scenes[room]
+    nodes, kept, most = model.statistics.nodes, model.statistics.kept, model.statistics.most
+    return sample(model.graphs, scene, nodes, kept, most, rng, given, known)
 
 
 QUERIES: dict[str, Callable[[Placer, int, np.random.Generator], Query]] = {
@@ -229,18 +242,16 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
 
 def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -> tuple[list[str], Graph, list[int]]:
     """(categories, graph, which of the room's standing items each stands for), as much of it given as `kind` says."""
-    scene, statistics = placer.scenes[room], placer.model.statistics
     if kind == "sampled graph":
-        names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, statistics.most, rng)
-        return names, graph, []
+        return *_sampled(placer, room, rng), []
+    scene = placer.scenes[room]
     standing = [item for item in placer.rooms[room].furniture if item.center is not None]
-    graph, _ = planned(statistics, scene, standing)
+    graph, _ = planned(placer.model.statistics, scene, standing)
     if kind == "given graph":
         return [scene.category[node] for node in scene.items], graph, list(range(len(standing)))
     order = [node - scene.fixed for node in graph]  # the most important first, as it was learned
     given = [standing[k].category for k in order]
-    names, graph = sample(placer.model.graphs, scene, statistics.nodes, statistics.kept, len(given), rng, given)
-    return names, graph, order
+    return *_sampled(placer, room, rng, given), order
 
 
 def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from layoutrl.planit.graph import (
     PROXIMAL,
     RIGHT,
     SUPPORT,
+    Graph,
     Relation,
     edge_type,
     faces_across,
@@ -105,6 +107,43 @@ def test_an_item_among_others_is_put_outside_or_into_none_of_them(seed: int, roo
                 other.footprint.envelope.buffer(-TOLERANCE / 2 - 1e-6),
             )
             assert not shrunk[0].intersects(shrunk[1])
+
+
+def test_what_was_in_the_way_is_taken_back_and_put_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bed would rather stand where it leaves the desk no place; the lamp is in nobody's way."""
+    items = [Item(name, (1.0, 1.0), center) for name, center in (("bed", (0.5, 0.5)), ("lamp", (0.5, 1.9)))]
+    desk = Item("desk", (1.0, 1.0), (1.7, 0.5))
+    placer = placer_of([rectangular_room(2.2, 2.4, desk, others=items)])
+    likes = {
+        "bed": {(1.1, 0.55): 1.0, (0.55, 0.55): 0.5},
+        "lamp": {(1.1, 1.8): 1.0, (0.55, 1.8): 0.5, (1.6, 1.8): 0.3},
+        "desk": {(1.65, 0.55): 1.0},
+    }
+
+    def heat(queries: list[Query]) -> list[np.ndarray]:
+        found = np.zeros(len(placer.cells[0]))
+        for place, value in likes[queries[0].category].items():
+            found[np.linalg.norm(placer.cells[0] - place, axis=1).argmin()] = value
+        return [found / found.sum()]
+
+    asked: list[str] = []
+    find = placer.find
+
+    def spied(query: Query, *rest: Any, **more: Any) -> Item | None:
+        asked.append(query.category)
+        return find(query, *rest, **more)
+
+    monkeypatch.setattr(placer, "heat", heat)
+    monkeypatch.setattr(placer, "find", spied)
+    fixed = placer.scenes[0].fixed
+    graph: Graph = {fixed + k: [Relation(LOWER_WALL, fixed + k, edge_type(FRONT, DISTANT))] for k in range(3)}
+    monkeypatch.setattr("layoutrl.planit.placement.placing_order", lambda *_: [*graph])
+    monkeypatch.setattr(placer, "_held", lambda *_: 1.0)
+    layout = placer.furnish(0, ["bed", "lamp", "desk"], graph, Search(), [*items, desk])
+    assert layout.missing == []
+    assert asked == ["bed", "lamp", "desk"] * 2
+    found = [layout.placed[fixed + k].center for k in range(3)]
+    np.testing.assert_allclose(found, [(0.55, 0.55), (1.1, 1.8), (1.65, 0.55)], atol=placer.pixel)
 
 
 def test_a_room_without_a_legal_place_ends_within_its_limits(monkeypatch: pytest.MonkeyPatch) -> None:
