@@ -18,7 +18,7 @@ from torch import nn
 
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule
-from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
+from layoutrl.agents.networks import GeometryNetwork, PaperNetwork, weights_of
 from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Training
 from layoutrl.config import DataConfig, MethodConfig, RewardConfig, RoomConfig, RunConfig, TrainConfig
@@ -129,8 +129,7 @@ def agent(
 ) -> DQN:
     """An untrained agent; its weights hang on the seed alone."""
     actions = moves(method).count
-    with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
-        torch.manual_seed(int(seed.generate_state(1)[0]))
+    with weights_of(seed):
         network: nn.Module = (
             PaperNetwork(actions, method.dueling)
             if method.observation == "image"

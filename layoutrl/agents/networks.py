@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -18,6 +21,14 @@ FAR = 6.0  # metres: the clearance where nothing stands in a direction
 SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, next to nothing best
 WAVES = (1.0, 0.25)  # metres: and within each, so that a centimetre is seen far from everything, too
 SHOWN = len(SCALES) + 2 * len(WAVES)  # numbers for a distance
+
+
+@contextmanager
+def weights_of(seed: np.random.SeedSequence) -> Iterator[None]:
+    """Layers that are made inside draw their weights by the seed; torch's global generator stays as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(int(seed.generate_state(1)[0]))
+        yield
 
 
 class PaperNetwork(nn.Module):

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import l1_loss, mse_loss
 
-from layoutrl.agents.networks import PRESENT, GeometryNetwork, upright_box
+from layoutrl.agents.networks import PRESENT, GeometryNetwork, upright_box, weights_of
 from layoutrl.agents.training import in_every_view
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import padded, snap
@@ -250,11 +250,10 @@ def _trained(
     device: torch.device | str,
 ) -> Network:
     """A network trained by Adam on ever new batches, at a rate that falls with what is left of the budget."""
-    weights, drawing = (int(s.generate_state(1)[0]) for s in seed.spawn(2))
-    with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
-        torch.manual_seed(weights)
+    weights, drawing = seed.spawn(2)
+    with weights_of(weights):
         network = make().to(device)
-    generator = torch.Generator(device).manual_seed(drawing)
+    generator = torch.Generator(device).manual_seed(int(drawing.generate_state(1)[0]))
     optimizer = torch.optim.Adam(network.parameters(), fused=True)
     updates = 0
     while (share := spent(updates)) < 1:

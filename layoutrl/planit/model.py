@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from layoutrl.agents.networks import weights_of
 from layoutrl.planit.canvas import FIXED_CHANNELS, box_of, overlapping
 from layoutrl.planit.generator import GraphNetwork
 from layoutrl.planit.graph import ARCHITECTURE, Kept, Scene, kept
@@ -70,8 +71,7 @@ class PlanIT:
         self.statistics, self.device = statistics, torch.device(device)
         categories = len(statistics.categories)
         channels = FIXED_CHANNELS + categories
-        with torch.random.fork_rng(devices=[]):  # layers draw their weights from torch's global generator
-            torch.manual_seed(int(seed.generate_state(1)[0]))
+        with weights_of(seed):
             self.location = LocationNetwork(channels + 1, categories)
             self.orientation = PictureNetwork(channels, categories, 4)
             self.size = SizeNetwork(channels, categories)

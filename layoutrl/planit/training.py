@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn.functional import cross_entropy, l1_loss, one_hot, softplus
 from torch.nn.utils.rnn import pad_sequence
 
+from layoutrl.agents.networks import weights_of
 from layoutrl.evaluation.budgets import Spent
 from layoutrl.planit import generator
 from layoutrl.planit.canvas import Canvas, in_frame
@@ -77,8 +78,7 @@ class Training:
         self._noise = torch.Generator(model.device).manual_seed(int(noise.generate_state(1)[0]))
         statistics = model.statistics
         self._canvas = Canvas(rooms, statistics.categories, model.device)
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(int(weights.generate_state(1)[0]))
+        with weights_of(weights):
             categories = len(statistics.categories)
             self._discriminator = PictureNetwork(self._canvas.channels + 1, categories, 1).to(model.device)
         self._optimizer = torch.optim.Adam(model.networks.parameters(), learning_rate, weight_decay=1e-8, fused=True)
