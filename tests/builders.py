@@ -1,11 +1,13 @@
-"""Rooms for tests: small ones to work out by hand, and random ones for properties."""
+"""Rooms for tests: small ones to work out by hand, and random ones for properties; and what is asked of many."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import torch
 from hypothesis import strategies as st
 from shapely.affinity import rotate
 from shapely.geometry import Polygon, box
@@ -140,3 +142,14 @@ def _placed(rng: np.random.Generator, item: Item, room: Room) -> Item:
 def _ring(polygon: Polygon) -> Ring:
     ring = tuple((float(x), float(y)) for x, y in polygon.exterior.coords[:-1])
     return ring if polygon.exterior.is_ccw else ring[::-1]
+
+
+def assert_seeded(weights: Callable[[int], torch.Tensor]) -> None:
+    """What is made of a seed hangs on it, on no other randomness, and leaves torch's global generator alone."""
+    torch.manual_seed(3)
+    state = torch.get_rng_state()
+    first = weights(0)
+    assert torch.equal(torch.get_rng_state(), state)
+    torch.manual_seed(4)
+    assert torch.equal(first, weights(0))
+    assert not torch.equal(first, weights(1))

@@ -27,7 +27,7 @@ from layoutrl.evaluation.supervised import (
     train_scorer,
 )
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
-from tests.builders import l_room, opening, random_room, rectangular_room, room_of
+from tests.builders import assert_seeded, l_room, opening, random_room, rectangular_room, room_of
 
 VIEWS = symmetries(Moves())
 
@@ -100,13 +100,7 @@ def test_a_network_hangs_on_the_seed_and_on_no_other_randomness(train):
         network = train(simulator_of(*rooms), observe_of(*rooms), updates_budget(3), seeded(seed), batch=32)
         return torch.cat([p.detach().flatten() for p in network.parameters()])
 
-    torch.manual_seed(3)
-    state = torch.get_rng_state()
-    first = weights(0)
-    assert torch.equal(torch.get_rng_state(), state)
-    torch.manual_seed(4)
-    assert torch.equal(first, weights(0))
-    assert not torch.equal(first, weights(1))
+    assert_seeded(weights)
 
 
 @pytest.mark.parametrize("k", range(8))

@@ -7,6 +7,7 @@ import torch
 
 from layoutrl.planit.graph import scene_of
 from layoutrl.planit.model import PlanIT, counted
+from tests.builders import assert_seeded
 from tests.planit.rooms import designed
 
 ROOMS = designed("bathroom", 8)
@@ -29,10 +30,4 @@ def test_weights_hang_on_the_seed_and_on_no_other_randomness() -> None:
         model = PlanIT(counted(ROOMS, SCENES), np.random.SeedSequence(seed))
         return torch.cat([parameter.detach().flatten() for parameter in model.networks.parameters()])
 
-    torch.manual_seed(3)
-    state = torch.get_rng_state()
-    first = weights(0)
-    assert torch.equal(torch.get_rng_state(), state)
-    torch.manual_seed(4)
-    assert torch.equal(first, weights(0))
-    assert not torch.equal(first, weights(1))
+    assert_seeded(weights)
