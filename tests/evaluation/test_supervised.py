@@ -10,6 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.env.observation import GeometryObservation, X, Y, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -165,6 +166,27 @@ def test_where_the_pointer_points_in_a_room_hangs_on_no_other_room():
         for rooms in ([bare], [bare, lopsided()])
     )
     np.testing.assert_allclose(alone, beside, atol=1e-5)
+
+
+def test_no_supervised_place_hangs_on_the_designers():
+    """In rooms that are alike but for it."""
+    first = lopsided()
+    second = replace(first, furniture=(replace(first.moving, center=(0.9, 0.5)), *first.furniture[1:]))
+    assert first.target == 0
+    start, index = np.array([[2.0, 1.0]]), np.array([0])
+    torch.manual_seed(0)
+    columns = observe_of(first).space.shape[1]
+    agents = [GeometryNetwork(columns, outputs, dueling=False) for outputs in (2, 1)]
+    pointing = PointingNetwork(columns)
+    places = [
+        [
+            regressed_places(agents[0], observe_of(room), index, start, VIEWS),
+            scored_places(agents[1], simulator_of(room), observe_of(room), VIEWS),
+            pointed_places(pointing, observe_of(room), VIEWS),
+        ]
+        for room in (first, second)
+    ]
+    np.testing.assert_array_equal(*places)
 
 
 def test_the_pointer_learns_a_rule_and_follows_it_in_rooms_that_it_never_saw():
