@@ -1,6 +1,6 @@
 """The cells of the tables: one column, one room type or task, one seed each. Filled once, kept as a JSON file.
 
-    python experiments/cells.py table=table1 column=geometric,rules room=bedroom,study seed=0,1,2
+    python experiments/cells.py table=table1 column=geometric room=bedroom,study seed=0,1,2
 
 Hydra's multirun fills them side by side. A cell whose file is there is not filled again; one that fails says why beside
 it, and the others go on. The tables' own scripts know which cells there are.

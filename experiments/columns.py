@@ -183,16 +183,16 @@ def trained_once(
     what: Any,
     train: Callable[[Path | None], tuple[Path, dict[str, Any]]],
 ) -> tuple[Path, dict[str, Any]]:
-    """The folder of a training, and what is said of it; made where there is none of its kind (`what`).
+    """The folder of a training, and what is said of it; made where there is none of its kind (`what`), and so named.
 
-    A training that was killed goes on where its last checkpoint is: `train` is given its folder.
+    A training of so many updates that was killed goes on where its last checkpoint is: `train` is given its folder.
     """
     name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
     training.name = f"{name}-unfinished"
     folder = Path(config.runs) / config.room.type / name
-    if not folder.exists():
-        unfinished = folder.with_name(training.name)
-        with alone(folder.with_name(f"{name}.lock")) as mine:
+    with alone(folder.with_name(f"{name}.lock")) as mine:
+        if not folder.exists():
+            unfinished = folder.with_name(training.name)
             made, about = train(unfinished if mine and goes_on(unfinished, training) else None)
             about |= {"trained_on_machine": machine(build.device(config.device))}
             write_json(made / "trained.json", about)
@@ -311,7 +311,9 @@ def trained_planit(config: CellConfig, setting: Setting) -> tuple[Placer, dict[s
     updates = config.planit.updates[config.budget.name]
     what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
     how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
-    rival = PlanitConfig(**how, budget=replace(config.budget, evaluations=1), method=config.planit)
+    # Time is spent on training alone; what has none to lose leaves checkpoints to go on from.
+    budget = replace(config.budget, evaluations=1) if seconds else config.budget
+    rival = PlanitConfig(**how, budget=budget, method=config.planit)
 
     def train(begun: Path | None) -> tuple[Path, dict[str, Any]]:
         spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)

@@ -130,7 +130,7 @@ def write(tables: Sequence[Table], stem: Path) -> None:
 
 
 def provenance(rows: Sequence[Row | None]) -> str:
-    """When, where, with which version and how long the cells were filled."""
+    """When, where and with which version the cells were filled, and how long was trained for them."""
     cells = {file: cell for found in rows if found for file, cell in found.cells.items()}.values()
     machines = [cell["machine"] for cell in cells]
     dates = sorted({cell["date"] for cell in cells})

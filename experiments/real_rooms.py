@@ -84,14 +84,15 @@ def line(item: str, rows: list[Row | None]) -> list[str]:
     """Of one item and label set."""
     found = {(on, column, which): row for (on, column, which, _), row in zip(COLUMNS, rows, strict=True)}
     own, scorer = found["own", "geometric", "agent"], found["own", "scorer", "agent"]
-    size = f"{own.about('rooms'):.0f} ({own.about('training_rooms'):.0f})" if own else NOT_RUN
+    any_own = own or found["own", "rules", "random start"]
+    size = f"{any_own.about('rooms'):.0f} ({any_own.about('training_rooms'):.0f})" if any_own else NOT_RUN
     return [
         size,
         *(
             text(row, "-" if which == "hand rule" and item != "bathtub" else NOT_RUN)
             for (*_, which), row in found.items()
         ),
-        own.ceiling() if own else NOT_RUN,
+        any_own.ceiling() if any_own else NOT_RUN,
         own.interval() if own else NOT_RUN,
         own.p_value(scorer) if own and scorer else NOT_RUN,
     ]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,6 +20,7 @@ from cells import PLANIT, asked, cells_of, given, multirun
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
 
 from layoutrl.build import answers_errors
+from layoutrl.errors import InputError
 
 # Of the paper: PlanIT's and its own IoU, as printed there.
 PAPER = {
@@ -72,15 +74,19 @@ SWEEPS = (
 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """Sweeps, one after the other."""
-    every = {"column": "", "seed": "0,1,2", "room": ",".join(PAPER), **chosen}  # the first varies slowest
+    """Sweeps, one after the other. Raises InputError for rooms that it does not have."""
+    seeds = "0" if chosen.get("column") in ("rules", "oracle") else "0,1,2"  # which draw nothing but the starts
+    every = {"column": "", "seed": seeds, "room": ",".join(PAPER), **chosen}  # the first varies slowest
     if "column" in chosen:
         return [every]
+    asked_for = every["room"].split(",")
+    if unknown := sorted({*asked_for} - PAPER.keys()):
+        raise InputError(f"room: expected some of {','.join(PAPER)}; got {','.join(unknown)}")
     anywhere = torch.cuda.is_available() or chosen.get("budget") == "smoke" or "hydra/launcher" in chosen
     paper = ("paper", "0,1,2", tuple(PAPER)) if anywhere else ("paper", "0", WITHOUT_GPU)
     sweeps = []
     for columns, seeds, types in (*SWEEPS, paper):
-        if rooms := ",".join(room for room in every["room"].split(",") if room in types):
+        if rooms := ",".join(room for room in asked_for if room in types):
             sweeps.append(every | {"column": columns, "seed": chosen.get("seed", seeds), "room": rooms})
     return sweeps
 
@@ -138,7 +144,7 @@ def planit_tables(folder: Path) -> list[Table]:
     ]
 
 
-def of_all(cells: list[dict[str, float]]) -> str:
+def of_all(cells: list[dict[str, Any]]) -> str:
     """Mean over seeds; the error is that of one."""
     mean = np.mean([cell["mean_iou"] for cell in cells])
     errors = [cell["standard_error"] for cell in cells]

@@ -25,9 +25,9 @@ SHOWN = len(SCALES) + 2 * len(WAVES)  # numbers for a distance
 
 @contextmanager
 def weights_of(seed: np.random.SeedSequence) -> Iterator[None]:
-    """Layers that are made inside draw their weights by the seed; torch's global generator stays as it was."""
+    """Layers that are made inside, on the host, draw their weights by the seed; global generators stay as they were."""
     with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(int(seed.generate_state(1)[0]))
+        torch.default_generator.manual_seed(int(seed.generate_state(1)[0]))
         yield
 
 

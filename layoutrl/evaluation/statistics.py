@@ -15,7 +15,7 @@ def group_sums(value: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def standard_error(value: np.ndarray, group: np.ndarray) -> float | None:
-    """Of the mean of values (B,), whose groups (B,) are independent, and they are not; None of one group."""
+    """Of the mean of values (B,) that are independent between groups (B,), not within them; None of one group."""
     total, count = group_sums(value, group)
     if len(total) < 2:
         return None

@@ -286,6 +286,6 @@ def _said(
 
 
 def _agreed(said: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
-    """Ways (views, B, 2) turned back, and along each axis their median: few that point at another wall do not count."""
+    """Ways (views, B, 2) turned back, and along each axis their median: a minority at another wall does not count."""
     ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
     return np.median(torch.stack(ways).numpy(), 0)

@@ -28,7 +28,7 @@ class Statistics:
     sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: along its front, across, a circle
     tucked: list[tuple[str, str]]  # categories of which the first stands partly under the second
     span: float  # metres: no training room is longer
-    most: int  # items in a room
+    most: int  # items: no training room has more
 
     @property
     def nodes(self) -> list[str]:

@@ -58,7 +58,7 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
                     search = Search(rng, noise) if choice == "sampled" else Search()
                     size = placer.rooms[query.room].moving if whose == "true size" else None
                     item = placer.target(query, heat, search, size)
-                    redrawing = rng.spawn(1)[0]  # the likeliest place draws from no other generator
+                    redrawing = rng.spawn(1)[0]  # of its own: to draw again moves no draw of rng
                     for _ in range(_tries(graph) - 1):
                         if item is None:
                             again = QUERIES[graph](placer, query.room, redrawing)

@@ -213,10 +213,12 @@ def test_the_ceiling_of_a_batch_is_that_of_each_start_in_its_room():
     np.testing.assert_allclose(lattice_ceiling(together, room, starts), alone, atol=1e-12)
 
 
-def test_layouts_of_one_room_count_once_in_the_standard_error():
-    rooms = [replace(rectangular_room(4, 3), id=f"r{k}", group=f"g{k // 2}") for k in range(4)]
+def test_the_standard_error_takes_layouts_of_one_room_for_what_they_are():
+    rooms = [replace(rectangular_room(4, 3), id=f"r{k}", group="g0" if k == 0 else "g1") for k in range(4)]
     simulator, room = simulator_of(*rooms), np.arange(4)
     position = simulator.starts(room, np.random.default_rng(3))
     iou = simulator.reward(room, position).iou
-    means = [iou[:2].mean(), iou[2:].mean()]
-    assert score(simulator, room, position).standard_error == pytest.approx(np.std(means, ddof=1) / np.sqrt(2))
+    off = iou - iou.mean()
+    assert score(simulator, room, position).standard_error == pytest.approx(
+        np.hypot(off[0], off[1:].sum()) * np.sqrt(2) / 4
+    )

@@ -187,6 +187,7 @@ def test_no_supervised_place_hangs_on_the_designers():
         for room in (first, second)
     ]
     np.testing.assert_array_equal(*places)
+    np.testing.assert_array_equal(*(candidates(simulator_of(room)) for room in (first, second)))
 
 
 def test_the_pointer_learns_a_rule_and_follows_it_in_rooms_that_it_never_saw():

@@ -19,6 +19,8 @@ from hydra import compose, initialize_config_dir
 
 from layoutrl.config import config_directory
 from layoutrl.monitor import watched
+from layoutrl.planit import train as planit_entry
+from layoutrl.runs import checkpoints
 from tests.experiments.builders import cell, configured, script
 
 
@@ -89,6 +91,28 @@ def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_pat
     monkeypatch.setattr(columns.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
     fill(again)
     assert begun == [unfinished]
+    assert cell(again)["rows"] == whole["rows"]
+
+
+def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypatch):
+    few = ("planit.updates={smoke: 4}", "budget.evaluations=2", "budget.reports=4", "budget.evaluation_rooms=1")
+    config = configured(tmp_path, designed, "column=planit_long", "room=tatami", *few)
+    fill(config)
+    whole, train_on = cell(config), planit_entry._watched
+
+    def killed(*arguments: Any) -> Any:
+        yield from itertools.islice(train_on(*arguments), 1)
+        raise KeyboardInterrupt
+
+    again = replace(config, results=str(tmp_path / "again"), runs=str(tmp_path / "again"))
+    with monkeypatch.context() as patch:
+        patch.setattr(planit_entry, "_watched", killed)
+        with pytest.raises(KeyboardInterrupt):
+            fill(again)
+    (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
+    assert [checkpoint.updates for checkpoint in checkpoints(unfinished)] == [2]
+    fill(again)
+    assert not unfinished.exists()
     assert cell(again)["rows"] == whole["rows"]
 
 

@@ -6,6 +6,7 @@ import pytest
 import real_rooms
 import table1
 
+from layoutrl.errors import InputError
 from tests.experiments.builders import REAL, script
 
 
@@ -68,8 +69,9 @@ EVERY = (
     ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in EVERY[:3]]),
     ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
+    ({"column": "rules"}, False, [("rules", 8, 1)]),
 ])  # fmt: skip
-def test_table_1_trains_the_papers_network_where_there_is_a_gpu(chosen, gpu, expected, monkeypatch):
+def test_the_sweeps_of_table_1_are_those_that_are_asked_for(chosen, gpu, expected, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: gpu)
     sweeps = table1.stages(chosen)
     found = [(sweep["column"], len(sweep["room"].split(",")), len(sweep["seed"].split(","))) for sweep in sweeps]
@@ -84,3 +86,8 @@ def test_a_column_of_real_rooms_is_filled_as_it_is_asked_for(tmp_path):
     ]  # fmt: skip
     (asked,) = real_rooms.stages("floorplans", chosen | {"column": "rules"})
     assert asked == {"data.labels": "snapped,raw", "column": "rules", "data.root": str(tmp_path), "task": "toilet"}
+
+
+def test_a_room_that_table_1_does_not_have_is_answered():
+    with pytest.raises(InputError, match=r"room: expected some of bathroom,.*; got kitchn"):
+        table1.stages({"room": "bedroom,kitchn"})

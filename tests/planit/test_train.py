@@ -16,7 +16,7 @@ import torch
 from layoutrl.build import two_parts
 from layoutrl.config import PlanitConfig, composed, part
 from layoutrl.errors import InputError
-from layoutrl.planit.train import run
+from layoutrl.planit.train import load, run, usable
 from layoutrl.planit.training import Training
 from layoutrl.resume import Stopped, resumed
 from layoutrl.rooms.files import room_to_dict
@@ -85,6 +85,10 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
         "config", "metrics", "checkpoints", "evaluation", "events",
     }  # fmt: skip
     assert [row["updates"] for row in outcome(whole)["metrics"]] == ["2", "4", "6"]
+    config = configured(rooms, tmp_path)
+    model = load(whole, *usable(*two_parts(config.room, config.data, config.fold)), torch.device("cpu")).model
+    assert {name: value.tolist() for name, value in model.networks.state_dict().items()} == outcome(whole)["networks"]
+    assert not any(module.training for module in model.networks.modules())
 
 
 def test_a_loss_that_is_no_number_ends_the_run(rooms: Path, tmp_path: Path) -> None:
