@@ -166,7 +166,7 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
     what = [resume.digest(setting.training), config.budget.name, config.seed]
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
 
-    def train(begun: Path | None) -> tuple[Path, dict[str, Any]]:
+    def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         trained = training_entry.train(training, setting.training, setting.simulator.rooms, begun)
         if trained.learner.agent.updates < trained.learner.updates:
             raise KeyboardInterrupt
@@ -181,19 +181,20 @@ def trained_once(
     config: CellConfig,
     training: Config,
     what: Any,
-    train: Callable[[Path | None], tuple[Path, dict[str, Any]]],
+    train: Callable[[Config, Path | None], tuple[Path, dict[str, Any]]],
 ) -> tuple[Path, dict[str, Any]]:
     """The folder of a training, and what is said of it; made where there is none of its kind (`what`), and so named.
 
-    A training of so many updates that was killed goes on where its last checkpoint is: `train` is given its folder.
+    `train` is given the configuration, with the name of the folder to train in; and, where a training of so many
+    updates was killed, its folder to go on with.
     """
     name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
-    training.name = f"{name}-unfinished"
+    training = replace(training, name=f"{name}-unfinished")
     folder = Path(config.runs) / config.room.type / name
     with alone(folder.with_name(f"{name}.lock")) as mine:
         if not folder.exists():
-            unfinished = folder.with_name(training.name)
-            made, about = train(unfinished if mine and goes_on(unfinished, training) else None)
+            unfinished = folder.with_name(f"{name}-unfinished")
+            made, about = train(training, unfinished if mine and goes_on(unfinished, training) else None)
             about |= {"trained_on_machine": machine(build.device(config.device))}
             write_json(made / "trained.json", about)
             with contextlib.suppress(OSError):  # another job was faster
@@ -315,7 +316,7 @@ def trained_planit(config: CellConfig, setting: Setting) -> tuple[Placer, dict[s
     budget = replace(config.budget, evaluations=1) if seconds else config.budget
     rival = PlanitConfig(**how, budget=budget, method=config.planit)
 
-    def train(begun: Path | None) -> tuple[Path, dict[str, Any]]:
+    def train(rival: PlanitConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
         trained = planit_entry.train(rival, training, held_out, spent, None if seconds else begun)
         if trained.stopped:
