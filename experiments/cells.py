@@ -141,6 +141,11 @@ def multirun(table: str, chosen: Mapping[str, str]) -> int:
     return status or int(bool(failed))
 
 
+def seeds_of(usual: str, chosen: Mapping[str, str]) -> str:
+    """The seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these."""
+    return chosen.get("seed", usual.split(",")[0] if chosen.get("budget") == "smoke" else usual)
+
+
 def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
     """The folder of a table's cells, by what was chosen."""
     return Path(chosen.get("results", RESULTS)) / chosen.get("budget", "default") / table

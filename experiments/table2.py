@@ -2,14 +2,15 @@
 
     python experiments/table2.py [budget=smoke] [column=geometric] [hydra.launcher.n_jobs=2]
 
-(a) is what the authors' own code does; a seed is a room. (b) are the agents of Table 1, whose cells are only read.
+(a) is what the authors' own code does; a seed is a room (three of them; with budget=smoke one). (b) are the agents of
+Table 1, whose cells are only read.
 """
 
 from __future__ import annotations
 
 import sys
 
-from cells import asked, cells_of, given, multirun
+from cells import asked, cells_of, given, multirun, seeds_of
 from printing import NOT_RUN, Table, provenance, row, text, write
 
 from layoutrl.build import answers_errors
@@ -30,7 +31,6 @@ SWEEP = {
     "protocol": "scene",
     "budget": "scene",
     "column": ",".join(AGENTS),
-    "seed": "0,1,2",
     "room": ",".join(PAPER),
 }
 HEADER = (
@@ -42,8 +42,9 @@ HEADER = (
 @answers_errors
 def main(arguments: list[str]) -> int:
     chosen = given(arguments)
-    status = multirun("table2", SWEEP | chosen)
-    folder, unseen = cells_of("table2", SWEEP | chosen), cells_of("table1", chosen)
+    sweep = SWEEP | chosen | {"seed": seeds_of("0,1,2", chosen)}
+    status = multirun("table2", sweep)
+    folder, unseen = cells_of("table2", sweep), cells_of("table1", chosen)
     lines, every = [], []
     for room, paper in PAPER.items():
         own = [row(folder, f"{room}-own-{column}") for column in AGENTS]

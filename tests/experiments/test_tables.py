@@ -65,7 +65,9 @@ EVERY = (
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
     ({}, True, [*EVERY, ("paper", 8, 3)]),
     ({}, False, [*EVERY, ("paper", 2, 1)]),
-    ({"budget": "smoke"}, False, [*EVERY, ("paper", 8, 3)]),
+    ({"hydra/launcher": "slurm"}, False, [*EVERY, ("paper", 8, 3)]),
+    ({"budget": "smoke"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
+    ({"budget": "smoke", "seed": "0,2", "column": "paper"}, False, [("paper", 8, 2)]),
     ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in EVERY[:3]]),
     ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
