@@ -186,19 +186,18 @@ def trained_once(
     """The folder of a training, and what is said of it; made where there is none of its kind (`what`), and so named.
 
     `train` is given the configuration, with the name of the folder to train in; and, where a training of so many
-    updates was killed, its folder to go on with.
+    updates was killed, its folder to go on with. Jobs that want the same wait for the first, and take what it made.
     """
     name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
     training = replace(training, name=f"{name}-unfinished")
     folder = Path(config.runs) / config.room.type / name
-    with alone(folder.with_name(f"{name}.lock")) as mine:
+    with alone(folder.with_name(f"{name}.lock")):
         if not folder.exists():
             unfinished = folder.with_name(f"{name}-unfinished")
-            made, about = train(training, unfinished if mine and goes_on(unfinished, training) else None)
+            made, about = train(training, unfinished if goes_on(unfinished, training) else None)
             about |= {"trained_on_machine": machine(build.device(config.device))}
             write_json(made / "trained.json", about)
-            with contextlib.suppress(OSError):  # another job was faster
-                made.rename(folder)
+            made.rename(folder)
     return folder, json.loads((folder / "trained.json").read_text())
 
 
@@ -210,17 +209,12 @@ def goes_on(folder: Path, config: Config) -> bool:
 
 
 @contextlib.contextmanager
-def alone(file: Path) -> Iterator[bool]:
-    """Whether no other job of this machine holds the file meanwhile. However a job ends, it lets go of it."""
+def alone(file: Path) -> Iterator[None]:
+    """Inside, no other job holds the file; it waits for one that does. However a job ends, it lets go of it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            mine = False
-        else:
-            mine = True
-        yield mine
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:

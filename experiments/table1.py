@@ -63,6 +63,7 @@ PLANIT_ROWS = (
     "given graph, sampled, own size", "given graph, argmax, own size", "given graph, sampled, true size",
     "given graph, argmax, true size",
 )  # fmt: skip
+SEEDLESS = {"rules", "oracle"}  # draw nothing but the starts, which are always the same
 WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
 SWEEPS = (
     ("rules,oracle", "0", tuple(PAPER)),  # before agents: it designs the rooms
@@ -75,7 +76,7 @@ SWEEPS = (
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other. Raises InputError for rooms that it does not have."""
-    seeds = "0" if chosen.get("column") in ("rules", "oracle") else "0,1,2"  # which draw nothing but the starts
+    seeds = "0" if {*chosen.get("column", "").split(",")} <= SEEDLESS else "0,1,2"
     every = {"column": "", "seed": "", "room": ",".join(PAPER), **chosen}  # the first varies slowest
     if "column" in chosen:
         return [every | {"seed": seeds_of(seeds, chosen)}]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import json
-import shutil
 import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
 
@@ -62,7 +63,7 @@ def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypat
     assert not list((tmp_path / "runs" / "tatami").glob("*unfinished*"))
 
 
-def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_path, designed, monkeypatch):
+def test_a_training_that_is_killed_goes_on(tmp_path, designed, monkeypatch):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami", "method.updates={smoke: 8}")
     fill(config)
     whole = cell(config)
@@ -77,21 +78,35 @@ def test_a_training_that_is_killed_goes_on_and_two_jobs_do_not_share_one(tmp_pat
         fill(again)
     monkeypatch.undo()
     (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
-    saved = {file.name for file in (unfinished / "checkpoints").iterdir()}
-    with columns.alone(unfinished.with_name(unfinished.name.replace("-unfinished", ".lock"))) as mine:
-        assert mine
-        fill(again)  # elsewhere, since another job may be writing there
-    assert {file.name for file in (unfinished / "checkpoints").iterdir()} == saved
-    assert cell(again)["rows"] == whole["rows"]
-    (folder_of(again) / f"{name_of(again)}.json").unlink()
-    (finished,) = (tmp_path / "again" / "tatami").glob("*seed0")
-    shutil.rmtree(finished)
     begun = []
     train = columns.training_entry.train
     monkeypatch.setattr(columns.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
     fill(again)
     assert begun == [unfinished]
     assert cell(again)["rows"] == whole["rows"]
+
+
+def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami")
+    training = columns.part(config, columns.TrainConfig)
+    began, may_end, trained = threading.Event(), threading.Event(), []
+
+    def train(training: Any, _: Any) -> Any:
+        trained.append(training.name)
+        began.set()
+        assert may_end.wait(60)
+        folder = tmp_path / "runs" / "tatami" / training.name
+        folder.mkdir()
+        return folder, {"updates": 7}
+
+    with ThreadPoolExecutor() as pool:
+        first = pool.submit(columns.trained_once, config, training, "what", train)
+        assert began.wait(60)
+        second = pool.submit(columns.trained_once, config, training, "what", train)
+        assert not wait([second], timeout=0.2).done
+        may_end.set()
+        assert first.result() == second.result()
+    assert len(trained) == 1
 
 
 def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypatch):

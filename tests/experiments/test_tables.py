@@ -71,7 +71,8 @@ EVERY = (
     ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in EVERY[:3]]),
     ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
-    ({"column": "rules"}, False, [("rules", 8, 1)]),
+    ({"column": "oracle,rules"}, False, [("oracle,rules", 8, 1)]),
+    ({"column": "rules,geometric"}, False, [("rules,geometric", 8, 3)]),
 ])  # fmt: skip
 def test_the_sweeps_of_table_1_are_those_that_are_asked_for(chosen, gpu, expected, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: gpu)
