@@ -5,7 +5,7 @@ ARGS ?=
 BIN := .venv/bin
 DATA ?= data
 REAL = $(foreach source,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(source)),$(source)=$(DATA)/$(source)))
-TABLES = $(if $(budget),budget=$(budget)) $(ARGS)
+OPTIONS = $(if $(budget),budget=$(budget)) $(ARGS)
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -18,7 +18,7 @@ setup: .venv/ready  ## create .venv and install the project with its dev extra
 	@touch $@
 
 train: setup  ## train and score an agent: make train ROOM=bedroom ARGS="budget=smoke seed=1"
-	$(BIN)/python -m layoutrl.train room=$(ROOM) $(ARGS)
+	$(BIN)/python -m layoutrl.train room=$(ROOM) $(OPTIONS)
 
 test: setup  ## run the tests, up to four at once
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=loadfile
@@ -35,10 +35,10 @@ bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS=
 	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
 
 tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke DATA=../shared/data
-	@status=0; \
-	$(BIN)/python experiments/table1.py $(TABLES) || status=1; \
-	$(BIN)/python experiments/table2.py $(TABLES) || status=1; \
-	$(BIN)/python experiments/real_rooms.py $(REAL) $(TABLES) || status=1; \
+	@status=0; trap 'exit 130' INT; \
+	$(BIN)/python experiments/table1.py $(OPTIONS) || status=1; \
+	$(BIN)/python experiments/table2.py $(OPTIONS) || status=1; \
+	$(BIN)/python experiments/real_rooms.py $(REAL) $(OPTIONS) || status=1; \
 	exit $$status
 
 notebooks: setup  ## run the notebooks, and keep what they show

@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -37,6 +37,7 @@ from layoutrl.planit.canvas import box_of
 from layoutrl.runs import differences, machine, write_json
 
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
+TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
 IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1"))  # of what is packed; IoU in 1/65535
 
 
@@ -139,6 +140,27 @@ def multirun(table: str, chosen: Mapping[str, str]) -> int:
     for error in failed:
         print(f"{error.stem} failed: {error.read_text().splitlines()[-1]}", file=sys.stderr)
     return status or int(bool(failed))
+
+
+def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[str]:
+    """The values that were chosen for an option, or all. Raises InputError for others."""
+    every = list(known)
+    values = chosen.get(name, ",".join(every)).split(",")
+    if unknown := sorted({*values} - {*every}):
+        raise InputError(f"{name}: expected some of {','.join(every)}; got {','.join(unknown)}")
+    return values
+
+
+def in_turn(columns: str) -> list[str]:
+    """The columns in one sweep or two: those that are trained for as long as the agent come after it."""
+    timed = [column for column in columns.split(",") if column in TIMED]
+    others = [column for column in columns.split(",") if column not in TIMED]
+    return [",".join(group) for group in (others, timed) if group]
+
+
+def trains_pictures(chosen: Mapping[str, str]) -> bool:
+    """Whether the paper's network, which takes hours of a core, is trained everywhere: on a GPU or a cluster."""
+    return torch.cuda.is_available() or "hydra/launcher" in chosen
 
 
 def seeds_of(usual: str, chosen: Mapping[str, str]) -> str:

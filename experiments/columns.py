@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import shutil
 import time
 import zlib
 from collections.abc import Callable, Iterator
@@ -42,7 +43,7 @@ from layoutrl.planit.canvas import box_of
 from layoutrl.planit.placement import Placer
 from layoutrl.planit.scoring import score_all
 from layoutrl.rooms.room import Room
-from layoutrl.runs import differences, load_config, machine, write_json
+from layoutrl.runs import differences, folders_of, machine, wanted_folder, write_json
 
 RESULTS = Path(__file__).parent / "results"
 DRAWN = 1  # rooms whose layouts are kept, to be drawn
@@ -55,10 +56,10 @@ class CellConfig(TrainConfig):
     table: str = MISSING
     column: str = MISSING
     fill: Any = MISSING  # agent, regressor, pointer, scorer, planit, rules or oracle
-    protocol: Any = "unseen"  # unseen: other rooms are held out; scene: one room, in which it is trained and tested
-    trained_on: Any = "own"  # own: the rooms of data; designer: designed rooms of the type; both
-    planit_time: Any = "agent"  # PlanIT is trained for as long as the agent was, or for its own number of `updates`
-    results: str | None = None  # folder; null: experiments/results
+    protocol: Any = "unseen"  # this and what follows: conf/cell.yaml says what each is
+    trained_on: Any = "own"
+    planit_time: Any = "agent"
+    results: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,6 +68,8 @@ class CellConfig(TrainConfig):
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
         one_of("planit_time", self.planit_time, "agent", "updates")
+        if self.data.source == "json":
+            raise InputError("data: the tables are of designer, floorplans and designer_rooms; got json")
         if self.fill == "planit":
             one_of("budget.name", self.budget.name, *self.planit.updates)
 
@@ -92,14 +95,13 @@ def folder_of(config: CellConfig) -> Path:
 
 def name_of(config: CellConfig) -> str:
     """Of a cell's file: the task, what was trained on, column and seed."""
-    which = Path(config.data.root or "").stem if config.data.source == "json" else config.data.labels
-    data = "" if config.data.source == "designer" else f"-{config.data.source}-{which}"
+    data = "" if config.data.source == "designer" else f"-{config.data.source}-{config.data.labels}"
     item = "" if config.room.item == "main" else f"-{config.room.item}"
     return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
 
 
 def setting_of(config: CellConfig, device: torch.device) -> Setting:
-    """The rooms of a cell, and its starts: the same for every column and seed."""
+    """The rooms of a cell, and its starts: the same for every column and seed. Raises InputError beyond the scenes."""
     if config.protocol == "scene":
         scenes = build.designed_rooms(config.room, config.data, "test")
         if config.seed >= len(scenes):
@@ -193,19 +195,13 @@ def trained_once(
     folder = Path(config.runs) / config.room.type / name
     with alone(folder.with_name(f"{name}.lock")):
         if not folder.exists():
-            unfinished = folder.with_name(f"{name}-unfinished")
-            made, about = train(training, unfinished if goes_on(unfinished, training) else None)
+            made, about = train(training, resume.begun(training))
             about |= {"trained_on_machine": machine(build.device(config.device))}
             write_json(made / "trained.json", about)
             made.rename(folder)
+            for left in folders_of(wanted_folder(training)):  # killed, and not gone on with
+                shutil.rmtree(left)
     return folder, json.loads((folder / "trained.json").read_text())
-
-
-def goes_on(folder: Path, config: Config) -> bool:
-    """Whether a training began there, and as it is wanted."""
-    if not (folder / "config.yaml").exists():
-        return False
-    return not differences(resume.stated(load_config(folder, type(config))), resume.stated(config))
 
 
 @contextlib.contextmanager
@@ -255,15 +251,19 @@ def supervised(
 
 
 def agent_seconds(config: CellConfig, setting: Setting) -> float:
-    """For how long the agent was trained on the same rooms: the mean over its seeds, since some met a busy machine."""
+    """For how long the agent was trained on the same rooms: the mean over its seeds, since some met a busy machine.
+
+    Raises InputError where an agent is not done, or was trained elsewhere.
+    """
     name = name_of(replace(config, column="geometric")).removesuffix(f"seed{config.seed}")
-    agents = [json.loads(file.read_text()) for file in sorted(folder_of(config).glob(f"{name}seed*.json"))]
-    if not agents:
+    files = sorted(folder_of(config).glob(f"{name}seed*"))
+    agents = [json.loads(file.read_text()) for file in files if file.suffix == ".json"]
+    if not agents or len(agents) < len(files):  # one that runs or has failed has a file that says so
         raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
     for agent in agents:
         refuse_other_rooms(name, agent["config"], resume.stated(config))
     ours = machine(setting.device)["gpu"]
-    for theirs in {agent["machine"]["gpu"] for agent in agents} - {ours}:
+    for theirs in {agent["trained_on_machine"]["gpu"] for agent in agents} - {ours}:
         raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
     return float(np.mean([agent["training_seconds"] for agent in agents]))
 
@@ -271,6 +271,7 @@ def agent_seconds(config: CellConfig, setting: Setting) -> float:
 def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
     """Raise InputError where two configurations of cells are not scored in the same rooms."""
     one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
+    one["room"], other["room"] = (part["room"] | {"updates": None} for part in (one, other))  # does not say which
     if others := differences(one, other):
         raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from cells import asked, cells_of, given, multirun
+from cells import asked, cells_of, given, in_turn, multirun, some_of
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
 
 from layoutrl.build import answers_errors
@@ -42,18 +42,21 @@ HEADER = (
 
 
 def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """The sweeps of a source, one after the other: the scorer trains for as long as the agent."""
-    tasks = [task for task in chosen.get("task", ",".join(TASKS[source])).split(",") if task in TASKS[source]]
+    """The sweeps of a source, one after the other. Raises InputError for tasks that there are not."""
+    every = [task for tasks in TASKS.values() for task in tasks]
+    tasks = [task for task in some_of("task", chosen, every) if task in TASKS[source]]
     if not tasks:
         return []
     common = {name: value for name, value in chosen.items() if name not in TASKS}
     common |= {"data.root": str(Path(chosen[source]).absolute()), "task": ",".join(tasks)}
     labels = {"data.labels": ",".join(LABELS[source])}
+    sweeps = [
+        {"column": "geometric", "trained_on": "own,designer,both"},
+        {"column": "rules,scorer", "trained_on": "own"},
+    ]
     if "column" in chosen:
-        return [labels | common]
-    agents = {"column": "geometric", "trained_on": "own,designer,both"}
-    others = {"column": "rules,scorer", "trained_on": "own"}
-    return [sweep | labels | common for sweep in (agents, others)]
+        sweeps = [{"column": columns} for columns in in_turn(chosen["column"])]
+    return [labels | {**sweep, **common, "column": sweep["column"]} for sweep in sweeps]
 
 
 @answers_errors

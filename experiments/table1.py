@@ -10,17 +10,15 @@ seed, and so has PlanIT in six types. With budget=smoke everything has one seed.
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from cells import PLANIT, asked, cells_of, given, multirun, seeds_of
+from cells import PLANIT, asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
 
 from layoutrl.build import answers_errors
-from layoutrl.errors import InputError
 
 # Of the paper: PlanIT's and its own IoU, as printed there.
 PAPER = {
@@ -74,22 +72,18 @@ SWEEPS = (
 )  # columns, seeds, types
 
 
-def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
+def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other. Raises InputError for rooms that it does not have."""
-    seeds = "0" if {*chosen.get("column", "").split(",")} <= SEEDLESS else "0,1,2"
-    every = {"column": "", "seed": "", "room": ",".join(PAPER), **chosen}  # the first varies slowest
+    rooms = some_of("room", chosen, PAPER)
+    sweeps = [*SWEEPS, ("paper", "0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("paper", "0", WITHOUT_GPU)]
     if "column" in chosen:
-        return [every | {"seed": seeds_of(seeds, chosen)}]
-    asked_for = every["room"].split(",")
-    if unknown := sorted({*asked_for} - PAPER.keys()):
-        raise InputError(f"room: expected some of {','.join(PAPER)}; got {','.join(unknown)}")
-    anywhere = torch.cuda.is_available() or "hydra/launcher" in chosen
-    paper = ("paper", "0,1,2", tuple(PAPER)) if anywhere else ("paper", "0", WITHOUT_GPU)
-    sweeps = []
-    for columns, seeds, types in (*SWEEPS, paper):
-        if rooms := ",".join(room for room in asked_for if room in types):
-            sweeps.append(every | {"column": columns, "seed": seeds_of(seeds, chosen), "room": rooms})
-    return sweeps
+        groups = in_turn(chosen["column"])
+        sweeps = [(group, "0" if {*group.split(",")} <= SEEDLESS else "0,1,2", tuple(PAPER)) for group in groups]
+    return [
+        chosen | {"column": columns, "seed": seeds_of(seeds, chosen), "room": ",".join(among)}
+        for columns, seeds, types in sweeps
+        if (among := [room for room in rooms if room in types])
+    ]
 
 
 @answers_errors

@@ -164,7 +164,7 @@ def test_the_slurm_launcher_is_composed():
     with initialize_config_dir(str(config_directory()), version_base="1.3"):
         config = compose("cell", ["table=table1", "column=rules", "hydra/launcher=slurm"], return_hydra_config=True)
     assert config.hydra.launcher._target_.endswith("SlurmLauncher")
-    assert config.hydra.launcher.cpus_per_task == 2
+    assert config.hydra.launcher.max_num_timeout == 3
 
 
 def test_arrays_survive_packing():

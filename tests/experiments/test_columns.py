@@ -69,7 +69,7 @@ def test_the_supervised_are_trained_for_as_long_as_the_agent(column, tmp_path, d
     assert made == [0, 1, 2, 3]
 
 
-def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed):
+def test_the_regressor_is_refused_without_the_agent_whose_time_it_gets(tmp_path, designed):
     config = configured(tmp_path, designed, "column=regressor", "room=tatami")
     error = folder_of(config) / f"{name_of(config)}.error"
     fill(config)
@@ -77,6 +77,16 @@ def test_the_regressor_waits_for_the_agent_whose_time_it_gets(tmp_path, designed
     fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
     fill(configured(tmp_path, designed, "column=regressor", "room=tatami", "data.test_rooms=5"))
     assert "cells of different data.test_rooms cannot be compared" in error.read_text()
+    agent = folder_of(config) / "tatami-own-geometric-seed0.json"
+    agent.with_name("tatami-own-geometric-seed1.error").write_text("began and did not end")
+    fill(config)
+    assert "as long as geometric, which is not done" in error.read_text()
+    agent.with_name("tatami-own-geometric-seed1.error").unlink()
+    elsewhere = json.loads(agent.read_text())
+    elsewhere["trained_on_machine"]["gpu"] = "a GPU"
+    agent.write_text(json.dumps(elsewhere))
+    fill(config)
+    assert "geometric was trained on a GPU; expected it, got a CPU" in error.read_text()
 
 
 def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch):
@@ -167,8 +177,6 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
         np.testing.assert_array_equal(task.starts, tasks["own"].starts)
 
 
-def test_cells_of_two_files_have_two_names(tmp_path):
-    names = [
-        name_of(configured(tmp_path, "data=json", f"data.root={file}", "column=rules")) for file in ("a/x.jsonl", "y")
-    ]
-    assert names == ["bedroom-json-x-own-rules-seed0", "bedroom-json-y-own-rules-seed0"]
+def test_cells_of_files_that_no_table_shows_are_refused(tmp_path):
+    with pytest.raises(InputError, match="tables are of designer, floorplans and designer_rooms; got json"):
+        configured(tmp_path, "data=json", "data.root=x.jsonl", "column=rules")

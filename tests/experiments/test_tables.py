@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import real_rooms
 import table1
+import table2
 
 from layoutrl.errors import InputError
 from tests.experiments.builders import REAL, script
@@ -25,7 +26,7 @@ def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, desi
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
-def test_the_tables_scripts_fill_and_print_what_is_asked_of_them(tmp_path, designed):
+def test_real_rooms_are_filled_and_printed_as_they_are_asked_for(tmp_path):
     roots = [f"{source}={REAL / source}" for source in ("designer_rooms", "floorplans")]
     real = script("real_rooms.py", *roots, "task=platform", "trained_on=own", cwd=tmp_path)
     assert real.returncode == 0, real.stderr
@@ -37,12 +38,15 @@ def test_the_tables_scripts_fill_and_print_what_is_asked_of_them(tmp_path, desig
     assert platform.count("not run") == 3  # trained on designed rooms, on both, and the best of three of these
     assert "| -" in platform  # the hand rule is for bathtubs
 
+
+def test_table_2_has_a_line_for_each_type_and_lands_beside_table_1(tmp_path, designed):
     scenes = script("table2.py", "column=geometric", "room=tatami,study", "seed=0", designed, cwd=tmp_path)
     assert scenes.returncode == 0, scenes.stderr
     assert "Table 2, 16 random starts" in scenes.stdout
     tatami = next(line for line in scenes.stdout.splitlines() if line.startswith("| tatami"))
     assert tatami.split(" | ")[1] == "0.949 ± 0.009"
     assert tatami.count("not run") == 4
+    assert (tmp_path / "results" / "smoke" / "table2.md").exists()
 
 
 def test_a_script_says_what_it_expects(tmp_path):
@@ -81,16 +85,42 @@ def test_the_sweeps_of_table_1_are_those_that_are_asked_for(chosen, gpu, expecte
     assert found == expected
 
 
+@pytest.mark.parametrize(("chosen", "expected"), [
+    ({}, [("geometric", "0,1,2", "scene"), ("paper", "0", "scene")]),
+    ({"hydra/launcher": "slurm"}, [("geometric", "0,1,2", "scene"), ("paper", "0,1,2", "scene")]),
+    ({"budget": "smoke"}, [("geometric", "0", "smoke"), ("paper", "0", "smoke")]),
+    ({"budget": "full", "column": "paper"}, [("paper", "0,1,2", "scene")]),
+])  # fmt: skip
+def test_the_sweeps_of_table_2_have_a_budget_of_their_own(chosen, expected, monkeypatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    sweeps = table2.stages(chosen)
+    assert [(sweep["column"], sweep["seed"], sweep["budget"]) for sweep in sweeps] == expected
+    assert {sweep["protocol"] for sweep in sweeps} == {"scene"}
+
+
 def test_a_column_of_real_rooms_is_filled_as_it_is_asked_for(tmp_path):
     chosen = {"floorplans": str(tmp_path), "task": "toilet,bed"}
     usual = real_rooms.stages("floorplans", chosen)
     assert [(sweep["column"], sweep["trained_on"]) for sweep in usual] == [
         ("geometric", "own,designer,both"), ("rules,scorer", "own")
     ]  # fmt: skip
-    (asked,) = real_rooms.stages("floorplans", chosen | {"column": "rules"})
-    assert asked == {"data.labels": "snapped,raw", "column": "rules", "data.root": str(tmp_path), "task": "toilet"}
+    asked = {"data.labels": "snapped,raw", "data.root": str(tmp_path), "task": "toilet"}
+    assert real_rooms.stages("floorplans", chosen | {"column": "rules"}) == [asked | {"column": "rules"}]
 
 
-def test_a_room_that_table_1_does_not_have_is_answered():
-    with pytest.raises(InputError, match=r"room: expected some of bathroom,.*; got kitchn"):
-        table1.stages({"room": "bedroom,kitchn"})
+def test_rivals_are_trained_after_the_agent_whose_time_they_get():
+    named = {"column": "pointer,geometric,planit,oracle"}
+    assert [sweep["column"] for sweep in table1.stages(named)] == ["geometric,oracle", "pointer,planit"]
+
+
+@pytest.mark.parametrize(("stages", "wrong"), [
+    (table1.stages, {"room": "bedroom,kitchn"}),
+    (table1.stages, {"room": "kitchn", "column": "rules"}),
+    (table2.stages, {"room": "kitchn"}),
+    (table2.stages, {"budget": "scene"}),
+    (lambda chosen: real_rooms.stages("floorplans", chosen), {"task": "toilt"}),
+])  # fmt: skip
+def test_a_room_task_or_budget_that_a_table_does_not_have_is_answered(stages, wrong):
+    name, value = next(iter(wrong.items()))
+    with pytest.raises(InputError, match=rf"{name}: expected some of .*; got {value.split(',')[-1]}"):
+        stages(wrong)
