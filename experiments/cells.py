@@ -159,7 +159,7 @@ def in_turn(columns: str) -> list[str]:
 
 
 def trains_pictures(chosen: Mapping[str, str]) -> bool:
-    """Whether the paper's network, which takes hours of a core, is trained everywhere: on a GPU or a cluster."""
+    """Whether the paper's network is trained in every type and with every seed: on a GPU or a cluster."""
     return torch.cuda.is_available() or "hydra/launcher" in chosen
 
 

@@ -50,13 +50,10 @@ def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
     common = {name: value for name, value in chosen.items() if name not in TASKS}
     common |= {"data.root": str(Path(chosen[source]).absolute()), "task": ",".join(tasks)}
     labels = {"data.labels": ",".join(LABELS[source])}
-    sweeps = [
-        {"column": "geometric", "trained_on": "own,designer,both"},
-        {"column": "rules,scorer", "trained_on": "own"},
-    ]
+    sweeps = [("geometric", {"trained_on": "own,designer,both"}), ("rules,scorer", {"trained_on": "own"})]
     if "column" in chosen:
-        sweeps = [{"column": columns} for columns in in_turn(chosen["column"])]
-    return [labels | {**sweep, **common, "column": sweep["column"]} for sweep in sweeps]
+        sweeps = [(columns, {}) for columns in in_turn(chosen["column"])]
+    return [labels | trained_on | common | {"column": columns} for columns, trained_on in sweeps]
 
 
 @answers_errors
