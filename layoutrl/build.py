@@ -30,11 +30,12 @@ from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.errors import InputError
 from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import Greedy
+from layoutrl.resume import digest
 from layoutrl.rooms.collection import Collection, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache, read_files
-from layoutrl.runs import load_checkpoint, load_config
+from layoutrl.runs import load_checkpoint, load_config, located
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 P = ParamSpec("P")
@@ -169,16 +170,19 @@ class TrainedRun:
     training: list[Room]  # what it was trained on
     data: DataConfig
     part: str  # of the rooms of `data`: held_out, training or all
+    checkpoint: str  # last or best
 
     @property
     def name(self) -> str:
-        """Of the rooms, for files."""
+        """Of files: the rooms, with a hash of them, and the policy; what differs in any has another."""
         which = {
             "designer": f"-rooms{self.data.seed}",
             "floorplans": f"-{self.data.labels}",
             "json": f"-{Path(self.data.root or '').stem}",
         }
-        return f"{self.data.source}{which.get(self.data.source or '', '')}-{self.part}"
+        rooms = f"{self.data.source}{which.get(self.data.source or '', '')}-{self.part}"
+        best = "-best" if self.checkpoint == "best" else ""
+        return f"{rooms}-{digest(self.simulator.rooms)[:6]}-{self.policy.on_illegal}{best}"
 
 
 def trained_run(config: RunConfig) -> TrainedRun:
@@ -189,7 +193,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     """
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
-    own, data = trained.data, config.data
+    own, data = trained.data, located(config.data)
     chosen_device = device(config.device)
     agent, categories = trained_agent(folder, trained.method, chosen_device, config.checkpoint)
 
@@ -223,6 +227,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
         training,
         data,
         part,
+        config.checkpoint,
     )
 
 
@@ -300,7 +305,7 @@ def device(name: str) -> torch.device:
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     try:
         chosen = torch.device(name)
-        torch.empty(0, device=chosen)
+        torch.zeros(1, device=chosen).item()  # which a device without memory refuses
     except (RuntimeError, AssertionError) as error:
         raise InputError(
             f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})"

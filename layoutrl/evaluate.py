@@ -28,9 +28,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         seed=np.random.SeedSequence(config.seed),
     )
     print(table(result))
-    best = "-best" if config.checkpoint == "best" else ""
-    name = f"evaluation-{shown.name}-{config.starts}-{shown.policy.on_illegal}-seed{config.seed}{best}.json"
-    file = Path(config.run) / name
+    file = Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json"
     about = {
         "data": asdict(shown.data),
         "part": shown.part,

@@ -94,7 +94,7 @@ def shown(
     What the folder shows of later updates than the `made` ones is dropped.
     """
     with (
-        SummaryWriter(str(folder), purge_step=made + 1 if made else None) as board,
+        SummaryWriter(str(folder), purge_step=made + 1) as board,
         metrics(folder / "metrics.csv", header, made) as (rows, before),
         tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
     ):

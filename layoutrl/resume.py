@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import CompactHydraException
 from hydra.types import RunMode
 
 from layoutrl import __version__
@@ -32,6 +33,7 @@ from layoutrl.runs import (
     load_checkpoint,
     load_config,
     located,
+    locked,
     machine,
     new_folder,
     save_checkpoint,
@@ -80,8 +82,14 @@ class Session:
         return time.perf_counter() - self._began
 
     def save(self, iou: float | None) -> None:
-        """A checkpoint, with the IoU in training rooms, if it is known."""
-        state = self._about | {"seconds": self.seconds, "training": self._training.state_dict()}
+        """A checkpoint, with the IoU in training rooms, if it is known. Raises InputError for what is no number."""
+        training = self._training.state_dict()
+        if not finite(training):
+            raise InputError(
+                f"method: a value is no number after {self._training.updates} updates, which are not saved; expected a "
+                "lower method.learning_rate"
+            )
+        state = self._about | {"seconds": self.seconds, "training": training}
         save_checkpoint(self.folder, state, self._training.updates, iou)
 
 
@@ -97,18 +105,21 @@ def session(
 ) -> Iterator[Session]:
     """Train inside: goes on with what is in the folder, if one is given, and is saved at the end, a signal's included.
 
-    Checkpoints say `about`, too. Raises InputError where the folder cannot be written to, or is of another run.
+    Checkpoints say `about`, too. Raises InputError where the folder cannot be written to, is of another run, or is
+    trained in by another process.
     """
-    identity, seconds_before = identity_of(config, rooms), 0.0
-    if folder is not None and (state := last_state(folder, identity, device)):
-        training.load_state_dict(state["training"])
-        print(f"going on after {training.updates} updates")
-        seconds_before = state["seconds"]
-    kept = Session(training, folder or new_folder(config), identity | about, seconds_before)
-    with written_to(kept.folder, entry_point, training), stopped_by_signals(training):
-        yield kept
-        if [c.updates for c in checkpoints(kept.folder)[:1]] != [training.updates]:
-            kept.save(None)
+    identity, seconds_before = identity_of(config, rooms, device), 0.0
+    begun, folder = folder is not None, folder or new_folder(config)
+    with locked(folder):
+        if begun and (state := last_state(folder, identity, device)):
+            training.load_state_dict(state["training"])
+            print(f"going on after {training.updates} updates")
+            seconds_before = state["seconds"]
+        kept = Session(training, folder, identity | about, seconds_before)
+        with written_to(folder, entry_point, training), stopped_by_signals(training):
+            yield kept
+            if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
+                kept.save(None)
     print(f"trained {training.updates} updates in {kept.seconds / 60:.1f} minutes on {device}")
 
 
@@ -165,7 +176,10 @@ def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
 
 
 def swept(config: Config, run: Run[Config]) -> None:
-    """One run of a sweep: skipped if it is finished, gone on with if it is begun; what goes wrong stops no other."""
+    """One run of a sweep: skipped if it is finished, gone on with if it is begun; what goes wrong stops no other.
+
+    Raises CompactHydraException for it, which Hydra answers in a line when the last run has ended.
+    """
     try:
         if folder := begun(config):
             resumed(folder, run, type(config))
@@ -178,6 +192,9 @@ def swept(config: Config, run: Run[Config]) -> None:
     except Exception:  # whatever it is: the other runs shall not suffer
         print(f"error: {wanted_folder(config)}", file=sys.stderr)
         traceback.print_exc()
+    else:
+        return
+    raise CompactHydraException(f"{wanted_folder(config)} failed; all that failed is said above")
 
 
 def begun(config: Config) -> Path | None:
@@ -191,9 +208,9 @@ def begun(config: Config) -> Path | None:
     return None
 
 
-def identity_of(config: AnyTraining, rooms: Sequence[Room]) -> dict[str, Any]:
+def identity_of(config: AnyTraining, rooms: Sequence[Room], device: torch.device) -> dict[str, Any]:
     """What a checkpoint must agree with to be gone on with."""
-    return {"version": __version__, "config": stated(config), "rooms": digest(rooms)}
+    return {"version": __version__, "config": stated(config), "rooms": digest(rooms), "device": device.type}
 
 
 def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> dict[str, Any] | None:
@@ -210,7 +227,17 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
         raise InputError(f"resume: the checkpoint of {folder} is of another {', '.join(others)}; expected the same")
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
+    if (theirs := state["device"]) != (ours := identity["device"]):  # whose generators draw otherwise
+        raise InputError(f"resume: the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours}")
     return state
+
+
+def finite(state: Any) -> bool:
+    """Whether all numbers in the tensors of a state are."""
+    if isinstance(state, torch.Tensor):
+        return bool(state.isfinite().all())
+    parts = state.values() if isinstance(state, dict) else state if isinstance(state, list | tuple) else ()
+    return all(map(finite, parts))
 
 
 def stated(config: AnyTraining) -> dict[str, Any]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import io
 import json
 import os
 import platform
 import re
+import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -72,6 +76,20 @@ def make_folder(wanted: Path) -> Path:
             return folder
 
 
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Inside, no other process trains in the folder. Raises InputError where one does."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"run: {folder} is trained in by another process; expected it to end first") from None
+        yield
+    finally:
+        os.close(descriptor)  # which unlocks
+
+
 def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:
     """Keep a state (tensors and plain values) as checkpoints/<updates>.pt, whole or not at all.
 
@@ -93,10 +111,12 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
         safe = f"that of {before[0].updates} updates is whole" if before else "there is none before it"
         raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
     marks = checkpoints(folder)
-    for old in marks[KEPT:]:
+    later = [mark for mark in marks if mark.updates > updates]  # damaged, and what it went on from was before them
+    marks = marks[len(later) :]
+    for old in [*later, *marks[KEPT:]]:
         if old != best(marks):
             old.file.with_suffix(".json").unlink()  # the mark first: what has none is none
-            old.file.unlink()
+            old.file.unlink(missing_ok=True)
 
 
 class Checkpoint(NamedTuple):
@@ -195,13 +215,13 @@ def machine(device: torch.device) -> dict[str, Any]:
     name = re.search(r"model name\s*: (.*)", cpuinfo.read_text()) if cpuinfo.exists() else None
     package = Path(layoutrl.__file__).resolve().parent
     describe = ["git", "-C", str(package), "describe", "--always", "--dirty", "--exclude=*"]
-    checkout = (package.parent / ".git").exists()
+    checkout = (package.parent / ".git").exists() and shutil.which("git")
     commit = subprocess.run(describe, capture_output=True, text=True, check=False).stdout.strip() if checkout else ""
     return {
         "cpu": name[1] if name else platform.processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "torch threads": torch.get_num_threads(),
-        "load before": round(os.getloadavg()[0], 1),  # processes that want a core, this one not yet
+        "load": round(os.getloadavg()[0], 1),  # processes that wanted a core in the last minute
         "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
         "python": platform.python_version(),
         "torch": torch.__version__,

@@ -12,6 +12,7 @@ import resource
 import shutil
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,14 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 import layoutrl
 from layoutrl import runs
-from layoutrl.config import TrainConfig, composed, part
+from layoutrl.agents.training import Training
+from layoutrl.build import trained_run
+from layoutrl.config import DataConfig, RunConfig, TrainConfig, composed, part
 from layoutrl.errors import InputError
 from layoutrl.resume import Stopped, resumed
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
-from layoutrl.runs import checkpoints, load_checkpoint, save_checkpoint
+from layoutrl.runs import checkpoints, load_checkpoint, locked, machine, save_checkpoint
 from layoutrl.train import run
 from tests.test_command_line import layoutrl as command
 
@@ -140,6 +143,8 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_begins_anew(rooms, wh
     shutil.rmtree(folder / "checkpoints")
     resumed(folder, run, TrainConfig)
     assert outcome(folder) == outcome(whole)
+    steps, expected = ([event.step for event in reloaded(f).Scalars("loss")] for f in (folder, whole))
+    assert steps == expected
 
 
 def copy_of(run_folder: Path, tmp_path: Path) -> Path:
@@ -192,6 +197,10 @@ def test_a_checkpoint_of_other_settings_rooms_or_version_is_refused_with_the_dif
     with pytest.raises(InputError, match="of other rooms"):
         resumed(folder, run, TrainConfig)
     (folder / "config.yaml").write_text(config)
+    state = load_checkpoint(folder, CPU)
+    save_checkpoint(folder, state | {"device": "cuda"}, UPDATES)
+    with pytest.raises(InputError, match="is of cuda; expected to go on there, got cpu"):
+        resumed(folder, run, TrainConfig)
     monkeypatch.setattr(layoutrl, "__version__", "9.9.9")
     with pytest.raises(InputError, match=r"is of layoutrl 0\.1\.0; expected 9\.9\.9"):
         resumed(folder, run, TrainConfig)
@@ -206,6 +215,28 @@ def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 6
     assert load_checkpoint(tmp_path, CPU)["updates"] == 50
     assert load_checkpoint(tmp_path, CPU, "best")["updates"] == 20
+
+
+def test_what_was_damaged_gives_way_to_what_goes_on_before_it(tmp_path):
+    for updates, iou in ((10, 0.9), (20, 0.4), (30, 0.5)):
+        save_checkpoint(tmp_path, {"version": layoutrl.__version__}, updates, iou)
+    for checkpoint in checkpoints(tmp_path)[:2]:
+        checkpoint.file.write_bytes(b"")
+    save_checkpoint(tmp_path, {"version": layoutrl.__version__}, 15)
+    assert [checkpoint.updates for checkpoint in checkpoints(tmp_path)] == [15, 10]
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 4
+
+
+def test_no_two_processes_train_in_one_folder(whole, tmp_path):
+    folder = copy_of(whole, tmp_path)
+    with locked(folder), pytest.raises(InputError, match="is trained in by another process"):
+        resumed(folder, run, TrainConfig)
+    resumed(folder, run, TrainConfig)
+
+
+def test_a_run_ends_where_there_is_no_git(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert machine(CPU)["layoutrl"] == layoutrl.__version__
 
 
 @pytest.mark.parametrize("step", ["write", "fsync", "replace"])
@@ -274,6 +305,21 @@ def test_a_loss_that_is_no_number_ends_the_run_and_is_never_saved(rooms, tmp_pat
         assert all(value.isfinite().all() for value in state["training"]["agent"]["network"].values())
 
 
+def test_a_stop_does_not_save_what_is_no_number(rooms, tmp_path, monkeypatch):
+    learn = Training._learn
+
+    def spoilt_and_stopped(training: Training) -> None:
+        learn(training)
+        if training.updates == 35:  # between two reports, and after the checkpoint of 30
+            next(training.agent.network.parameters()).data.fill_(torch.nan)
+            training.stopping = True
+
+    monkeypatch.setattr(Training, "_learn", spoilt_and_stopped)
+    with pytest.raises(InputError, match="a value is no number after 35 updates, which are not saved"):
+        run(configured(rooms, tmp_path))
+    assert checkpoints(tmp_path / "tatami" / "one")[0].updates == 30
+
+
 def test_tensorboard_and_the_table_hold_each_update_once(rooms, whole, tmp_path):
     begun = tmp_path / "tatami" / "one"
     for _ in range(2):
@@ -306,6 +352,9 @@ def test_a_sweep_leaves_out_what_fails_and_goes_on_where_it_stopped(rooms, tmp_p
     )  # fmt: skip
     done = command("train", *arguments, cwd=tmp_path)
     assert done.stderr.count("error: runs/study/json-main-geometric-smoke-seed") == 2  # no study among the rooms
+    assert done.returncode == 1
+    assert "runs/study/json-main-geometric-smoke-seed0 failed; all that failed is said above\n" in done.stderr
+    assert "Traceback" not in done.stderr
     finished = sorted(file.parent.name for file in tmp_path.glob("runs/tatami/*/evaluation.json"))
     assert finished == [f"json-main-geometric-smoke-seed{seed}" for seed in (0, 1)]
     unfinished = tmp_path / "runs" / "tatami" / finished[1]
@@ -333,3 +382,13 @@ def test_a_sweep_tells_apart_what_its_runs_names_do_not(rooms, tmp_path):
     assert again.stdout.count("is finished") == 3
     assert "going on after 2 updates" in again.stdout
     assert sorted(folder.name for folder in tmp_path.glob("runs/tatami/*")) == made
+
+
+def test_rooms_that_are_named_from_here_are_known_as_the_runs_own(rooms, whole, monkeypatch):
+    monkeypatch.chdir(rooms.parent)
+    data = DataConfig("json", rooms.name, labels=None, train_rooms=None, test_rooms=None, seed=None)
+    shown = [trained_run(RunConfig(str(whole), data=replace(data, root=root))) for root in (rooms.name, str(rooms))]
+    assert [s.part for s in shown] == ["held_out", "held_out"]
+    assert shown[0].name == shown[1].name
+    other = trained_run(RunConfig(str(whole), part="training"))
+    assert other.name != shown[0].name.replace("held_out", "training")  # other rooms, another hash
