@@ -26,7 +26,7 @@ class Score:
     share_090: float  # share of positions with an IoU of at least 0.9
     overlap: float  # mean share of the item that other items cover
     outside: float  # mean share of the item outside the indoor area
-    blocked: float  # share of positions in a door or window, or less than FRONT from a door's breadth
+    blocked: float  # share of positions that block a door or window: `blocks_openings`
 
     def as_dict(self) -> dict[str, float | None]:
         return asdict(self)
@@ -57,10 +57,15 @@ def summary(iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: 
 
 
 def blocks_openings(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Whether the item (B,) stands in a door or a window, or less than FRONT before or behind a door."""
+    """Whether the item (B,) stands in a door or a window, or less than FRONT before or behind a door.
+
+    By more than TOLERANCE: one that is a film deep in a window blocks nothing.
+    """
     free = np.array([kept_free(r) for r in simulator.rooms])
     footprints = [simulator.rooms[k].moving.footprint_at(tuple(p)) for k, p in zip(room, position, strict=True)]
-    return shapely.area(shapely.intersection(free[room], footprints)) > TOLERANCE**2
+    return (
+        shapely.area(shapely.intersection(free[room], shapely.buffer(footprints, -TOLERANCE, join_style="mitre"))) > 0
+    )
 
 
 def kept_free(room: Room) -> shapely.Geometry:

@@ -49,12 +49,14 @@ def test_a_score_is_as_worked_out_by_hand():
     ("kind", "center", "blocks"),
     [
         ("door", (2.0, 0.5), True),  # right before it
-        ("door", (2.0, 0.79), True),
+        ("door", (2.0, 0.78), True),
+        ("door", (2.0, 0.795), False),  # by half a centimetre
         ("door", (2.0, 0.81), False),
         ("door", (3.05, 0.5), False),  # beside it, at the same wall
         ("door", (2.95, 0.5), True),
         ("window", (2.0, 0.5), False),  # a bed may stand under a window
         ("window", (2.0, 0.45), True),  # but not in it
+        ("window", (2.0, 0.495), False),  # half a centimetre deep
     ],
 )
 @pytest.mark.parametrize("quarters", range(4))
