@@ -136,5 +136,7 @@ def provenance(rows: Sequence[Row | None]) -> str:
     dates = sorted({cell["date"] for cell in cells})
     hardware = sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in machines})
     versions = sorted({f"layoutrl {machine['layoutrl']}" for machine in machines})
-    minutes = sum(cell.get("training_seconds", 0) for cell in cells) / 60
+    # Cells that share a training, as those of two label sets may, have its seconds to the last digit.
+    trainings = {(c["config"]["column"], c["config"]["seed"], c.get("training_seconds", 0)) for c in cells}
+    minutes = sum(seconds for *_, seconds in trainings) / 60
     return "; ".join([f"{len(cells)} cells, {minutes:.0f} minutes of training", *dates, *hardware, *versions])

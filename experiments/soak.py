@@ -3,13 +3,14 @@
     python experiments/soak.py [--minutes 30] [--runs runs/soak] [options of layoutrl.train]
 
 Trains until the time is over, then stops the training as a user would, and says how much its memory and its files grew
-after the first tenth of the time. Writes soak.csv, soak.png and soak.svg into the run's folder.
+after the first tenth of the time. Writes soak.csv, soak.png and soak.svg into the folder --runs.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import os
 import re
 import signal
 import subprocess
@@ -41,6 +42,7 @@ def resident(process: int) -> float:
 def watched(command: list[str], folder: Path, minutes: float, every: float) -> list[tuple[float, float, float, float]]:
     """(minutes, MB of memory, of checkpoints, of all other files), every so many seconds, until the time is over."""
     seen, began = [], time.monotonic()
+    resident(os.getpid())  # asked before anything begins
     with (folder / "soak.log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
         while (passed := (time.monotonic() - began) / 60) < minutes and process.poll() is None:
             files = [(file, file.stat().st_size / 1e6) for file in folder.rglob("*") if file.is_file()]

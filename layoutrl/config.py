@@ -14,6 +14,7 @@ from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
 
+from layoutrl.agents.replay import MOST_ACTIONS
 from layoutrl.errors import InputError
 from layoutrl.rooms.collection import FOLDS
 from layoutrl.rooms.room import MAIN_ITEM
@@ -95,6 +96,8 @@ class MethodConfig:
         for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
             share = getattr(self, name)
             _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
+        most = MOST_ACTIONS // 4 - self.slide  # in four directions each, as slides are
+        _within(f"{prefix}.steps", self.steps, len(self.steps) <= most, f"at most {most} lengths")
         if self.symmetries:
             _within(f"{prefix}.batch", self.batch, self.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
         _within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
@@ -107,7 +110,7 @@ class MethodConfig:
 class BudgetConfig:
     name: str = MISSING
     reports: int = 50  # lines in metrics.csv
-    evaluations: int = 10  # of held-out rooms while training
+    evaluations: int = 10  # while training
     evaluation_rooms: int = 64  # training and held-out rooms in each of these, at most
     random_starts: int = 2000  # of the paper's Table 2
 

@@ -25,7 +25,7 @@ from layoutrl.errors import InputError
 from layoutrl.rooms.room import Item, Room
 
 STYLE = "layoutrl.figures"
-BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"
+BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#e69f00", "#009e73", "#cc79a7"
 # The designer's place, over all else.
 DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}
 

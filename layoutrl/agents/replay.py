@@ -9,6 +9,8 @@ from torch import Tensor
 
 from layoutrl.env.geometry import GRID
 
+MOST_ACTIONS = 31  # one bit each of a positive int32
+
 
 class Transitions(NamedTuple):
     """B transitions (S, A, R, S'), with states as poses; section 4.4 of Di & Yu 2021."""
@@ -30,8 +32,8 @@ class Replay:
     """
 
     def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu"):
-        if actions > 31:
-            raise ValueError(f"expected at most 31 actions, one bit each; got {actions}")
+        if actions > MOST_ACTIONS:
+            raise ValueError(f"expected at most {MOST_ACTIONS} actions, one bit each; got {actions}")
         self._columns = (
             torch.zeros(capacity, dtype=torch.int32, device=device),
             torch.zeros(capacity, 2, dtype=torch.int32, device=device),

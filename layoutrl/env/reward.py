@@ -38,6 +38,10 @@ class Reward:
     theta3: float = -100.0
     inside: Literal["share", "iou"] = "share"
 
+    def __post_init__(self) -> None:
+        if self.inside not in ("share", "iou"):
+            raise ValueError(f'inside: expected "share" or "iou"; got {self.inside!r}')
+
     def __call__(
         self, target_iou: Array, element_ious: Array, indoor_share: Array, indoor_iou: Array
     ) -> RewardTerms[Array]:

@@ -79,6 +79,11 @@ def test_the_indoor_term_reads_the_share_of_the_item_or_the_literal_iou(
     assert r3 == pytest.approx(expected)
 
 
+def test_an_indoor_term_that_there_is_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="inside"):
+        Reward(inside="shares")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("array", [np.array, torch.tensor])
 def test_a_batch_has_one_reward_each_as_arrays_or_tensors(array: Callable[[list[float]], Any]) -> None:
     ious = array([1.0, 0.0, 0.5]), array([0.0, 3.0, 0.0]), array([1.0, 1.0, 0.5]), array([0.25, 0.75, 0.0])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import cells
 import numpy as np
 import pytest
 from cells import packed
-from printing import NOT_RUN, Table, row, write
+from printing import NOT_RUN, Row, Table, provenance, row, write
 
 from layoutrl.errors import InputError
 
@@ -45,6 +46,19 @@ def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
     (tmp_path / "study-own-geometric-seed2.json").write_text(json.dumps(cell))
     with pytest.raises(InputError, match="cells of different fold"):
         row(tmp_path, "study-own-geometric")
+
+
+def test_a_training_that_cells_share_is_counted_once():
+    def cell(column, seed, seconds):
+        machine = {"gpu": "G", "layoutrl": "1"}
+        config = {"column": column, "seed": seed}
+        return {"config": config, "training_seconds": seconds, "date": "2026-01-01", "machine": machine}
+
+    shared = [cell("geometric", 0, 60.5), cell("geometric", 0, 60.5)]  # of two label sets
+    others = [cell("geometric", 1, 60.5), cell("regressor", 0, 60.5), cell("geometric", 0, 58.0)]
+    cells = {Path(str(k)): found for k, found in enumerate(shared + others)}
+    rows = [Row(np.ones((5, 1)), np.zeros(1), [], cells), None]
+    assert provenance(rows) == "5 cells, 4 minutes of training; 2026-01-01; G; layoutrl 1"
 
 
 def test_tables_are_written_in_three_formats(tmp_path):
