@@ -16,17 +16,19 @@ import argparse
 import json
 import textwrap
 from collections import Counter
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from cells import FLAG, IOU, METRES, unpacked
-from columns import RESULTS, CellConfig
+from columns import RESULTS
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from layoutrl import build
+from layoutrl.config import TrainConfig
 from layoutrl.errors import InputError
 from layoutrl.figures import STYLE, draw_placed
 from layoutrl.rooms.designer.generator import design_room
@@ -38,7 +40,7 @@ CLOSE = 20  # centimetres by which the designer's choice was better than its sec
 WORST = 10
 
 
-def why(room: Room, place: np.ndarray, knew_better: bool, config: CellConfig) -> str:
+def why(room: Room, place: np.ndarray, knew_better: bool, config: TrainConfig) -> str:
     """Why the item was not put where the designer did."""
     bounds = np.array(room.moving.template.bounds)
     off = np.abs(place - room.moving.center)
@@ -54,7 +56,7 @@ def kind_of(room: Room) -> str:
     return room.id.partition("#")[2].rpartition("-")[0]
 
 
-def second_choice(room: Room, place: np.ndarray, config: CellConfig) -> bool:
+def second_choice(room: Room, place: np.ndarray, config: TrainConfig) -> bool:
     """Whether a place is the designer's runner-up, by a margin that few would decide by."""
     assert config.data.seed is not None
     index = int(room.id.rpartition("-")[2])
@@ -93,7 +95,9 @@ def main() -> None:
     cell: dict[str, Any] = json.loads(file.read_text())
     if "knew_better" not in cell:
         raise InputError(f"{options.cell}: expected the cell of an agent; got {cell['config']['fill']}")
-    config: CellConfig = OmegaConf.to_object(OmegaConf.merge(CellConfig, cell["config"]))  # type: ignore[assignment]
+    # Of its configuration what an agent has: what cells have beside it grew while they were filled.
+    trained = {part.name: cell["config"][part.name] for part in fields(TrainConfig)}
+    config: TrainConfig = OmegaConf.to_object(OmegaConf.merge(TrainConfig, trained))  # type: ignore[assignment]
     config.data.root = options.root
     rooms = build.two_parts(config.room, config.data, config.fold)[1]
     places = unpacked(cell["rows"]["agent"]["place"], METRES).reshape(-1, 2).astype(float)
