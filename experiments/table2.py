@@ -3,7 +3,8 @@
     python experiments/table2.py [budget=smoke] [column=geometric] [hydra.launcher.n_jobs=2]
 
 (a) is what the authors' own code does, with a budget of its own; a seed is a room. There are three (one for the paper's
-network without a GPU, unless it is asked for, and with budget=smoke). (b) are the agents of Table 1, whose cells are only read.
+network without a GPU, unless it is asked for, and with budget=smoke). (b) are the agents of Table 1, whose cells are
+only read.
 """
 
 from __future__ import annotations

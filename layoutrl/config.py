@@ -237,6 +237,23 @@ class WatchConfig(RunConfig):
 
 
 @dataclass
+class PlaceConfig:
+    """A trained agent, and rooms that lack an item."""
+
+    run: str = MISSING
+    rooms: str = MISSING
+    item: str | None = None
+    out: str | None = None
+    checkpoint: Any = "last"
+    seed: int = 0
+    device: str = "auto"
+
+    def __post_init__(self) -> None:
+        one_of("checkpoint", self.checkpoint, "last", "best")
+        _within("seed", self.seed, self.seed >= 0, "0 or more")
+
+
+@dataclass
 class GalleryConfig:
     room: RoomConfig = field(default_factory=RoomConfig)
     data: DataConfig = field(default_factory=DataConfig)
@@ -305,6 +322,7 @@ def register() -> None:
     store.store(name="planit_schema", node=PlanitCommand)
     store.store(name="evaluate_schema", node=EvaluateConfig)
     store.store(name="watch_schema", node=WatchConfig)
+    store.store(name="place_schema", node=PlaceConfig)
     store.store(name="gallery_schema", node=GalleryConfig)
     store.store(name="bench_schema", node=BenchConfig)
 

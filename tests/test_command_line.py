@@ -1,4 +1,4 @@
-"""The entry points as a user runs them: python -m layoutrl.train, .evaluate, .watch and .gallery."""
+"""The entry points as a user runs them: python -m layoutrl.train, .evaluate, .place, .watch and .gallery."""
 
 from __future__ import annotations
 
@@ -12,17 +12,23 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 from omegaconf import OmegaConf
 from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 
-from layoutrl.config import config_directory
+from layoutrl import build
+from layoutrl.build import trained_run
+from layoutrl.config import RewardConfig, RunConfig, TrainConfig, config_directory
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
-from layoutrl.runs import checkpoints
+from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.runs import checkpoints, load_config
 
+CPU = torch.device("cpu")
 PROJECT = Path(__file__).resolve().parents[1]
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
 CACHE = tempfile.TemporaryDirectory()  # of designed rooms, for all tests here
@@ -149,6 +155,34 @@ def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Pat
     assert "2 rooms of json (all)" in done.stdout
 
 
+def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else(
+    bedroom_run: Path, tmp_path: Path
+) -> None:
+    documents = [room_to_dict(room) for room in design_rooms("bedroom", "test", 7, 4).rooms]
+    for document in documents[:3]:
+        del document["furniture"][document["target"]]["center"]
+    (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
+    done = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "expected one bed without a center; got 0" in done.stdout  # in the last one
+    written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
+    policy = trained_run(RunConfig(str(bedroom_run))).policy
+    method = load_config(bedroom_run, TrainConfig).method
+    rooms = [room for d in written if (room := room_from_dict(d))]
+    simulator = build.simulator(rooms, method, RewardConfig())  # whose starts are those in the rooms without an answer
+    index = np.arange(3)
+    starts = simulator.starts(index, np.random.default_rng(0))
+    observe = build.observation(rooms, method, build.trained_agent(bedroom_run, method, CPU)[1], CPU)
+    expected = policy.rollout(BatchSimulator(simulator, CPU), observe, index, starts).final
+    assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
+    for before, after in zip(documents, written, strict=False):
+        assert f"{after['id']}: bed at " in done.stdout
+        del after["furniture"][after["target"]]["center"]
+        assert after == before
+    again = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
+    assert "mine-placed.jsonl is there already" in again.stderr
+
+
 def test_one_agent_learns_to_place_every_item_of_the_type(tmp_path: Path) -> None:
     result = evaluation(trained(tmp_path, "room=bathroom", "room.item=all"))
     assert result["groups"] == 8
@@ -249,6 +283,8 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("gallery", ["rooms=0"], ["rooms", "1 or more"]),
         ("gallery", ["out=/dev/null/here"], ["out", "/dev/null/here"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),
+        ("place", ["run=nowhere", "rooms=mine.jsonl"], ["nowhere"]),
+        ("place", ["run=nowhere"], ["rooms"]),
         ("watch", ["run=nowhere"], ["nowhere"]),
         ("evaluate", ["run=nowhere", "checkpoint=first"], ["checkpoint", "last, best"]),
         ("watch", ["run=nowhere", "rooms=0"], ["rooms", "1 or more"]),

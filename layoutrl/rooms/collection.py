@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from layoutrl.rooms.room import FIT, Room
+from layoutrl.rooms.room import FIT, MAIN_ITEM, Room
 
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
@@ -62,6 +62,24 @@ def choose_item(collection: Collection, category: str) -> Collection:
                 chosen.left_out.append((room.id, f"the {item.category} reaches beyond the outer walls"))
             else:
                 chosen.rooms.append(replace(room, target=index))
+    return chosen
+
+
+def choose_missing(collection: Collection, category: str) -> Collection:
+    """The rooms in which one item of `category` has no center, as their target; `main` and `all` as above.
+
+    What else has none is as if it were not there.
+    """
+    chosen = Collection(f"{collection.source}, item {category} without a center", left_out=list(collection.left_out))
+    for room in collection.rooms:
+        wanted = MAIN_ITEM[room.room_type] if category == "main" else category
+        missing = [k for k, item in enumerate(room.furniture) if item.center is None]
+        indices = [k for k in missing if wanted in (room.furniture[k].category, "all")]
+        if len(indices) == 1:
+            chosen.rooms.append(replace(room, target=indices[0]))
+        else:
+            what = "item" if wanted == "all" else wanted
+            chosen.left_out.append((room.id, f"expected one {what} without a center; got {len(indices)}"))
     return chosen
 
 
