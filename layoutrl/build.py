@@ -174,7 +174,7 @@ class TrainedRun:
 
     @property
     def name(self) -> str:
-        """Of files: the rooms, with a hash of them, and the policy; what differs in any has another."""
+        """Of files: the rooms, with a hash of them, and the policy."""
         which = {
             "designer": f"-rooms{self.data.seed}",
             "floorplans": f"-{self.data.labels}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,10 @@ from layoutrl.config import PlaceConfig, TrainConfig, config_directory, register
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.errors import InputError
 from layoutrl.evaluation.metrics import blocks_openings
-from layoutrl.rooms.collection import choose_missing
+from layoutrl.rooms.collection import Collection, choose_missing
 from layoutrl.rooms.files import write_rooms
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources import read_files
+from layoutrl.rooms.sources import main_item, read_files
 from layoutrl.runs import load_config
 
 
@@ -27,13 +28,15 @@ def run(config: PlaceConfig) -> Path:
     Raises InputError where no room lacks such an item, or the file to write is there already.
     """
     folder, source = Path(config.run), Path(config.rooms).expanduser()
-    out = Path(config.out or source.with_name(f"{source.stem}-placed.jsonl")).expanduser()
-    if out.exists():
-        raise InputError(f"out: {out} is there already; expected the name of a new file, as out=<file>")
+    out = Path(config.out or source.absolute().parent / f"{source.absolute().stem}-placed.jsonl").expanduser()
+    if out.exists() or out.suffix != ".jsonl":
+        what = "is there already" if out.exists() else "is no .jsonl file"
+        raise InputError(f"out: {out} {what}; expected the name of a new .jsonl file, as out=<file>")
     trained, device = load_config(folder, TrainConfig), build.device(config.device)
     agent, categories = build.trained_agent(folder, trained.method, device, config.checkpoint)
-    item = config.item or trained.room.item
-    chosen = choose_missing(read_files("json", trained.room.type, source), item)
+    collection = read_files("json", trained.room.type, source)
+    chosen = choose_missing(collection, item_of(trained, config.item, categories))
+    chosen = fitting(chosen, trained)
     print(chosen)
     if not chosen.rooms:
         raise InputError(f"rooms: {source} has no {trained.room.type} to work on; expected one item without a center")
@@ -57,12 +60,38 @@ def run(config: PlaceConfig) -> Path:
             f"{room.id}: {room.moving.category} at {x:.3f}, {y:.3f} after {episodes.moves[k]} moves; "
             f"{overlap[k]:.1%} over other items, {outside[k]:.1%} outside{', blocks an opening' if blocks[k] else ''}"
         )
+    target = {room.id: room.target for room in collection.rooms}  # as it was read
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_rooms(
-        out, [placed(room, (round(x, 4), round(y, 4))) for room, (x, y) in zip(rooms, place.tolist(), strict=True)]
-    )
+    centers = [(round(x, 4), round(y, 4)) for x, y in place.tolist()]
+    done = [replace(placed(room, c), target=target[room.id]) for room, c in zip(rooms, centers, strict=True)]
+    write_rooms(out, done)
     print(f"wrote {out}")
     return out
+
+
+def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) -> str:
+    """The category to place: what the agent was trained to move. Raises InputError for another, where that is known."""
+    source, item = str(trained.data.source), trained.room.item
+    moved = main_item(source, trained.room.type) if item == "main" else item
+    known = moved != "all" and (item != "main" or source != "json")  # rooms of one's own may name other targets
+    if asked and known and asked != moved:
+        raise InputError(f"item: the agent was trained to move a {moved}; expected it, got {asked}")
+    if asked and asked not in categories:
+        raise InputError(f"item: expected what the agent knows, one of {', '.join(categories)}; got {asked}")
+    return asked or moved
+
+
+def fitting(chosen: Collection, trained: TrainConfig) -> Collection:
+    """The rooms that their target fits into; the others left out, with the reason."""
+    fits, left_out = [], list(chosen.left_out)
+    for room in chosen.rooms:
+        try:
+            build.simulator([placed(room, *room.envelope.centroid.coords)], trained.method, trained.reward)
+        except InputError as problem:
+            left_out.append((room.id, str(problem)))
+        else:
+            fits.append(room)
+    return replace(chosen, rooms=fits, left_out=left_out)
 
 
 def placed(room: Room, center: tuple[float, float]) -> Room:

@@ -227,8 +227,12 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
         raise InputError(f"resume: the checkpoint of {folder} is of another {', '.join(others)}; expected the same")
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
-    if (theirs := state["device"]) != (ours := identity["device"]):  # whose generators draw otherwise
-        raise InputError(f"resume: the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours}")
+    ours = identity["device"]  # another's generators would draw otherwise
+    if (theirs := state.get("device", ours)) != ours:
+        raise InputError(
+            f"resume: the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
+            "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"
+        )
     return state
 
 

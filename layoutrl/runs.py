@@ -78,7 +78,7 @@ def make_folder(wanted: Path) -> Path:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Inside, no other process trains in the folder. Raises InputError where one does."""
+    """Inside, no other process of this machine trains in the folder. Raises InputError where one does."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         try:
@@ -160,6 +160,8 @@ def load_checkpoint(folder: Path, device: torch.device, which: Literal["last", "
             if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
                 raise ValueError("its hash is another")
             state: dict[str, Any] = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
+        except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
+            raise
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             print(f"{checkpoint.file} is damaged ({reason}); the one before it is taken")

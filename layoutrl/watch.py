@@ -41,7 +41,7 @@ def run(config: WatchConfig) -> list[Path]:
     paths = [episodes.path[: moves + 1, k] for k, moves in enumerate(episodes.moves)]
     with style.context(STYLE):
         pictures = list(frames([simulator.rooms[k] for k in chosen], paths, iou, config.width))
-    base = Path(config.out or Path(config.run) / f"watch-{shown.name}-seed{config.seed}")
+    base = Path(config.out or Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}")
     files = write(pictures, base)
     print(f"mean IoU {iou.mean():.3f} in {len(chosen)} rooms, {episodes.moves.mean():.1f} moves each")
     for file in files:

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -159,8 +160,13 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     bedroom_run: Path, tmp_path: Path
 ) -> None:
     documents = [room_to_dict(room) for room in design_rooms("bedroom", "test", 7, 4).rooms]
-    for document in documents[:3]:
-        del document["furniture"][document["target"]]["center"]
+    beds = [document["target"] for document in documents]
+    for document, bed in zip(documents[:3], beds, strict=False):
+        del document["furniture"][bed]["center"]
+    documents[1]["target"] = next(k for k in range(9) if k != beds[1])  # is left as it is
+    documents.append(
+        documents[0] | {"id": "too-small", "furniture": [{"category": "bed", "size": [9, 9]}], "target": 0}
+    )
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
     done = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -168,17 +174,20 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
     policy = trained_run(RunConfig(str(bedroom_run))).policy
     method = load_config(bedroom_run, TrainConfig).method
-    rooms = [room for d in written if (room := room_from_dict(d))]
+    assert "the bed does not fit into it" in done.stdout
+    rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written, beds, strict=False)]
     simulator = build.simulator(rooms, method, RewardConfig())  # whose starts are those in the rooms without an answer
     index = np.arange(3)
     starts = simulator.starts(index, np.random.default_rng(0))
     observe = build.observation(rooms, method, build.trained_agent(bedroom_run, method, CPU)[1], CPU)
     expected = policy.rollout(BatchSimulator(simulator, CPU), observe, index, starts).final
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
-    for before, after in zip(documents, written, strict=False):
+    for before, after, bed in zip(documents, written, beds, strict=False):
         assert f"{after['id']}: bed at " in done.stdout
-        del after["furniture"][after["target"]]["center"]
+        del after["furniture"][bed]["center"]
         assert after == before
+    other = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", "item=desk", "out=other.jsonl", cwd=tmp_path)
+    assert "item: the agent was trained to move a bed" in other.stderr
     again = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
     assert "mine-placed.jsonl is there already" in again.stderr
 

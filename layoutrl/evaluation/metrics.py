@@ -61,11 +61,9 @@ def blocks_openings(simulator: Simulator, room: np.ndarray, position: np.ndarray
 
     By more than TOLERANCE: one that is a film deep in a window blocks nothing.
     """
-    free = np.array([kept_free(r) for r in simulator.rooms])
+    free = shapely.buffer([kept_free(r) for r in simulator.rooms], -TOLERANCE, join_style="mitre")
     footprints = [simulator.rooms[k].moving.footprint_at(tuple(p)) for k, p in zip(room, position, strict=True)]
-    return (
-        shapely.area(shapely.intersection(free[room], shapely.buffer(footprints, -TOLERANCE, join_style="mitre"))) > 0
-    )
+    return shapely.area(shapely.intersection(free[room], footprints)) > 0
 
 
 def kept_free(room: Room) -> shapely.Geometry:

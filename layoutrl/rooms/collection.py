@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from layoutrl.rooms.room import FIT, MAIN_ITEM, Room
+from layoutrl.rooms.room import FIT, Room
 
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
@@ -66,19 +66,18 @@ def choose_item(collection: Collection, category: str) -> Collection:
 
 
 def choose_missing(collection: Collection, category: str) -> Collection:
-    """The rooms in which one item of `category` has no center, as their target; `main` and `all` as above.
+    """The rooms in which just one item of `category`, or of any (`all`), has no center, as their target.
 
     What else has none is as if it were not there.
     """
     chosen = Collection(f"{collection.source}, item {category} without a center", left_out=list(collection.left_out))
     for room in collection.rooms:
-        wanted = MAIN_ITEM[room.room_type] if category == "main" else category
         missing = [k for k, item in enumerate(room.furniture) if item.center is None]
-        indices = [k for k in missing if wanted in (room.furniture[k].category, "all")]
+        indices = [k for k in missing if category in (room.furniture[k].category, "all")]
         if len(indices) == 1:
             chosen.rooms.append(replace(room, target=indices[0]))
         else:
-            what = "item" if wanted == "all" else wanted
+            what = "item" if category == "all" else category
             chosen.left_out.append((room.id, f"expected one {what} without a center; got {len(indices)}"))
     return chosen
 

@@ -68,6 +68,12 @@ def test_an_opening_is_blocked_by_what_stands_in_it_or_right_before_a_door(kind,
     assert score(simulator, index, np.array([room.moving.center])).blocked == blocks
 
 
+def test_what_is_thin_blocks_a_door_too():
+    screen = Item("screen", (1.0, 0.015), (2.0, 0.1))
+    room = rectangular_room(4, 3, screen, openings=(opening("door", 1.5, -0.2, 2.5, 0.0),))
+    assert blocks_openings(simulator_of(room), np.array([0]), np.array([screen.center])).all()
+
+
 def test_the_standard_error_is_over_rooms_and_more_starts_in_a_room_do_not_lower_it():
     rng = np.random.default_rng(0)
     beds = [Item("bed", (1, 1), tuple(rng.uniform((0.5, 0.5), (3.5, 2.5)))) for _ in range(5)]

@@ -63,7 +63,7 @@ def test_what_is_still_to_be_placed_becomes_the_target_where_there_is_one() -> N
         for k, items in enumerate([(there, bed), (shelf, bed, table), (there, shelf), (bed, bed)])
     ]
     collection = Collection("mine", rooms)
-    found = choose_missing(collection, "main")
+    found = choose_missing(collection, "bed")
     assert [(room.id, room.target) for room in found.rooms] == [("r0", 1), ("r1", 1)]
     assert found.left_out == [
         ("r2", "expected one bed without a center; got 0"),

@@ -14,7 +14,7 @@ from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sources.floorplans import MAIN_ITEM, _snapped, read
-from layoutrl.rooms.sources.plans import HALF_WALL
+from layoutrl.rooms.sources.plans import HALF_WALL, near_copies
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "floorplans"
 real_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"the floor plans are not in {REAL}")
@@ -386,3 +386,13 @@ def test_both_label_sets_hold_the_same_rooms_and_reading_again_gives_the_same(ki
     assert again == kitchens
     assert [room.id for room in raw.rooms] == [room.id for room in kitchens.rooms]
     assert raw.left_out == kitchens.left_out
+
+
+@pytest.mark.parametrize("line", ["a b 0.9", "a\tb", "a\tb\t0.9\tc"])
+def test_a_line_of_near_copies_that_is_none_is_named(line: str, tmp_path: Path) -> None:
+    file = tmp_path / "near_duplicates.tsv"
+    file.write_text(f"plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\n{line}\n")
+    with pytest.raises(InputError, match=r"near_duplicates\.tsv: expected plan_a, plan_b and wall_cosine"):
+        near_copies(file)
+    file.write_text("plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\n")
+    assert near_copies(file) == {"a": "a", "b": "a"}

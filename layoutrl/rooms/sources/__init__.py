@@ -8,9 +8,15 @@ from typing import Literal
 from layoutrl.errors import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import read_rooms
+from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources import designer_rooms, floorplans
 
 FILES = ("floorplans", "designer_rooms", "json")
+
+
+def main_item(source: str, room_type: str) -> str:
+    """The category that `main` chooses in rooms of a source: the paper's, or what floor plans hold."""
+    return floorplans.MAIN_ITEM[room_type] if source == "floorplans" else MAIN_ITEM[room_type]
 
 
 def read_files(

@@ -115,8 +115,11 @@ def near_copies(file: Path) -> dict[str, str]:
             f"no list of near copies: expected {file}; set data.root to the folder that holds it "
             "(without it, copies of test plans would be trained on)"
         )
-    lines = file.read_text(encoding="utf-8").splitlines()[1:]
-    return _components((first, second) for first, second, _ in (line.split("\t") for line in lines))
+    _, *lines = file.read_text(encoding="utf-8").splitlines() or [""]
+    pairs = [line.split("\t") for line in lines if line.strip()]
+    if wrong := next((pair for pair in pairs if len(pair) != 3), None):
+        raise InputError(f"{file}: expected plan_a, plan_b and wall_cosine, with tabs between them; got {wrong[0]!r}")
+    return _components((first, second) for first, second, _ in pairs)
 
 
 def _components(pairs: Iterable[tuple[T, T]]) -> dict[T, T]:
