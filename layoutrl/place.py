@@ -13,11 +13,12 @@ from omegaconf import DictConfig, OmegaConf
 from layoutrl import build
 from layoutrl.config import PlaceConfig, TrainConfig, config_directory, register
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import fitting_positions
 from layoutrl.errors import InputError
 from layoutrl.evaluation.metrics import blocks_openings
 from layoutrl.rooms.collection import Collection, choose_missing
 from layoutrl.rooms.files import write_rooms
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Room, envelopes
 from layoutrl.rooms.sources import main_item, read_files
 from layoutrl.runs import load_config
 
@@ -35,8 +36,7 @@ def run(config: PlaceConfig) -> Path:
     trained, device = load_config(folder, TrainConfig), build.device(config.device)
     agent, categories = build.trained_agent(folder, trained.method, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)
-    chosen = choose_missing(collection, item_of(trained, config.item, categories))
-    chosen = fitting(chosen, trained)
+    chosen = fitting(choose_missing(collection, item_of(trained, config.item, categories)))
     print(chosen)
     if not chosen.rooms:
         raise InputError(f"rooms: {source} has no {trained.room.type} to work on; expected one item without a center")
@@ -81,17 +81,17 @@ def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) 
     return asked or moved
 
 
-def fitting(chosen: Collection, trained: TrainConfig) -> Collection:
+def fitting(chosen: Collection) -> Collection:
     """The rooms that their target fits into; the others left out, with the reason."""
-    fits, left_out = [], list(chosen.left_out)
-    for room in chosen.rooms:
-        try:
-            build.simulator([placed(room, *room.envelope.centroid.coords)], trained.method, trained.reward)
-        except InputError as problem:
-            left_out.append((room.id, str(problem)))
-        else:
-            fits.append(room)
-    return replace(chosen, rooms=fits, left_out=left_out)
+    rooms = chosen.rooms
+    regions = fitting_positions(envelopes(rooms), np.array([room.moving.template for room in rooms]))
+    misfits = {
+        room.id: f"the {room.moving.category} does not fit into it"
+        for room, region in zip(rooms, regions, strict=True)
+        if region.is_empty
+    }
+    fits = [room for room in rooms if room.id not in misfits]
+    return replace(chosen, rooms=fits, left_out=[*chosen.left_out, *misfits.items()])
 
 
 def placed(room: Room, center: tuple[float, float]) -> Room:

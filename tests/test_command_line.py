@@ -170,7 +170,7 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
     done = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "expected one bed without a center; got 0" in done.stdout  # in the last one
+    assert "expected one bed without a center; got 0" in done.stdout  # in the fourth
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
     policy = trained_run(RunConfig(str(bedroom_run))).policy
     method = load_config(bedroom_run, TrainConfig).method
