@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import json
 import shutil
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -43,7 +41,7 @@ from layoutrl.planit.canvas import box_of
 from layoutrl.planit.placement import Placer
 from layoutrl.planit.scoring import score_all
 from layoutrl.rooms.room import Room
-from layoutrl.runs import differences, folders_of, machine, wanted_folder, write_json
+from layoutrl.runs import differences, folders_of, locked, machine, wanted_folder, write_json
 
 RESULTS = Path(__file__).parent / "results"
 DRAWN = 1  # rooms whose layouts are kept, to be drawn
@@ -193,7 +191,8 @@ def trained_once(
     name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
     training = replace(training, name=f"{name}-unfinished")
     folder = Path(config.runs) / config.room.type / name
-    with alone(folder.with_name(f"{name}.lock")):
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with locked(folder.with_name(f"{name}.lock"), wait=True):
         if not folder.exists():
             made, about = train(training, resume.begun(training))
             about |= {"trained_on_machine": machine(build.device(config.device))}
@@ -202,15 +201,6 @@ def trained_once(
             for left in folders_of(wanted_folder(training)):  # killed, and not gone on with
                 shutil.rmtree(left)
     return folder, json.loads((folder / "trained.json").read_text())
-
-
-@contextlib.contextmanager
-def alone(file: Path) -> Iterator[None]:
-    """Inside, no other job holds the file; it waits for one that does. However a job ends, it lets go of it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from layoutrl.config import AnyTraining, Config
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
 from layoutrl.runs import (
+    LOCK,
     checkpoints,
     differences,
     folders_of,
@@ -106,11 +107,11 @@ def session(
     """Train inside: goes on with what is in the folder, if one is given, and is saved at the end, a signal's included.
 
     Checkpoints say `about`, too. Raises InputError where the folder cannot be written to, is of another run, or is
-    trained in by another process.
+    in use by another process.
     """
     identity, seconds_before = identity_of(config, rooms, device), 0.0
     begun, folder = folder is not None, folder or new_folder(config)
-    with locked(folder):
+    with locked(folder / LOCK, wait=False):
         if begun and (state := last_state(folder, identity, device)):
             training.load_state_dict(state["training"])
             print(f"going on after {training.updates} updates")

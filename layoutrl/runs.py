@@ -29,6 +29,7 @@ from layoutrl.config import AnyTraining, Config, DataConfig
 from layoutrl.errors import InputError
 
 CHECKPOINTS = "checkpoints"  # folder of a run
+LOCK = "lock"  # of a run that is trained
 KEPT = 2  # checkpoints, beside the best
 
 
@@ -77,17 +78,25 @@ def make_folder(wanted: Path) -> Path:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Inside, no other process of this machine trains in the folder. Raises InputError where one does."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def locked(file: Path, *, wait: bool) -> Iterator[None]:
+    """Inside, no other process holds the file; waits for one that does. However a process ends, it lets go of it.
+
+    Raises InputError where one holds it that is not to be waited for, and where files cannot be locked.
+    """
     try:
+        stream = file.open("w")  # to be written to: without it, file systems of clusters lock nothing
+    except OSError as error:
+        raise InputError(f"runs: cannot write {file} ({error.strerror}); expected a folder to write to") from None
+    with stream:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(stream, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError(f"run: {folder} is trained in by another process; expected it to end first") from None
+            raise InputError(f"run: {file.parent} is in use by another process; expected it to end first") from None
+        except OSError as error:
+            raise InputError(
+                f"runs: cannot lock {file} ({error.strerror}); expected a folder on a file system with locks"
+            ) from None
         yield
-    finally:
-        os.close(descriptor)  # which unlocks
 
 
 def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:

@@ -11,6 +11,7 @@ import random
 import resource
 import shutil
 import signal
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +30,7 @@ from layoutrl.errors import InputError
 from layoutrl.resume import Stopped, resumed
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
-from layoutrl.runs import checkpoints, load_checkpoint, locked, machine, save_checkpoint
+from layoutrl.runs import LOCK, checkpoints, load_checkpoint, locked, machine, save_checkpoint
 from layoutrl.train import run
 from tests.test_command_line import layoutrl as command
 
@@ -229,9 +230,37 @@ def test_what_was_damaged_gives_way_to_what_goes_on_before_it(tmp_path):
 
 def test_no_two_processes_train_in_one_folder(whole, tmp_path):
     folder = copy_of(whole, tmp_path)
-    with locked(folder), pytest.raises(InputError, match="is trained in by another process"):
+    with locked(folder / LOCK, wait=False), pytest.raises(InputError, match="is in use by another process"):
         resumed(folder, run, TrainConfig)
     resumed(folder, run, TrainConfig)
+
+
+def test_who_waits_for_a_file_goes_on_when_it_is_let_go_of(tmp_path):
+    order = []
+
+    def second():
+        with locked(tmp_path / "lock", wait=True):
+            order.append("second")
+
+    waiting = threading.Thread(target=second)
+    with locked(tmp_path / "lock", wait=True):
+        waiting.start()
+        waiting.join(0.2)
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]
+
+
+def test_a_file_system_without_locks_is_answered(tmp_path, monkeypatch):
+    def flock(*_):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("layoutrl.runs.fcntl.flock", flock)
+    with (
+        pytest.raises(InputError, match="expected a folder on a file system with locks"),
+        locked(tmp_path / "lock", wait=True),
+    ):
+        pass
 
 
 def test_a_run_ends_where_there_is_no_git(monkeypatch, tmp_path):
