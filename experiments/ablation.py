@@ -1,6 +1,6 @@
 """What each part of the method is worth: one row a change, several seeds, on designed rooms.
 
-    python experiments/ablation.py bedroom [--updates 6000] [--seeds 0 1 2] [--jobs 2] [--runs runs/ablation]
+    python experiments/ablation.py bedroom [--updates 4000] [--seeds 0 1 2] [--jobs 2] [--runs runs/ablation]
 
 Trains with every change alone, on rooms of the data seed that the project tunes on (1: no figure in the README is
 measured there), scores on 1,000 rooms never seen, prints a table and writes experiments/results/ablation/<type>.json.
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from layoutrl.build import answers_errors
+from layoutrl.config import composed
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 
@@ -72,17 +73,18 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))
-    parser.add_argument("--updates", type=int, default=6000)
+    parser.add_argument("--updates", type=int, help="as many as the type has, if not given")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once, on one core each")
     parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
     arguments = parser.parse_args()
+    updates = arguments.updates or composed("train", f"room={arguments.room_type}").room.updates
     arguments.runs.mkdir(parents=True, exist_ok=True)
     RESULTS.mkdir(parents=True, exist_ok=True)
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:
-        name = f"{change.replace(' ', '-').replace(',', '')}-{arguments.updates}-seed{seed}"
-        budget = [f"seed={seed}", f"method.updates.default={arguments.updates}"]
+        name = f"{change.replace(' ', '-').replace(',', '')}-{updates}-seed{seed}"
+        budget = [f"seed={seed}", f"method.updates.default={updates}"]
         return trained(arguments.room_type, name, [*budget, *CHANGES[change]], arguments.runs)
 
     with ThreadPoolExecutor(arguments.jobs) as pool:
@@ -97,7 +99,7 @@ def main() -> None:
                 f"{found['ceiling']:8.3f} {found['moves']:6.1f}",
                 flush=True,
             )
-            about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": arguments.updates}
+            about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates}
             result = {**about, "seeds": arguments.seeds, "rows": rows}
             (RESULTS / f"{arguments.room_type}.json").write_text(json.dumps(result, indent=1) + "\n")
 
