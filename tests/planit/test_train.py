@@ -82,7 +82,7 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
     assert resumed(folder, run, PlanitConfig) == folder
     assert outcome(folder) == outcome(whole)
     assert {file.name.split(".")[0] for file in whole.iterdir()} == {
-        "config", "metrics", "checkpoints", "evaluation", "events",
+        "config", "metrics", "checkpoints", "evaluation", "events", "lock",
     }  # fmt: skip
     assert [row["updates"] for row in outcome(whole)["metrics"]] == ["2", "4", "6"]
     config = configured(rooms, tmp_path)
