@@ -3,7 +3,7 @@
     python experiments/ablation.py bedroom [--updates 4000] [--seeds 0 1 2] [--jobs 2] [--runs runs/ablation]
 
 Trains with every change alone, on rooms of the data seed that the project tunes on (1: no figure in the README is
-measured there), scores on 1,000 rooms never seen, prints a table and writes experiments/results/ablation/<type>.json.
+measured there), scores on 1,000 rooms never seen, writes experiments/results/ablation/<type>.json and prints its table.
 Runs that are there already are not trained again: after an interruption, the same command goes on.
 """
 
@@ -19,10 +19,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from printing import Table
+
 from layoutrl.build import answers_errors
 from layoutrl.config import composed
 from layoutrl.errors import InputError
 from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.runs import write_json
 
 RESULTS = Path(__file__).parent / "results" / "ablation"
 DATA_SEED = 1
@@ -69,6 +72,25 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def table(result: dict[str, Any]) -> Table:
+    """What a file of results says."""
+    seeds = ", ".join(map(str, result["seeds"]))
+    return Table(
+        f"What each part is worth: {result['room_type']}, {result['updates']} updates, seeds {seeds}",
+        ("", "mean IoU ± over seeds", ">= 0.9", "lattice ceiling", "moves"),
+        [
+            [
+                change,
+                f"{found['mean_iou']:.3f} ± {found['std_over_seeds'] or 0:.3f}",
+                f"{found['share_090']:.1%}",
+                f"{found['ceiling']:.3f}",
+                f"{found['moves']:.1f}",
+            ]
+            for change, found in result["rows"].items()
+        ],
+    )
+
+
 @answers_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -87,21 +109,15 @@ def main() -> None:
         budget = [f"seed={seed}", f"method.updates.default={updates}"]
         return trained(arguments.room_type, name, [*budget, *CHANGES[change]], arguments.runs)
 
+    about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates, "seeds": arguments.seeds}
+    result: dict[str, Any] = about | {"rows": {}}
     with ThreadPoolExecutor(arguments.jobs) as pool:
         pending = {change: [pool.submit(evaluation, change, seed) for seed in arguments.seeds] for change in CHANGES}
-        rows: dict[str, dict[str, Any]] = {}
-        print(f"{'':32} {'IoU ± over seeds':>17} {'>= 0.9':>7} {'ceiling':>8} {'moves':>6}")
         for change, futures in pending.items():
-            rows[change] = row([future.result() for future in futures])
-            found = rows[change]
-            print(
-                f"{change:32} {found['mean_iou']:9.3f} ± {found['std_over_seeds'] or 0:.3f} {found['share_090']:7.1%} "
-                f"{found['ceiling']:8.3f} {found['moves']:6.1f}",
-                flush=True,
-            )
-            about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates}
-            result = {**about, "seeds": arguments.seeds, "rows": rows}
-            (RESULTS / f"{arguments.room_type}.json").write_text(json.dumps(result, indent=1) + "\n")
+            found = result["rows"][change] = row([future.result() for future in futures])
+            print(f"{change}: {found['mean_iou']:.3f}", flush=True)
+            write_json(RESULTS / f"{arguments.room_type}.json", result)
+    print(f"\n{table(result).markdown()}")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from textwrap import dedent
 
+import ablation
 import pytest
 
 from layoutrl.config import composed
@@ -55,7 +56,9 @@ def test_the_pages_show_every_table_of_the_results_as_it_is() -> None:
     def tables(text: str) -> list[str]:
         return re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
 
-    results = [path.read_text(encoding="utf-8") for path in (PROJECT / "experiments/results").glob("default/*.md")]
+    folder = PROJECT / "experiments/results"
+    results = [path.read_text(encoding="utf-8") for path in folder.glob("default/*.md")]
+    results += [ablation.table(json.loads(path.read_text())).markdown() for path in folder.glob("ablation/*.json")]
     measured = [table for text in results for table in tables(text)]
     headers = {table.splitlines()[0] for table in measured}
     shown = [table for page in PAGES.values() for table in tables(page) if table.splitlines()[0] in headers]

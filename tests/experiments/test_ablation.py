@@ -11,7 +11,9 @@ import pytest
 SMOKE_WITHOUT_SLIDES = ["budget=smoke", "method.slide=false"]
 
 
-def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ablation_trains_every_change_on_every_seed_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(ablation, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(ablation, "CHANGES", {"as it is": ["budget=smoke"], "no slides": SMOKE_WITHOUT_SLIDES})
     arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
@@ -21,7 +23,9 @@ def test_ablation_trains_every_change_on_every_seed_once(tmp_path: Path, monkeyp
     assert [path.parent.name for path in checkpoints] == [
         "as-it-is-5-seed0", "as-it-is-5-seed1", "no-slides-5-seed0", "no-slides-5-seed1",
     ]  # fmt: skip
-    rows = json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"]
+    result = json.loads((tmp_path / "results" / "tatami.json").read_text())
+    assert ablation.table(result).markdown() in capsys.readouterr().out
+    rows = result["rows"]
     assert rows["as it is"]["ceiling"] > rows["no slides"]["ceiling"]
     first, second = rows["no slides"]["iou_by_seed"]
     assert rows["no slides"]["mean_iou"] == pytest.approx((first + second) / 2)
