@@ -123,7 +123,8 @@ def designer(config: CellConfig) -> DataConfig:
 
 
 def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """The agent: from the one start; best of three; and, of designed rooms never seen, from many starts."""
+    """The agent: from the one start; best of three; without the paper's rule that an illegal move ends a test, where
+    that is the method's; and, of designed rooms never seen, from many starts."""
     policy, categories, about = trained_agent(config, setting)
     simulator = setting.simulator
     observe = build.observation(simulator.rooms, config.method, categories, setting.device)
@@ -133,6 +134,9 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
         "agent": (setting.room, run.final),
         "best of 3": (setting.room, best_of(run.choices(3), simulator, setting.room)),
     }
+    if policy.on_illegal == "stop":
+        masked = replace(policy, on_illegal="mask").rollout(batch_simulator, observe, setting.room, setting.starts)
+        places["illegal moves masked"] = setting.room, masked.final
     if config.protocol == "unseen" and config.data.source == "designer":
         room = np.resize(setting.room, config.budget.random_starts)
         starts = simulator.starts(room, np.random.default_rng([STARTS_SEED, 1]))

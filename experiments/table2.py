@@ -29,8 +29,8 @@ PAPER = {
 }
 AGENTS = ("geometric", "paper")
 HEADER = (
-    "", "theirs (Di & Yu)", "(a) geometric", "(a) paper's network and moves", "(b) geometric",
-    "(b) paper's network and moves", "ceiling of (a) geometric", "ceiling of (a) paper's moves",
+    "", "theirs (Di & Yu)", "(a) geometric", "(a) paper's network and moves", "the same, illegal moves masked",
+    "(b) geometric", "(b) paper's network and moves", "ceiling of (a) geometric", "ceiling of (a) paper's moves",
 )  # fmt: skip
 
 
@@ -57,9 +57,10 @@ def main(arguments: list[str]) -> int:
     lines, every = [], []
     for room, paper in PAPER.items():
         own = [row(folder, f"{room}-own-{column}") for column in AGENTS]
+        masked = row(folder, f"{room}-own-paper", "illegal moves masked")
         others = [row(unseen, f"{room}-own-{column}", "random starts") for column in AGENTS]
         ceilings = [r.ceiling() if r else NOT_RUN for r in own]
-        lines.append([room.replace("_", " "), paper, *map(text, (*own, *others)), *ceilings])
+        lines.append([room.replace("_", " "), paper, *map(text, (*own, masked, *others)), *ceilings])
         every += [*own, *others]
     starts = max([r.iou.shape[1] for r in every if r], default=0)
     title = (

@@ -49,6 +49,19 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
         assert cell(replace(agent, column=column))["training_seconds"] == found["training_seconds"]
 
 
+def test_what_the_rule_costs_that_an_illegal_move_ends_a_test(tmp_path, designed):
+    masking, stopping = (
+        configured(tmp_path / rule, designed, "column=geometric", "room=tatami", f"method.on_illegal={rule}")
+        for rule in ("mask", "stop")
+    )
+    for config in (masking, stopping):
+        fill(config)
+    masked, stopped = cell(masking)["rows"], cell(stopping)["rows"]
+    assert stopped["illegal moves masked"] == masked["agent"]
+    assert stopped["agent"]["place"] != masked["agent"]["place"]
+    assert "illegal moves masked" not in masked
+
+
 @pytest.mark.parametrize("column", ["regressor", "pointer", "scorer"])
 def test_the_supervised_are_trained_for_as_long_as_the_agent(column, tmp_path, designed, monkeypatch):
     fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
