@@ -45,7 +45,8 @@ def wanted_folder(config: AnyTraining) -> Path:
 def new_folder(config: AnyTraining) -> Path:
     """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
     folder = make_folder(wanted_folder(config))
-    OmegaConf.save(OmegaConf.structured(replace(config, data=located(config.data))), folder / "config.yaml")
+    kept = OmegaConf.structured(replace(config, data=located(config.data)))
+    _write(folder / "config.yaml", OmegaConf.to_yaml(kept).encode())
     return folder
 
 

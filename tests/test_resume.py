@@ -22,7 +22,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 import layoutrl
-from layoutrl import runs
+from layoutrl import resume, runs
 from layoutrl.agents.training import Training
 from layoutrl.build import trained_run
 from layoutrl.config import DataConfig, RunConfig, TrainConfig, composed, part
@@ -84,9 +84,10 @@ def outcome(folder: Path) -> dict[str, Any]:
 def life(rooms: Path, folder: Path) -> None:
     """One life of a run, in a process of its own: it begins, or goes on."""
     torch.set_num_threads(1)
-    begun = folder / "tatami" / "one"
+    config = configured(rooms, folder)
+    begun = resume.begun(config)
     try:
-        resumed(begun, run, TrainConfig) if begun.exists() else run(configured(rooms, folder))
+        resumed(begun, run, TrainConfig) if begun else run(config)
     except Stopped as stopped:
         (folder / "said.txt").write_text(str(stopped))
 
@@ -125,13 +126,21 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number,
 
 
 def test_after_twenty_kills_a_run_is_the_run_that_was_never_killed(rooms, whole, tmp_path):
-    dice, begun = random.Random(0), tmp_path / "tatami" / "one"
+    dice = random.Random(0)
     for _ in range(20):
         lived(rooms, tmp_path, dice.uniform(0.3, 1.6))
-        if (begun / "evaluation.json").exists():  # it was faster than twenty kills: once more from the last checkpoints
-            (begun / "evaluation.json").unlink()
+        for finished in tmp_path.glob("tatami/*/evaluation.json"):  # it was faster than twenty kills
+            finished.unlink()  # once more from the last checkpoints
     assert lived(rooms, tmp_path) == 0
+    begun = resume.begun(configured(rooms, tmp_path))  # not "one", if that was killed before its config.yaml was there
+    assert begun
     assert outcome(begun) == outcome(whole)
+
+
+def test_a_run_that_was_killed_as_its_folder_was_made_begins_in_another(rooms, whole, tmp_path):
+    (tmp_path / "tatami" / "one").mkdir(parents=True)
+    assert lived(rooms, tmp_path) == 0
+    assert outcome(tmp_path / "tatami" / "one-2") == outcome(whole)
 
 
 def test_what_is_finished_is_not_begun_again(rooms, whole, capsys):
