@@ -64,7 +64,7 @@ PLANIT_ROWS = (
 SEEDLESS = {"rules", "oracle"}  # draw nothing but the starts, which are always the same
 WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
 SWEEPS = (
-    ("rules,oracle", "0", tuple(PAPER)),  # before agents: it designs the rooms
+    ("oracle,rules", "0", tuple(PAPER)),  # before agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
     ("regressor,pointer,planit", "0", tuple(PAPER)),  # after: they train for as long
     ("planit", "1,2", ("bathroom", "bedroom")),

@@ -18,6 +18,7 @@ from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
 SHORTLIST = 8  # places of an episode that may be the stopping place
+BLOCK = 500  # observations shown to the network at once: on a CPU, a larger block waits for memory
 
 
 @dataclass(frozen=True)
@@ -139,5 +140,9 @@ class Greedy:
 
     def _values(self, observe: Observe, observation: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
-        views = (self.agent.values(observe.turned(observation, s))[:, s.action] for s in self.symmetries)
-        return torch.stack(list(views)).mean(0)
+
+        def values(block: Tensor) -> Tensor:
+            views = (self.agent.values(observe.turned(block, s))[:, s.action] for s in self.symmetries)
+            return torch.stack(list(views)).mean(0)
+
+        return torch.cat([values(block) for block in observation.split(BLOCK)])

@@ -17,7 +17,7 @@ from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
-from layoutrl.evaluation.protocols import SHORTLIST, Greedy, Rollout
+from layoutrl.evaluation.protocols import BLOCK, SHORTLIST, Greedy, Rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -164,6 +164,13 @@ def test_values_are_the_mean_over_all_views_of_a_room():
         q = Greedy(home, 1, "mask", views)._values(Place(), torch.tensor([place], dtype=torch.float64))
         assert q.argmax().item() == best
         np.testing.assert_allclose(q, home.values(torch.tensor([place], dtype=torch.float64)))
+
+
+def test_values_of_however_many_places_are_those_of_each():
+    places = torch.as_tensor(np.random.default_rng(0).random((2 * BLOCK + 1, 2)))
+    home = Scripted(lambda x, y: [-x, x, y, -y])
+    q = Greedy(home, 1, "mask", symmetries(STEPS))._values(Place(), places)
+    np.testing.assert_allclose(q, home.values(places), atol=1e-6)
 
 
 def hashed(seed: int, actions: int):

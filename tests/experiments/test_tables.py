@@ -65,7 +65,7 @@ def test_a_script_says_what_it_expects(tmp_path):
 
 
 EVERY = (
-    ("rules,oracle", 8, 1),
+    ("oracle,rules", 8, 1),
     ("geometric", 8, 3),
     ("regressor,pointer,planit", 8, 1),
     ("planit", 2, 2),
