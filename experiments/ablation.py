@@ -4,7 +4,8 @@
 
 Trains with every change alone, on rooms of the data seed that the project tunes on (1: no figure in the README is
 measured there), scores on 1,000 rooms never seen, writes experiments/results/ablation/<type>.json and prints its table.
-Runs that are there already are not trained again: after an interruption, the same command goes on.
+Runs that are there already are not trained again: after an interruption, the same command goes on. Results of other
+updates or seeds are not overwritten.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from printing import Table
 from layoutrl.build import answers_errors
 from layoutrl.config import composed
 from layoutrl.errors import InputError
+from layoutrl.resume import EVALUATION
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.runs import write_json
+from layoutrl.runs import folders_of, write_json
 
 RESULTS = Path(__file__).parent / "results" / "ablation"
 DATA_SEED = 1
@@ -43,19 +45,25 @@ CHANGES = {
 
 def trained(room_type: str, name: str, overrides: list[str], runs: Path) -> dict[str, Any]:
     """The evaluation of a run, which is trained unless it is there, and gone on with if it was begun."""
-    folder = runs / room_type / name
-    log = runs / f"{room_type}-{name}.log"
-    if not (folder / "evaluation.json").exists():
+    wanted, log = runs / room_type / name, runs / f"{room_type}-{name}.log"
+    folder = begun(wanted)
+    if not (folder and (folder / EVALUATION).exists()):
         arguments = [f"room={room_type}", f"data.seed={DATA_SEED}", f"runs={runs}", f"name={name}", *overrides]
-        if (folder / "config.yaml").exists():
+        if folder:
             arguments = [f"resume={folder}"]
         with log.open("w") as file:
             command = [sys.executable, "-m", "layoutrl.train", *arguments]
             environment = os.environ | {"OMP_NUM_THREADS": "1"}
             done = subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT, check=False)
-        if done.returncode:
-            raise InputError(f"{folder}: was not trained; {log} says why")
-    return json.loads((folder / "evaluation.json").read_text())
+        folder = begun(wanted)
+        if done.returncode or not folder:
+            raise InputError(f"{wanted}: was not trained; {log} says why")
+    return json.loads((folder / EVALUATION).read_text())
+
+
+def begun(wanted: Path) -> Path | None:
+    """The folder of a run: a number is behind its name where one was killed before it had its configuration."""
+    return next((folder for folder in folders_of(wanted) if (folder / "config.yaml").exists()), None)
 
 
 def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
@@ -72,6 +80,10 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def spread(deviation: float | None) -> str:
+    return "-" if deviation is None else f"{deviation:.3f}"
+
+
 def table(result: dict[str, Any]) -> Table:
     """What a file of results says."""
     seeds = ", ".join(map(str, result["seeds"]))
@@ -81,7 +93,7 @@ def table(result: dict[str, Any]) -> Table:
         [
             [
                 change,
-                f"{found['mean_iou']:.3f} ± {found['std_over_seeds'] or 0:.3f}",
+                f"{found['mean_iou']:.3f} ± {spread(found['std_over_seeds'])}",
                 f"{found['share_090']:.1%}",
                 f"{found['ceiling']:.3f}",
                 f"{found['moves']:.1f}",
@@ -101,23 +113,29 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
     arguments = parser.parse_args()
     updates = arguments.updates or composed("train", f"room={arguments.room_type}").room.updates
-    arguments.runs.mkdir(parents=True, exist_ok=True)
-    RESULTS.mkdir(parents=True, exist_ok=True)
+    about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates, "seeds": arguments.seeds}
+    file = RESULTS / f"{arguments.room_type}.json"
+    if file.exists():
+        kept = json.loads(file.read_text())
+        if others := [name for name, value in about.items() if kept[name] != value]:
+            raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
+    for folder in (arguments.runs, RESULTS):
+        folder.mkdir(parents=True, exist_ok=True)
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:
         name = f"{change.replace(' ', '-').replace(',', '')}-{updates}-seed{seed}"
         budget = [f"seed={seed}", f"method.updates.default={updates}"]
-        return trained(arguments.room_type, name, [*budget, *CHANGES[change]], arguments.runs)
+        found = trained(arguments.room_type, name, [*budget, *CHANGES[change]], arguments.runs)
+        print(f"{change}, seed {seed}: {found['rows']['agent']['mean_iou']:.3f}", flush=True)
+        return found
 
-    about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates, "seeds": arguments.seeds}
-    result: dict[str, Any] = about | {"rows": {}}
     with ThreadPoolExecutor(arguments.jobs) as pool:
         pending = {change: [pool.submit(evaluation, change, seed) for seed in arguments.seeds] for change in CHANGES}
-        for change, futures in pending.items():
-            found = result["rows"][change] = row([future.result() for future in futures])
-            print(f"{change}: {found['mean_iou']:.3f}", flush=True)
-            write_json(RESULTS / f"{arguments.room_type}.json", result)
-    print(f"\n{table(result).markdown()}")
+        found = {change: [future.result() for future in futures] for change, futures in pending.items()}
+    machine = next(iter(found.values()))[0]["machine"]
+    result = about | {"machine": machine, "rows": {change: row(each) for change, each in found.items()}}
+    write_json(file, result)
+    print(f"\n{table(result).markdown()}\nwrote {file}")
 
 
 if __name__ == "__main__":

@@ -43,10 +43,17 @@ def wanted_folder(config: AnyTraining) -> Path:
 
 
 def new_folder(config: AnyTraining) -> Path:
-    """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml."""
-    folder = make_folder(wanted_folder(config))
+    """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml.
+
+    Raises InputError where it cannot be written to.
+    """
     kept = OmegaConf.structured(replace(config, data=located(config.data)))
-    _write(folder / "config.yaml", OmegaConf.to_yaml(kept).encode())
+    folder = make_folder(wanted_folder(config))
+    try:
+        _write(folder / "config.yaml", OmegaConf.to_yaml(kept).encode())
+    except OSError as error:
+        shutil.rmtree(folder)
+        raise InputError(f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to") from None
     return folder
 
 

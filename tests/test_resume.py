@@ -143,6 +143,16 @@ def test_a_run_that_was_killed_as_its_folder_was_made_begins_in_another(rooms, w
     assert outcome(tmp_path / "tatami" / "one-2") == outcome(whole)
 
 
+def test_a_full_disk_as_a_run_begins_is_answered_and_leaves_nothing_behind(rooms, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("layoutrl.runs.os.fsync", full)
+    with pytest.raises(InputError, match=r"cannot write to .*one \(No space left on device\); expected a disk"):
+        run(configured(rooms, tmp_path))
+    assert not list(tmp_path.glob("tatami/*"))
+
+
 def test_what_is_finished_is_not_begun_again(rooms, whole, capsys):
     assert resumed(whole, run, TrainConfig) == whole
     assert f"{whole} is finished" in capsys.readouterr().out

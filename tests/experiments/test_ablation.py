@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import ablation
@@ -37,6 +38,20 @@ def test_ablation_trains_every_change_on_every_seed_once(
     assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows
     assert "going on after" in (tmp_path / "tatami-no-slides-5-seed1.log").read_text()
 
+    lost = tmp_path / "tatami" / "no-slides-5-seed1"
+    for file in lost.glob("*"):  # as if it had been killed before it had its configuration
+        shutil.rmtree(file) if file.is_dir() else file.unlink()
+    ablation.main()
+    assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows
+    assert (tmp_path / "tatami" / "no-slides-5-seed1-2" / "evaluation.json").exists()
+
+    monkeypatch.setattr("sys.argv", [*arguments[:2], "--updates=6", *arguments[3:]])
+    with pytest.raises(
+        SystemExit, match=r"error: .*tatami\.json is of other updates; expected the same, or to be moved"
+    ):
+        ablation.main()
+
+    monkeypatch.setattr("sys.argv", arguments)
     monkeypatch.setattr(ablation, "CHANGES", {"nothing to learn": ["budget=smoke", "data.train_rooms=0"]})
     with pytest.raises(SystemExit, match=r"error: .*: was not trained; .*nothing-to-learn-5-seed0\.log says why"):
         ablation.main()
