@@ -171,7 +171,7 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
-        trained = training_entry.train(training, setting.training, setting.simulator.rooms, begun)
+        trained = training_entry.train(training, setting.training, setting.simulator.rooms, setting.device, begun)
         if trained.learner.agent.updates < trained.learner.updates:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
@@ -307,7 +307,7 @@ def trained_planit(config: CellConfig, setting: Setting) -> tuple[Placer, dict[s
 
     def train(rival: PlanitConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
-        trained = planit_entry.train(rival, training, held_out, spent, None if seconds else begun)
+        trained = planit_entry.train(rival, training, held_out, spent, setting.device, None if seconds else begun)
         if trained.stopped:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}

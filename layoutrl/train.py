@@ -11,6 +11,7 @@ from pathlib import Path
 
 import hydra
 import numpy as np
+import torch
 from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import build
@@ -32,8 +33,9 @@ class Trained:
 
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
     """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
+    device = build.device(config.device)  # said before the rooms are made, which takes a while
     training, held_out = build.two_parts(config.room, config.data, config.fold)
-    trained = train(config, training, held_out, folder)
+    trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if learner.agent.updates < learner.updates:
         raise Stopped(
@@ -43,7 +45,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     result = evaluate(
         learner.policy,
         build.simulator(held_out, config.method, config.reward),
-        build.observation(held_out, config.method, learner.categories, learner.simulator.device),
+        build.observation(held_out, config.method, learner.categories, device),
         training,
         starts_a_room=1,
         seed=seeds(config)[3],
@@ -54,7 +56,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
         config,
         result,
         table(result),
-        device=learner.simulator.device,
+        device=device,
         updates=learner.agent.updates,
         seconds=trained.seconds,
     )
@@ -62,7 +64,11 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
 
 
 def train(
-    config: TrainConfig, training_rooms: Sequence[Room], held_out: Sequence[Room], folder: Path | None = None
+    config: TrainConfig,
+    training_rooms: Sequence[Room],
+    held_out: Sequence[Room],
+    device: torch.device,
+    folder: Path | None = None,
 ) -> Trained:
     """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
 
@@ -70,7 +76,6 @@ def train(
     """
     method, budget, reward = config.method, config.budget, config.reward
     updates = method.updates[budget.name]
-    device = build.device(config.device)
     build.keep_freed_memory()
     build.refuse_chance(device)
     print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")

@@ -276,7 +276,8 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["room=tatami", "data=floorplans"], ["tatami", "bathroom", "kitchen"]),
         ("train", ["room=bathroom", "data=floorplans", "data.root=nowhere"], ["nowhere", "data.root"]),
         ("train", ["data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
-        ("train", ["device=cuda:99"], ["device", "cuda:99"]),
+        ("train", ["device=cuda:99", "data=json", "data.root=nowhere.jsonl"], ["device", "cuda:99"]),  # before rooms
+        ("planit.train", ["device=cuda:99", "data=json", "data.root=nowhere.jsonl"], ["device", "cuda:99"]),
         ("train", ["method.steps=[0.3,0.2]", "budget=smoke"], ["steps", "multiples"]),
         ("train", ["method.steps=[.64,.32,.16,.08,.04,.02,.01]"], ["method.steps", "at most 6 lengths"]),
         ("train", ["device=meta"], ["device", "meta"]),

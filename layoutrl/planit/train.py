@@ -52,8 +52,10 @@ class Trained:
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
+    device = build.device(config.device)  # said before the rooms are made, which takes a while
     training, held_out = usable(*build.two_parts(config.room, config.data, config.fold))
-    trained = train(config, training, held_out, updates_budget(config.method.updates[config.budget.name]), folder)
+    spent = updates_budget(config.method.updates[config.budget.name])
+    trained = train(config, training, held_out, spent, device, folder)
     folder = trained.folder
     if trained.stopped:
         raise Stopped(
@@ -66,7 +68,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
         config,
         result,
         table(result),
-        device=trained.placer.model.device,
+        device=device,
         updates=trained.updates,
         seconds=trained.seconds,
     )
@@ -78,13 +80,14 @@ def train(
     training_rooms: Usable,
     held_out: Usable,
     spent: Spent,
+    device: torch.device,
     folder: Path | None = None,
 ) -> Trained:
     """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
 
     An interrupt ends it early, with all that it needs to go on.
     """
-    budget, device = config.budget, build.device(config.device)
+    budget = config.budget
     build.keep_freed_memory()
     build.refuse_chance(device)
     print(f"training on {len(training_rooms.rooms)} rooms, {len(held_out.rooms)} held out")
