@@ -92,7 +92,7 @@ class Greedy:
             reached = reached.unflatten(0, length.shape)  # (active, A, 2)
             been_there = (path[: t + 1, active, None] == reached).all(-1).any(0)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
-            q = self._values(observe, observe(rooms[active], here)).masked_fill(closed, -torch.inf)
+            q = self._values(observe, rooms[active], here).masked_fill(closed, -torch.inf)
             highest, action = q.max(1, keepdim=True)
             goes_on = (legal.gather(1, action) & highest.isfinite()).squeeze(1)
             active, action = active[goes_on], action[goes_on]
@@ -109,22 +109,17 @@ class Greedy:
     ) -> Tensor:
         """Which position of the path (T + 1, B, 2) each episode stops at: (B,)."""
         shortest = 4 * int(np.argmin(simulator.moves.steps))
-        shortlist = value.topk(min(SHORTLIST, len(value)), 0)
-        means = []
-        for which, raw in zip(shortlist.indices, shortlist.values, strict=True):
-            place = path[which, torch.arange(len(which), device=which.device)]
-            length, legal = simulator.reach(rooms, place)
-            promised, around = torch.zeros_like(raw), torch.zeros_like(raw)
-            for way in range(4):
-                there, back = shortest + way, shortest + (way ^ 1)  # right and left, below and up
-                from_there = simulator.moved(place, torch.full_like(which, there), length[:, there])
-                q = self._values(observe, observe(rooms, from_there))[:, back]
-                promised += q.where(legal[:, there], 0.0)
-                around += legal[:, there]
-            mean = (promised / around).where(around > 0, raw)
-            means.append(mean.where(raw.isfinite(), -torch.inf))
-        best = torch.stack(means).argmax(0, keepdim=True)
-        return shortlist.indices.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
+        way = torch.arange(4, device=path.device)  # right, left, below, up
+        there, back = shortest + way, shortest + (way ^ 1)
+        raw, which = value.topk(min(SHORTLIST, len(value)), 0)
+        place = path.gather(0, which[..., None].expand(-1, -1, 2)).flatten(0, 1)
+        rooms, raw = rooms.repeat(len(which)), raw.flatten()
+        length, legal = (reach[:, there] for reach in simulator.reach(rooms, place))
+        around = simulator.moved(place.repeat_interleave(4, 0), there.repeat(len(place)), length.flatten())
+        q = self._values(observe, rooms.repeat_interleave(4), around).unflatten(0, (-1, 4))[:, way, back]
+        mean = (q.where(legal, 0.0).sum(1) / legal.sum(1)).where(legal.any(1), raw)
+        best = mean.where(raw.isfinite(), -torch.inf).view_as(which).argmax(0, keepdim=True)
+        return which.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
 
     def best_moves(
         self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, position: np.ndarray
@@ -135,14 +130,15 @@ class Greedy:
         """
         rooms, here = (torch.as_tensor(array, device=simulator.device) for array in (room, position))
         _, legal = simulator.reach(rooms, here)
-        highest, action = self._values(observe, observe(rooms, here)).masked_fill(~legal, -torch.inf).max(1)
+        highest, action = self._values(observe, rooms, here).masked_fill(~legal, -torch.inf).max(1)
         return action.cpu().numpy(), highest.cpu().numpy()
 
-    def _values(self, observe: Observe, observation: Tensor) -> Tensor:
+    def _values(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
+        blocks = zip(*(each.split(max(1, BLOCK // len(self.symmetries))) for each in (rooms, positions)), strict=True)
+        return torch.cat([self._mean_over_views(observe, observe(*block)) for block in blocks])
 
-        def values(block: Tensor) -> Tensor:
-            views = (self.agent.values(observe.turned(block, s))[:, s.action] for s in self.symmetries)
-            return torch.stack(list(views)).mean(0)
-
-        return torch.cat([values(block) for block in observation.split(BLOCK)])
+    def _mean_over_views(self, observe: Observe, observation: Tensor) -> Tensor:
+        seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
+        views = zip(self.agent.values(seen).split(len(observation)), self.symmetries, strict=True)
+        return torch.stack([q[:, s.action] for q, s in views]).mean(0)

@@ -16,6 +16,7 @@ from columns import folder_of, name_of
 
 from layoutrl.errors import InputError
 from layoutrl.evaluation.budgets import updates_budget
+from layoutrl.planit import placement
 from tests.experiments.builders import REAL, cell, configured
 
 
@@ -112,13 +113,14 @@ def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch)
 
 
 def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed, monkeypatch):
-    few = ("room=tatami", "budget.evaluation_rooms=1")
+    monkeypatch.setattr(placement, "BACKTRACKS", 2)  # who has learned nothing spends them all
+    few = ("room=tatami", "budget.evaluation_rooms=1", "data.test_rooms=2")
     fill(configured(tmp_path, designed, "column=planit", *few))
     config = configured(tmp_path, designed, "column=planit", *few)
     error = folder_of(config) / f"{name_of(config)}.error"
     assert "planit trains for as long as geometric, which is not done" in error.read_text()
     for seed in (0, 1):
-        fill(configured(tmp_path, designed, "column=geometric", "room=tatami", f"seed={seed}"))
+        fill(configured(tmp_path, designed, "column=geometric", f"seed={seed}", *few))
     asked = []
 
     def budget(seconds, clock):

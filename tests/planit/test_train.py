@@ -16,6 +16,7 @@ import torch
 from layoutrl.build import two_parts
 from layoutrl.config import PlanitConfig, composed, part
 from layoutrl.errors import InputError
+from layoutrl.planit import placement
 from layoutrl.planit.train import load, run, usable
 from layoutrl.planit.training import Training
 from layoutrl.resume import Stopped, resumed
@@ -32,6 +33,11 @@ SHORT = (
     "budget.evaluations=3",
     "budget.evaluation_rooms=1",
 )
+
+
+@pytest.fixture(autouse=True)
+def _few_tries(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(placement, "BACKTRACKS", 2)  # who has learned nothing spends them all
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +156,7 @@ def test_the_command_line(tmp_path: Path) -> None:
             command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
         )
 
-    done = planit("room=bathroom", "budget=smoke", "data.test_rooms=2", "data.train_rooms=8")
+    done = planit("room=bathroom", "budget=smoke", "budget.evaluation_rooms=1", "data.test_rooms=2", "data.train_rooms=8")
     assert done.returncode == 0, done.stderr
     folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("wrote ")
     assert folder == tmp_path / "runs/bathroom/designer-main-planit-smoke-seed0"
