@@ -156,7 +156,8 @@ def test_the_command_line(tmp_path: Path) -> None:
             command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
         )
 
-    done = planit("room=bathroom", "budget=smoke", "budget.evaluation_rooms=1", "data.test_rooms=2", "data.train_rooms=8")
+    few = "budget.evaluation_rooms=1", "data.test_rooms=2", "data.train_rooms=8"
+    done = planit("room=bathroom", "budget=smoke", *few)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("wrote ")
     assert folder == tmp_path / "runs/bathroom/designer-main-planit-smoke-seed0"
