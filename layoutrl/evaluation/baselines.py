@@ -28,7 +28,9 @@ def wall_places(room: Room) -> np.ndarray:
     if fits.is_empty:
         fits = shapely.box(*np.concatenate(play(room)))
     border, _ = edges(np.array([fits.simplify(TOLERANCE)]))
-    places = np.concatenate([border[:, :2], (border[:, :2] + border[:, 2:]) / 2])
+    middles = shapely.points((border[:, :2] + border[:, 2:]) / 2)
+    middles = shapely.get_coordinates(shapely.shortest_line(fits, middles))[::2]  # else some stand out by a corner
+    places = np.concatenate([border[:, :2], middles])
     return np.unique(places.round(MILLIMETRE), axis=0)  # what it just fits between has each wall's places twice
 
 

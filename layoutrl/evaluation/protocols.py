@@ -135,7 +135,7 @@ class Greedy:
 
     def _values(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
-        blocks = zip(*(each.split(max(1, BLOCK // len(self.symmetries))) for each in (rooms, positions)), strict=True)
+        blocks = zip(*(each.split(BLOCK // len(self.symmetries)) for each in (rooms, positions)), strict=True)
         return torch.cat([self._mean_over_views(observe, observe(*block)) for block in blocks])
 
     def _mean_over_views(self, observe: Observe, observation: Tensor) -> Tensor:

@@ -233,6 +233,15 @@ def test_a_move_and_its_opposite_return_to_exactly_equal_floats(seed: int, kind:
         assert np.array_equal(back[:, action ^ 1], position)  # right and left, below and above are neighbours
 
 
+def test_a_pixel_and_its_opposite_cancel_where_a_pixel_ends_in_half_a_micrometre() -> None:
+    simulator = simulator_of(rectangular_room(4.0001, 3), moves=Moves((1.0,), "pixel", slide=False))  # 4.4001 / 120
+    room = np.zeros(50, int)
+    start = simulator.starts(room, np.random.default_rng(0))
+    there, _ = simulator.destinations(room, start)
+    back, _ = simulator.destinations(room, there[:, 0])
+    np.testing.assert_array_equal(back[:, 1], start)
+
+
 def test_a_pixel_is_a_120th_of_the_longest_side_of_the_envelope() -> None:
     wide, high = rectangular_room(4, 3), rectangular_room(2, 5)
     assert pixel_size(wide) == pytest.approx(4.4 / 120)
@@ -425,6 +434,24 @@ def test_slides_are_illegal_everywhere_when_the_item_fits_only_over_the_walls() 
     assert [slide(room, (2.0, 1.5), d) for d in range(4)] == [None] * 4
 
 
+def test_an_item_that_spans_the_room_slides_to_both_ends() -> None:
+    simulator = simulator_of(rectangular_room(1.6, 2.013, Item("bathtub", (1.6, 0.7), (0.8, 0.35))))
+    position = np.array([[0.8, 1.0]])
+    reached, legal = simulator.destinations(np.array([0]), position)
+    assert legal[0, -4:].tolist() == [False, False, True, True]
+    np.testing.assert_allclose(reached[0, -2:], [[0.8, 0.35], [0.8, 2.013 - 0.35]], atol=1e-5)
+
+
+def test_no_slide_crosses_the_outside() -> None:
+    outline = ((0, 0), (6, 0), (6, 4), (4.5, 4), (4.5, 1), (1.5, 1), (1.5, 4), (0, 4))
+    room = Room("u", "study", outline, wall_band(outline, (), ()), (), (Item("desk", (0.5, 0.5), (1, 1)),), 0)
+    simulator = simulator_of(room)
+    reached, legal = simulator.destinations(np.array([0, 0]), np.array([[1.25, 3.0], [1.25, 0.5]]))
+    assert not legal[0, -4]  # across the court between the arms
+    assert legal[1, -4]  # along the bottom
+    assert reached[1, -4] == pytest.approx((5.75, 0.5), abs=1e-5)
+
+
 # starts
 
 
@@ -506,30 +533,3 @@ def test_two_entries_of_one_room_may_move_different_items() -> None:
 def test_an_empty_batch_has_no_destinations() -> None:
     reached, legal = simulator_of(rectangular_room(4, 3)).destinations(np.zeros(0, int), np.zeros((0, 2)))
     assert (reached.shape, legal.shape) == ((0, 16, 2), (0, 16))
-
-
-def test_a_pixel_and_its_opposite_cancel_where_a_pixel_ends_in_half_a_micrometre() -> None:
-    simulator = simulator_of(rectangular_room(4.0001, 3), moves=Moves((1.0,), "pixel", slide=False))  # 4.4001 / 120
-    room = np.zeros(50, int)
-    start = simulator.starts(room, np.random.default_rng(0))
-    there, _ = simulator.destinations(room, start)
-    back, _ = simulator.destinations(room, there[:, 0])
-    np.testing.assert_array_equal(back[:, 1], start)
-
-
-def test_an_item_that_spans_the_room_slides_to_both_ends() -> None:
-    simulator = simulator_of(rectangular_room(1.6, 2.013, Item("bathtub", (1.6, 0.7), (0.8, 0.35))))
-    position = np.array([[0.8, 1.0]])
-    reached, legal = simulator.destinations(np.array([0]), position)
-    assert legal[0, -4:].tolist() == [False, False, True, True]
-    np.testing.assert_allclose(reached[0, -2:], [[0.8, 0.35], [0.8, 2.013 - 0.35]], atol=1e-5)
-
-
-def test_no_slide_crosses_the_outside() -> None:
-    outline = ((0, 0), (6, 0), (6, 4), (4.5, 4), (4.5, 1), (1.5, 1), (1.5, 4), (0, 4))
-    room = Room("u", "study", outline, wall_band(outline, (), ()), (), (Item("desk", (0.5, 0.5), (1, 1)),), 0)
-    simulator = simulator_of(room)
-    reached, legal = simulator.destinations(np.array([0, 0]), np.array([[1.25, 3.0], [1.25, 0.5]]))
-    assert not legal[0, -4]  # across the court between the arms
-    assert legal[1, -4]  # along the bottom
-    assert reached[1, -4] == pytest.approx((5.75, 0.5), abs=1e-5)

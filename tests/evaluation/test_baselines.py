@@ -91,8 +91,9 @@ def test_wall_places_lie_indoors_at_a_wall_and_drawn_ones_are_legal(seed):
     x0, y0, x1, y1 = room.moving.template.bounds
     boxes = [box(x0 + x, y0 + y, x1 + x, y1 + y) for x, y in wall_places(room)]
     if any(room.indoor.buffer(1e-3).covers(around) for around in boxes):  # it fits
-        near = TOLERANCE + 2e-3  # a corner of less than a centimetre is none
-        assert all(room.indoor.buffer(near).covers(around) for around in boxes)
+        assert all(room.indoor.buffer(1e-3).covers(around) for around in boxes)
+        # A corner of less than a centimetre is none.
+        near = TOLERANCE + 2e-3
         assert all(room.indoor.exterior.distance(around.exterior) < near for around in boxes if not room.holes)
     simulator, index = simulator_of(room), np.zeros(5, dtype=int)
     chosen = random_wall_place(simulator, index, simulator.starts(index, rng), rng)

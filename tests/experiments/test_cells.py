@@ -20,7 +20,6 @@ from hydra import compose, initialize_config_dir
 
 from layoutrl.config import config_directory
 from layoutrl.monitor import watched
-from layoutrl.planit import placement
 from layoutrl.planit import train as planit_entry
 from layoutrl.runs import checkpoints
 from tests.experiments.builders import cell, configured, script
@@ -110,8 +109,8 @@ def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
     assert len(trained) == 1
 
 
+@pytest.mark.usefixtures("few_tries")
 def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypatch):
-    monkeypatch.setattr(placement, "BACKTRACKS", 2)  # who has learned nothing spends them all
     few = ("planit.updates={smoke: 4}", "budget.evaluations=2", "budget.reports=4", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami", *few)
     fill(config)

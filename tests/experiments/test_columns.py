@@ -16,7 +16,6 @@ from columns import folder_of, name_of
 
 from layoutrl.errors import InputError
 from layoutrl.evaluation.budgets import updates_budget
-from layoutrl.planit import placement
 from tests.experiments.builders import REAL, cell, configured
 
 
@@ -112,8 +111,8 @@ def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch)
     assert "scored in all rooms or none" in (folder_of(config) / f"{name_of(config)}.error").read_text()
 
 
+@pytest.mark.usefixtures("few_tries")
 def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed, monkeypatch):
-    monkeypatch.setattr(placement, "BACKTRACKS", 2)  # who has learned nothing spends them all
     few = ("room=tatami", "budget.evaluation_rooms=1", "data.test_rooms=2")
     fill(configured(tmp_path, designed, "column=planit", *few))
     config = configured(tmp_path, designed, "column=planit", *few)

@@ -16,7 +16,6 @@ import torch
 from layoutrl.build import two_parts
 from layoutrl.config import PlanitConfig, composed, part
 from layoutrl.errors import InputError
-from layoutrl.planit import placement
 from layoutrl.planit.train import load, run, usable
 from layoutrl.planit.training import Training
 from layoutrl.resume import Stopped, resumed
@@ -35,9 +34,7 @@ SHORT = (
 )
 
 
-@pytest.fixture(autouse=True)
-def _few_tries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(placement, "BACKTRACKS", 2)  # who has learned nothing spends them all
+pytestmark = pytest.mark.usefixtures("few_tries")
 
 
 @pytest.fixture(scope="module")
