@@ -153,6 +153,16 @@ def test_an_item_that_cannot_move_at_all_stays():
         assert run.moves.tolist() == [0]
 
 
+def test_a_place_that_no_shortest_move_leads_into_is_worth_what_led_there():
+    moves = Moves((3.3,), slide=True)  # of a room that the item spans, 4 m long: from end to end at most 3.4 m
+    simulator = Simulator([rectangular_room(4, 1, Item("bed", (1.0, 1.0), (2.0, 0.5)))], moves, Reward())
+    agent = Scripted(lambda x, y: [1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0])  # steps, then slides
+    policy = Greedy(agent, 2, "mask", unturned(moves))
+    run = policy.rollout(BatchSimulator(simulator), Place(), np.array([0]), np.array([(0.35, 0.5)]))
+    np.testing.assert_allclose(run.path[:, 0], [[0.35, 0.5], [3.65, 0.5], [3.5, 0.5]], atol=1e-5)
+    assert run.final.tolist() == [[3.65, 0.5]]
+
+
 def test_values_are_the_mean_over_all_views_of_a_room():
     """Seen in all eight views, nothing is left of a preference for one direction; a wish to be right remains."""
     views = symmetries(STEPS)
