@@ -22,12 +22,12 @@ from typing import Any
 
 from printing import Table
 
-from layoutrl.build import answers_errors
-from layoutrl.config import composed
-from layoutrl.errors import InputError
-from layoutrl.resume import EVALUATION
+from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.runs import folders_of, write_json
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import composed
+from layoutrl.runs.folder import folders_of, write_json
+from layoutrl.runs.resume import EVALUATION
 
 RESULTS = Path(__file__).parent / "results" / "ablation"
 DATA_SEED = 1

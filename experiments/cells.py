@@ -29,12 +29,14 @@ import torch
 from columns import FILLS, RESULTS, CellConfig, folder_of, name_of, setting_of
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build, resume
-from layoutrl.config import config_directory
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.evaluation.metrics import lattice_ceiling, score
-from layoutrl.planit.canvas import box_of
-from layoutrl.runs import differences, machine, write_json
+from layoutrl.rivals.planit.canvas import box_of
+from layoutrl.runs import resume
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import config_directory
+from layoutrl.runs.folder import differences, write_json
+from layoutrl.runs.machine import device_of, machine
 
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
 TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
@@ -72,7 +74,7 @@ def fill(config: CellConfig) -> None:
 
 def filled(config: CellConfig) -> dict[str, Any]:
     """All that is kept of a cell: where it comes from, and a row of numbers for each set of places."""
-    began, device = datetime.now(UTC), build.device(config.device)
+    began, device = datetime.now(UTC), device_of(config.device)
     if device.type == "cpu":
         torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds
     about = machine(device)
@@ -190,7 +192,7 @@ def asked(script: str | None) -> list[str]:
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="cell")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     fill(OmegaConf.to_object(config))  # type: ignore[arg-type]
 

@@ -16,18 +16,20 @@ import torch
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
-from layoutrl import build, resume
+from layoutrl import InputError
 from layoutrl import train as training_entry
-from layoutrl.config import Config, DataConfig, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import GeometryObservation, categories_of
+from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.errors import InputError
-from layoutrl.evaluation.baselines import best_wall_place, far_end_place, nearest_room_place, nearest_wall_place
-from layoutrl.evaluation.budgets import seconds_budget, updates_budget
 from layoutrl.evaluation.oracle import perfect_places
-from layoutrl.evaluation.protocols import Greedy
-from layoutrl.evaluation.supervised import (
+from layoutrl.evaluation.protocols import Greedy, greedy
+from layoutrl.planit import train as planit_entry
+from layoutrl.rivals.budgets import seconds_budget, updates_budget
+from layoutrl.rivals.planit.canvas import box_of
+from layoutrl.rivals.planit.placement import Placer
+from layoutrl.rivals.planit.scoring import score_all
+from layoutrl.rivals.rules import best_wall_place, far_end_place, nearest_room_place, nearest_wall_place
+from layoutrl.rivals.supervised import (
     Network,
     pointed_places,
     regressed_places,
@@ -36,12 +38,13 @@ from layoutrl.evaluation.supervised import (
     train_regressor,
     train_scorer,
 )
-from layoutrl.planit import train as planit_entry
-from layoutrl.planit.canvas import box_of
-from layoutrl.planit.placement import Placer
-from layoutrl.planit.scoring import score_all
 from layoutrl.rooms.room import Room
-from layoutrl.runs import differences, folders_of, locked, machine, wanted_folder, write_json
+from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts
+from layoutrl.runs import resume
+from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
+from layoutrl.runs.folder import differences, folders_of, locked, wanted_folder, write_json
+from layoutrl.runs.machine import device_of, keep_freed_memory, machine
+from layoutrl.runs.trained import trained_agent as load_agent
 
 RESULTS = Path(__file__).parent / "results"
 DRAWN = 1  # rooms whose layouts are kept, to be drawn
@@ -101,25 +104,25 @@ def name_of(config: CellConfig) -> str:
 def setting_of(config: CellConfig, device: torch.device) -> Setting:
     """The rooms of a cell, and its starts: the same for every column and seed. Raises InputError beyond the scenes."""
     if config.protocol == "scene":
-        scenes = build.designed_rooms(config.room, config.data, "test")
+        scenes = designed_rooms(config.room.type, config.room.item, config.data, "test")
         if config.seed >= len(scenes):
             raise InputError(f"seed: expected a scene, 0 to {len(scenes) - 1}; got {config.seed}")
         training = held_out = [scenes[config.seed]]
         room = np.zeros(config.budget.random_starts, dtype=int)
     else:
-        training, held_out = build.two_parts(config.room, config.data, config.fold)
+        training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
         if config.trained_on != "own":
-            designed = build.designed_rooms(config.room, designer(config), "train")
+            designed = designed_rooms(config.room.type, config.room.item, designer(config), "train")
             training = designed + (training if config.trained_on == "both" else [])
         room = np.arange(len(held_out))
-    simulator = build.simulator(held_out, config.method, config.reward)
+    simulator = Simulator(held_out, config.method.moves, config.reward.weights)
     return Setting(training, simulator, room, simulator.starts(room, np.random.default_rng(STARTS_SEED)), device)
 
 
-def designer(config: CellConfig) -> DataConfig:
+def designer(config: CellConfig) -> Data:
     """Designed rooms, as many as the budget has."""
     rooms = config.data
-    return DataConfig("designer", train_rooms=rooms.train_rooms, test_rooms=rooms.test_rooms, seed=rooms.seed)
+    return Data("designer", train_rooms=rooms.train_rooms, test_rooms=rooms.test_rooms, seed=rooms.seed)
 
 
 def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
@@ -127,7 +130,7 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     that is the method's; and, of designed rooms never seen, from many starts."""
     policy, categories, about = trained_agent(config, setting)
     simulator = setting.simulator
-    observe = build.observation(simulator.rooms, config.method, categories, setting.device)
+    observe = observation_of(config.method.observation, simulator.rooms, setting.device, categories)
     batch_simulator = BatchSimulator(simulator, setting.device)
     run = policy.rollout(batch_simulator, observe, setting.room, setting.starts)
     places = {
@@ -177,8 +180,8 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
-    agent, categories = build.trained_agent(folder, config.method, setting.device)
-    return build.greedy(agent, config.method), categories, about
+    agent, categories = load_agent(folder, config.method, setting.device)
+    return greedy(agent, config.method), categories, about
 
 
 def trained_once(
@@ -199,7 +202,7 @@ def trained_once(
     with locked(folder.with_name(f"{name}.lock"), wait=True):
         if not folder.exists():
             made, about = train(training, resume.begun(training))
-            about |= {"trained_on_machine": machine(build.device(config.device))}
+            about |= {"trained_on_machine": machine(device_of(config.device))}
             write_json(made / "trained.json", about)
             made.rename(folder)
             for left in folders_of(wanted_folder(training)):  # killed, and not gone on with
@@ -210,21 +213,21 @@ def trained_once(
 def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The agent's network, told the designer's place for as long as the agent was trained."""
     network, observe, about = supervised(config, setting, train_regressor)
-    place = regressed_places(network, observe, setting.room, setting.starts, build.views(config.method, setting.device))
+    place = regressed_places(network, observe, setting.room, setting.starts, config.method.views(setting.device))
     return {"places": {"agent": (setting.room, place)}, **about}
 
 
 def pointer(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """A network made to point at the place, told it for as long as the agent was trained. It needs no start."""
     network, observe, about = supervised(config, setting, train_pointer)
-    place = pointed_places(network, observe, build.views(config.method, setting.device))
+    place = pointed_places(network, observe, config.method.views(setting.device))
     return {"places": {"agent": (setting.room, place[setting.room])}, **about}
 
 
 def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The same network, told how good a place is; it takes the best of many. It needs no start."""
     network, observe, about = supervised(config, setting, train_scorer)
-    place = scored_places(network, setting.simulator, observe, build.views(config.method, setting.device))
+    place = scored_places(network, setting.simulator, observe, config.method.views(setting.device))
     return {"places": {"agent": (setting.room, place[setting.room])}, **about}
 
 
@@ -234,9 +237,9 @@ def supervised(
     """A network, told the answer for as long as the agent was trained: (network, what it sees in a test, about it)."""
     seconds = agent_seconds(config, setting)
     spent = seconds_budget(seconds, clock_of(setting))
-    build.keep_freed_memory()
+    keep_freed_memory()
     categories = categories_of(setting.training)
-    training = build.simulator(setting.training, config.method, config.reward)
+    training = Simulator(setting.training, config.method.moves, config.reward.weights)
     observe = GeometryObservation(setting.training, categories, setting.device)
     seed = np.random.SeedSequence(config.seed)
     network = train(training, observe, spent, seed, device=setting.device)

@@ -18,10 +18,10 @@ from matplotlib.patches import FancyBboxPatch
 from torch import nn
 
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
-from layoutrl.build import answers_errors
 from layoutrl.env.observation import COLUMNS
 from layoutrl.env.simulator import Moves
 from layoutrl.figures import BLUE, GREEN, ORANGE, PURPLE, STYLE, save
+from layoutrl.runs.commands import answers_errors
 
 INPUT, LEARNED, FIXED, OUTPUT = BLUE, ORANGE, PURPLE, GREEN
 CATEGORIES = 4  # of furniture; any number does

@@ -13,9 +13,9 @@ import numpy as np
 from cells import INDEX, IOU, unpacked
 from columns import refuse_other_rooms
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
-from layoutrl.runs import differences
+from layoutrl.runs.folder import differences
 
 NOT_RUN = "not run"
 

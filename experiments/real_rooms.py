@@ -15,7 +15,7 @@ from pathlib import Path
 from cells import asked, cells_of, given, in_turn, multirun, some_of
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
 
-from layoutrl.build import answers_errors
+from layoutrl.runs.commands import answers_errors
 
 TASKS = {
     "floorplans": {"bathtub": "bathroom", "toilet": "bathroom", "vanity": "bathroom", "counter": "kitchen"},

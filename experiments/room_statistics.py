@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from layoutrl.build import answers_errors
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Opening, Room
 from layoutrl.rooms.sources import designer_rooms
+from layoutrl.runs.commands import answers_errors
 
 RESULTS = Path(__file__).parent / "results"
 QUANTILES = (0.1, 0.5, 0.9)

@@ -22,9 +22,9 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from layoutrl.build import answers_errors
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.figures import STYLE, save
+from layoutrl.runs.commands import answers_errors
 
 UPDATES = 10**7  # more than there is time for
 

@@ -18,7 +18,7 @@ import numpy as np
 from cells import PLANIT, asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
 from printing import NOT_RUN, Row, Table, provenance, row, text, write
 
-from layoutrl.build import answers_errors
+from layoutrl.runs.commands import answers_errors
 
 # Of the paper: PlanIT's and its own IoU, as printed there.
 PAPER = {

@@ -14,7 +14,7 @@ import sys
 from cells import asked, cells_of, given, multirun, seeds_of, some_of, trains_pictures
 from printing import NOT_RUN, Table, provenance, row, text, write
 
-from layoutrl.build import answers_errors
+from layoutrl.runs.commands import answers_errors
 
 # The paper's own, as printed there.
 PAPER = {

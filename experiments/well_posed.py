@@ -21,13 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from layoutrl.build import answers_errors
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.baselines import nearest_room_place, nearest_wall_place, random_wall_place
+from layoutrl.rivals.rules import nearest_room_place, nearest_wall_place, random_wall_place
 from layoutrl.rooms.designer.generator import design_room, design_rooms
 from layoutrl.rooms.designer.search import TIE
 from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.runs.commands import answers_errors
 
 STARTS = 4  # a room, of the yardsticks that hang on a start
 RESULTS = Path(__file__).parent / "results" / "well_posed"

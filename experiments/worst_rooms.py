@@ -27,12 +27,14 @@ from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
-from layoutrl import build
-from layoutrl.config import TrainConfig
-from layoutrl.errors import InputError
+from layoutrl import InputError
+from layoutrl.env.simulator import Simulator
 from layoutrl.figures import STYLE, draw_placed
 from layoutrl.rooms.designer.generator import design_room
 from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import TrainConfig
 
 FAILED = 0.9
 SLIGHTLY = 0.25  # of the item's breadth along an axis
@@ -79,7 +81,7 @@ def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: di
     return figure
 
 
-@build.answers_errors
+@answers_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cell")
@@ -99,12 +101,12 @@ def main() -> None:
     trained = {part.name: cell["config"][part.name] for part in fields(TrainConfig)}
     config: TrainConfig = OmegaConf.to_object(OmegaConf.merge(TrainConfig, trained))  # type: ignore[assignment]
     config.data.root = options.root
-    rooms = build.two_parts(config.room, config.data, config.fold)[1]
+    rooms = two_parts(config.room.type, config.room.item, config.data, config.fold)[1]
     places = unpacked(cell["rows"]["agent"]["place"], METRES).reshape(-1, 2).astype(float)
     stored = unpacked(cell["rows"]["agent"]["iou"], IOU) / 65535
     iou = np.zeros(len(rooms))
     if len(rooms) == len(places):
-        iou = build.simulator(rooms, config.method, config.reward).reward(np.arange(len(rooms)), places).iou
+        iou = Simulator(rooms, config.method.moves, config.reward.weights).reward(np.arange(len(rooms)), places).iou
     if len(rooms) != len(places) or np.abs(iou - stored).max() > 1e-3:
         raise InputError(f"{options.cell}: was filled with other rooms; expected those rules again, or another --root")
     knew_better = unpacked(cell["knew_better"], FLAG).astype(bool)

@@ -15,14 +15,16 @@ from typing import Any
 import hydra
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build
+from layoutrl import InputError
 from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
 from layoutrl.benchmarks.learning import memory, speed
 from layoutrl.benchmarks.simulation import ITEMS, growth, plot
-from layoutrl.config import BenchConfig, config_directory, register
-from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
-from layoutrl.runs import machine, make_folder, write_json
+from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import BenchConfig, config_directory, register
+from layoutrl.runs.folder import make_folder, write_json
+from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 
 Targets = str | dict[str, str]  # on two cores; of a measurement by name, by its names
 ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
@@ -105,8 +107,8 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
 
 def run(config: BenchConfig) -> Path:
     """Measure the parts and return the folder of bench.json, and of growth.png."""
-    device = build.device(config.device)
-    build.keep_freed_memory()
+    device = device_of(config.device)
+    keep_freed_memory()
     if "sb3" in config.parts and find_spec("stable_baselines3") is None:
         raise InputError(
             "parts: sb3 compares with Stable-Baselines3; install it: pip install stable-baselines3 (extra bench)"
@@ -116,7 +118,7 @@ def run(config: BenchConfig) -> Path:
     if "sb3" in config.parts and config.method.observation != "geometry":
         raise InputError("parts: sb3 expects method.observation=geometry")
     folder = make_folder(Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S")))
-    rooms, held_out = build.two_parts(config.room, config.data, config.fold)
+    rooms, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
     about = machine(device)
     measured: dict[str, dict[str, Any]] = {}
     for part in config.parts:
@@ -139,7 +141,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="bench")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     run(OmegaConf.to_object(config))  # type: ignore[arg-type]
 

@@ -10,15 +10,17 @@ import hydra
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build
-from layoutrl.config import EvaluateConfig, config_directory, register
-from layoutrl.evaluation.report import evaluate, table
-from layoutrl.runs import machine, write_json
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import EvaluateConfig, config_directory, register
+from layoutrl.runs.folder import write_json
+from layoutrl.runs.machine import machine
+from layoutrl.runs.report import evaluate, table
+from layoutrl.runs.trained import trained_run
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
     """Score a trained agent; prints a table and stores it as evaluation-<data>-....json in the run's folder."""
-    shown = build.trained_run(config)
+    shown = trained_run(config)
     result = evaluate(
         shown.policy,
         shown.simulator,
@@ -44,7 +46,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="evaluate")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     run(OmegaConf.to_object(config))  # type: ignore[arg-type]
 

@@ -11,10 +11,11 @@ from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build
-from layoutrl.config import DataConfig, GalleryConfig, RoomConfig, config_directory, register
 from layoutrl.figures import STYLE, draw_room, save
 from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.sources.parts import Data, designed_rooms, read_parts
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import GalleryConfig, RoomConfig, config_directory, register
 
 COLUMNS = 6  # of a sheet
 CELL = 2.4  # inches, width and height of one room
@@ -46,10 +47,10 @@ def run(config: GalleryConfig) -> list[Path]:
     return files
 
 
-def _rooms(room: RoomConfig, data: DataConfig, count: int) -> list[Room]:
+def _rooms(room: RoomConfig, data: Data, count: int) -> list[Room]:
     if data.source == "designer":
-        return build.designed_rooms(room, replace(data, train_rooms=count), "train")
-    training, held_out = build.rooms(room, data, fold=0)
+        return designed_rooms(room.type, room.item, replace(data, train_rooms=count), "train")
+    training, held_out = read_parts(room.type, room.item, data, fold=0)
     return (training + held_out)[:count]
 
 
@@ -57,7 +58,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="gallery")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     run(OmegaConf.to_object(config))  # type: ignore[arg-type]
 

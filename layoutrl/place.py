@@ -10,17 +10,22 @@ import hydra
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build
-from layoutrl.config import PlaceConfig, TrainConfig, config_directory, register
+from layoutrl import InputError
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
-from layoutrl.errors import InputError
+from layoutrl.env.observation import observation_of
+from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import blocks_openings
+from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.collection import Collection, choose_missing
 from layoutrl.rooms.files import write_rooms
 from layoutrl.rooms.room import Room, envelopes
 from layoutrl.rooms.sources import main_item, read_files
-from layoutrl.runs import load_config
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import PlaceConfig, TrainConfig, config_directory, register
+from layoutrl.runs.folder import load_config
+from layoutrl.runs.machine import device_of
+from layoutrl.runs.trained import trained_agent
 
 
 def run(config: PlaceConfig) -> Path:
@@ -33,8 +38,8 @@ def run(config: PlaceConfig) -> Path:
     if out.exists() or out.suffix != ".jsonl":
         what = "is there already" if out.exists() else "is no .jsonl file"
         raise InputError(f"out: {out} {what}; expected the name of a new .jsonl file, as out=<file>")
-    trained, device = load_config(folder, TrainConfig), build.device(config.device)
-    agent, categories = build.trained_agent(folder, trained.method, device, config.checkpoint)
+    trained, device = load_config(folder, TrainConfig), device_of(config.device)
+    agent, categories = trained_agent(folder, trained.method, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)
     chosen = fitting(choose_missing(collection, item_of(trained, config.item, categories)))
     print(chosen)
@@ -43,11 +48,11 @@ def run(config: PlaceConfig) -> Path:
 
     # The simulator is for rooms whose answer is known. Here it is none: any place will do, and nothing looks at it.
     rooms = [placed(room, *room.envelope.centroid.coords) for room in chosen.rooms]
-    simulator = build.simulator(rooms, trained.method, trained.reward)
+    simulator = Simulator(rooms, trained.method.moves, trained.reward.weights)
     index = np.arange(len(rooms))
-    episodes = build.greedy(agent, trained.method).rollout(
+    episodes = greedy(agent, trained.method).rollout(
         BatchSimulator(simulator, device),
-        build.observation(rooms, trained.method, categories, device),
+        observation_of(trained.method.observation, rooms, device, categories),
         index,
         simulator.starts(index, np.random.default_rng(config.seed)),
     )
@@ -106,7 +111,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="place")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     run(OmegaConf.to_object(config))  # type: ignore[arg-type]
 

@@ -14,12 +14,19 @@ import numpy as np
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build
-from layoutrl.config import TrainCommand, TrainConfig, config_directory, part, register
-from layoutrl.evaluation.report import evaluate, table
-from layoutrl.monitor import record_result, watched
-from layoutrl.resume import Stopped, carried_out, finish, seeds, session
+from layoutrl.agents.learner import Learner
+from layoutrl.env.observation import observation_of
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import TrainCommand, TrainConfig, config_directory, part, register
+from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
+from layoutrl.runs.monitor import record_result, watched
+from layoutrl.runs.report import evaluate, table
+from layoutrl.runs.resume import Stopped, carried_out, finish, seeds, session
 
 
 @dataclass(frozen=True)
@@ -27,14 +34,14 @@ class Trained:
     """What a training leaves behind."""
 
     folder: Path
-    learner: build.Learner
+    learner: Learner
     seconds: float
 
 
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
     """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
-    device = build.device(config.device)  # said before the rooms are made, which takes a while
-    training, held_out = build.two_parts(config.room, config.data, config.fold)
+    device = device_of(config.device)  # said before the rooms are made, which takes a while
+    training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if learner.agent.updates < learner.updates:
@@ -43,9 +50,9 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             f"go on with: python -m layoutrl.train resume={folder}"
         )
     result = evaluate(
-        learner.policy,
-        build.simulator(held_out, config.method, config.reward),
-        build.observation(held_out, config.method, learner.categories, device),
+        greedy(learner.agent, config.method),
+        Simulator(held_out, config.method.moves, config.reward.weights),
+        observation_of(config.method.observation, held_out, device, learner.categories),
         training,
         starts_a_room=1,
         seed=seeds(config)[3],
@@ -74,24 +81,26 @@ def train(
 
     An interrupt ends it early, with all that it needs to go on.
     """
-    method, budget, reward = config.method, config.budget, config.reward
+    method, budget, reward = config.method, config.budget, config.reward.weights
     updates = method.updates[budget.name]
-    build.keep_freed_memory()
-    build.refuse_chance(device)
+    keep_freed_memory()
+    refuse_chance(device)
     print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
-    learner = build.Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
+    learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
     training = learner.training(max(1, updates // budget.reports))
     probes = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
         few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
-        probes[name] = build.probe([rooms[k] for k in few], method, reward, learner.categories, rng, device)
+        simulator = Simulator([rooms[k] for k in few], method.moves, reward)
+        observe = observation_of(method.observation, simulator.rooms, device, learner.categories)
+        probes[name] = Probe(simulator, observe, rng, device)
     about = {"categories": learner.categories}
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
         every = max(1, updates // budget.evaluations)
-        for iou in watched(training, learner.policy, probes, kept.folder, updates, every):
+        for iou in watched(training, greedy(learner.agent, method), probes, kept.folder, updates, every):
             kept.save(iou)
     return Trained(kept.folder, learner, kept.seconds)
 
@@ -100,7 +109,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="train")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     command: TrainCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
     carried_out(part(command, TrainConfig), command.resume, run)

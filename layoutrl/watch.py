@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 from omegaconf import DictConfig, OmegaConf
 from PIL import Image
 
-from layoutrl import build
-from layoutrl.config import WatchConfig, config_directory, register
+from layoutrl import InputError
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.render import MOVING
-from layoutrl.errors import InputError
 from layoutrl.figures import DESIGNER, STYLE, draw_item, draw_room, rgb
 from layoutrl.rooms.room import Room
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import WatchConfig, config_directory, register
+from layoutrl.runs.trained import trained_run
 
 COLUMNS = 3  # of rooms side by side
 INCHES = 2.2  # height of a row
@@ -31,7 +32,7 @@ COLORS = 64  # of a GIF
 
 def run(config: WatchConfig) -> list[Path]:
     """Write an animation of greedy episodes in rooms of a run, as GIF and WebP; returns the files."""
-    shown = build.trained_run(config)
+    shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
     simulator = shown.simulator
     chosen = rng.permutation(len(simulator.rooms))[: config.rooms]
@@ -111,7 +112,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="watch")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     run(OmegaConf.to_object(config))  # type: ignore[arg-type]
 

@@ -18,4 +18,4 @@ torch.set_num_threads(1)  # networks this small only lose by a second thread
 @pytest.fixture
 def few_tries(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let PlanIT give up early in whole rooms: networks that have learned nothing spend all their tries."""
-    monkeypatch.setattr("layoutrl.planit.placement.BACKTRACKS", 2)
+    monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 2)

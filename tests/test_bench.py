@@ -14,13 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from layoutrl import bench, build
+from layoutrl import InputError, bench
 from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
 from layoutrl.benchmarks.learning import bare_passes, fill, untrained
 from layoutrl.benchmarks.simulation import with_items
-from layoutrl.config import BenchConfig, composed
-from layoutrl.errors import InputError
 from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import read_parts
+from layoutrl.runs.config import BenchConfig, composed
 from tests.builders import rooms
 from tests.test_command_line import layoutrl
 
@@ -82,7 +82,7 @@ def test_training_with_a_full_replay_is_measured_in_a_process_of_its_own(benched
 @pytest.mark.parametrize("double", [True, False])
 def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) -> None:
     config = configured(f"method.double={double}", f"data.root={tmp_path}")
-    learner = untrained(config, build.rooms(config.room, config.data, config.fold)[0], CPU)
+    learner = untrained(config, read_parts(config.room.type, config.room.item, config.data, config.fold)[0], CPU)
     fill(learner)
     reports = iter(learner.training(1))
     next(reports)
@@ -139,7 +139,7 @@ def test_where_sb3_is_missing_one_line_says_how_to_install_it(tmp_path: Path) ->
 @pytest.mark.skipif(not HAS_SB3, reason="Stable-Baselines3 (extra bench) is not installed")
 def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
     config = configured(f"data.root={tmp_path}", "method.target_period=10")
-    training, held_out = build.rooms(config.room, config.data, config.fold)
+    training, held_out = read_parts(config.room.type, config.room.item, config.data, config.fold)
     learner = untrained(config, training, CPU, updates=25)
     before = [weights.clone() for weights in learner.agent.network.parameters()]
     curve = learned_by_sb3(config, training, learner, held_out_probe(config, training, held_out, CPU))

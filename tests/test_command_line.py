@@ -21,13 +21,15 @@ from PIL import Image
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 
-from layoutrl import build
-from layoutrl.build import trained_run
-from layoutrl.config import RewardConfig, RunConfig, TrainConfig, config_directory
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.observation import observation_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_from_dict, room_to_dict
-from layoutrl.runs import checkpoints, load_config
+from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
+from layoutrl.runs.folder import checkpoints, load_config
+from layoutrl.runs.trained import trained_agent, trained_run
 
 CPU = torch.device("cpu")
 PROJECT = Path(__file__).resolve().parents[1]
@@ -176,10 +178,10 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     method = load_config(bedroom_run, TrainConfig).method
     assert "the bed does not fit into it" in done.stdout
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written, beds, strict=False)]
-    simulator = build.simulator(rooms, method, RewardConfig())  # whose starts are those in the rooms without an answer
+    simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     index = np.arange(3)
     starts = simulator.starts(index, np.random.default_rng(0))
-    observe = build.observation(rooms, method, build.trained_agent(bedroom_run, method, CPU)[1], CPU)
+    observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, method, CPU)[1])
     expected = policy.rollout(BatchSimulator(simulator, CPU), observe, index, starts).final
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
     for before, after, bed in zip(documents, written, beds, strict=False):

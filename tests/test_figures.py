@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from shapely.geometry import Point
 
+from layoutrl import InputError
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.errors import InputError
 from layoutrl.figures import STYLE, draw_episode, draw_room, positions, room_legend, save, scale_bar
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room

@@ -25,13 +25,13 @@ import torch
 from omegaconf import OmegaConf
 
 import layoutrl
-from layoutrl.config import TrainConfig, composed
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_rooms, floorplans
-from layoutrl.runs import load_checkpoint, load_config, save_checkpoint
+from layoutrl.runs.config import TrainConfig, composed
+from layoutrl.runs.folder import load_checkpoint, load_config, save_checkpoint
 from tests.builders import random_room
 
 DATA = Path(__file__).parents[2] / "shared" / "data"

@@ -10,8 +10,8 @@ from textwrap import dedent
 import ablation
 import pytest
 
-from layoutrl.config import composed
 from layoutrl.rooms.files import parse_room
+from layoutrl.runs.config import composed
 
 PROJECT = Path(__file__).resolve().parents[1]
 README = (PROJECT / "README.md").read_text(encoding="utf-8")

@@ -13,16 +13,16 @@ import torch
 from gymnasium.wrappers import TransformReward
 from torch import nn
 
-from layoutrl import build
+from layoutrl.agents.learner import Learner
 from layoutrl.agents.training import REWARD_SCALE
 from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
-from layoutrl.build import Learner
-from layoutrl.config import BenchConfig
 from layoutrl.env.layout_env import LayoutEnv
-from layoutrl.env.observation import categories_of
+from layoutrl.env.observation import categories_of, observation_of
+from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.probe import Probe
-from layoutrl.evaluation.protocols import Greedy
+from layoutrl.evaluation.protocols import Greedy, greedy
 from layoutrl.rooms.room import Room
+from layoutrl.runs.config import BenchConfig
 
 TRAINING_IOU, SB3_IOU = 0.95, 0.80  # mean IoU on the held-out rooms, to be reached soon
 POINTS = 20  # of the learning curve of `image`
@@ -124,7 +124,7 @@ def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np
     """Train, to the end or until an IoU or a time is reached."""
     curve = Curve(probe)
     for progress in learner.training(probe_every):
-        point = curve.add(progress.updates, learner.policy)
+        point = curve.add(progress.updates, greedy(learner.agent, learner.method))
         if point.iou >= iou or point.seconds >= 60 * minutes:
             break
     return curve
@@ -139,8 +139,8 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
     env = LayoutEnv(
         rooms,
         method.observation,
-        build.moves(method),
-        build.reward_of(config.reward),
+        method.moves,
+        config.reward.weights,
         on_illegal="drop",
         max_moves=method.max_moves,
     )
@@ -178,17 +178,18 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
     def goes_on(_locals: dict[str, Any], _globals: dict[str, Any]) -> bool:
         """Called after every step of the environments, before the update that follows."""
         due = model._n_updates > 0 and model._n_updates % config.probe_every == 0
-        return not due or curve.add(model._n_updates, learner.policy).iou < SB3_IOU
+        return not due or curve.add(model._n_updates, greedy(learner.agent, learner.method)).iou < SB3_IOU
 
     steps = learner.updates + -(-method.warmup_moves // method.episodes) - 1  # the last of the warm-up learns already
     model.learn(steps * method.episodes, callback=goes_on, log_interval=ENDLESS)
     if curve.minutes_to(SB3_IOU) is None:
-        curve.add(model._n_updates, learner.policy)
+        curve.add(model._n_updates, greedy(learner.agent, learner.method))
     return curve
 
 
 def held_out_probe(
     config: BenchConfig, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> Probe:
-    categories, rng = categories_of(training), np.random.default_rng(config.seed)
-    return build.probe(held_out, config.method, config.reward, categories, rng, device)
+    simulator = Simulator(held_out, config.method.moves, config.reward.weights)
+    observe = observation_of(config.method.observation, held_out, device, categories_of(training))
+    return Probe(simulator, observe, np.random.default_rng(config.seed), device)

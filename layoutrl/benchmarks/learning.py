@@ -16,17 +16,19 @@ from typing import Any
 import numpy as np
 import torch
 
-from layoutrl import build
+from layoutrl import InputError
 from layoutrl.agents.dqn import DQN
+from layoutrl.agents.learner import Learner
 from layoutrl.agents.replay import Transitions
 from layoutrl.agents.training import transitions
 from layoutrl.benchmarks.simulation import moves, random_moves, seconds_of
-from layoutrl.build import Learner
-from layoutrl.config import BenchConfig
-from layoutrl.env.observation import categories_of
-from layoutrl.errors import InputError
-from layoutrl.evaluation.report import evaluate
+from layoutrl.env.observation import categories_of, observation_of
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.room import Room
+from layoutrl.runs.config import BenchConfig
+from layoutrl.runs.machine import keep_freed_memory
+from layoutrl.runs.report import evaluate
 
 ENDLESS = 10**9  # updates, of a training that the clock stops
 REPORT = 5  # updates timed together
@@ -36,7 +38,7 @@ ACTING = ("act", "simulate", "store")  # stages of training that are not the lea
 def untrained(config: BenchConfig, rooms: Sequence[Room], device: torch.device, updates: int = ENDLESS) -> Learner:
     """The learner that `layoutrl.train` has with this seed."""
     network_seed, training_seed = np.random.SeedSequence(config.seed).spawn(2)
-    return Learner(rooms, config.method, config.reward, updates, network_seed, training_seed, device)
+    return Learner(rooms, config.method, config.reward.weights, updates, network_seed, training_seed, device)
 
 
 def fill(learner: Learner) -> None:
@@ -127,9 +129,9 @@ def evaluating(
     method = config.method
     began = time.perf_counter()
     evaluate(
-        build.greedy(agent, method),
-        build.simulator(held_out, method, config.reward),
-        build.observation(held_out, method, categories_of(training), device),
+        greedy(agent, method),
+        Simulator(held_out, method.moves, config.reward.weights),
+        observation_of(method.observation, held_out, device, categories_of(training)),
         training,
         starts_a_room=1,
         seed=np.random.SeedSequence(config.seed),
@@ -147,7 +149,7 @@ def memory(
 
 
 def train_with_full_replay(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
-    build.keep_freed_memory()  # in this process, too
+    keep_freed_memory()  # in this process, too
     method = replace(config.method, replay_capacity=config.transitions)
     learner = untrained(replace(config, method=method), rooms, device)
     fill(learner)

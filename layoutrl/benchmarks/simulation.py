@@ -12,14 +12,13 @@ import torch
 from matplotlib.figure import Figure
 from torch.utils.benchmark import Timer
 
-from layoutrl import build
+from layoutrl import InputError
 from layoutrl.agents.exploration import explore
-from layoutrl.config import BenchConfig
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.simulator import Simulator
-from layoutrl.errors import InputError
 from layoutrl.rooms.room import Item, Room
+from layoutrl.runs.config import BenchConfig
 
 ITEMS = 5  # at least so many in the rooms of `moves`
 
@@ -29,7 +28,7 @@ def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> d
     furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
     if not furnished:
         raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
-    simulator = build.simulator(furnished, config.method, config.reward)
+    simulator = Simulator(furnished, config.method.moves, config.reward.weights)
     fast = moves_a_second(config, BatchSimulator(simulator, device), config.batch)
     slow = 0.0
     for batch in config.shapely_batches:
@@ -42,13 +41,13 @@ def growth(
     config: BenchConfig, rooms: Sequence[Room], _held_out: Sequence[Room], device: torch.device
 ) -> dict[str, dict[int, float]]:
     """Moves a second by the number of parallel episodes, and of items in a room."""
-    simulator = BatchSimulator(build.simulator(rooms, config.method, config.reward), device)
+    simulator = BatchSimulator(Simulator(rooms, config.method.moves, config.reward.weights), device)
     by_episodes = {batch: moves_a_second(config, simulator, batch) for batch in config.batches}
     by_items = {}
     for count in config.items:
         rng = np.random.default_rng(config.seed)
         crowded = [with_items(room, count, rng) for room in rooms[: config.items_rooms]]
-        simulator = BatchSimulator(build.simulator(crowded, config.method, config.reward), device)
+        simulator = BatchSimulator(Simulator(crowded, config.method.moves, config.reward.weights), device)
         by_items[count] = moves_a_second(config, simulator, config.batch)
     return {"moves_a_second_by_episodes": by_episodes, "moves_a_second_by_items": by_items}
 

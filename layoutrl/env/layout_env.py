@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
+from layoutrl import InputError
 from layoutrl.env.geometry import snap
 from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.errors import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Room
 

@@ -30,11 +30,14 @@ BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memo
 
 
 def observation_of(
-    kind: Literal["geometry", "image"], rooms: Sequence[Room], device: torch.device | str = "cpu"
+    kind: Literal["geometry", "image"],
+    rooms: Sequence[Room],
+    device: torch.device | str = "cpu",
+    categories: Sequence[str] | None = None,
 ) -> GeometryObservation | ImageObservation:
-    """What is seen of the rooms, which are all that are known: no furniture category but theirs is."""
+    """What is seen of the rooms, by who knows these furniture categories; if none are given, those of the rooms."""
     if kind == "geometry":
-        return GeometryObservation(rooms, categories_of(rooms), device)
+        return GeometryObservation(rooms, categories_of(rooms) if categories is None else categories, device)
     if kind == "image":
         return ImageObservation(rooms, device)
     raise ValueError(f"unknown observation {kind!r}")

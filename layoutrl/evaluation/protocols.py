@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.learner import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
 from layoutrl.env.symmetry import Symmetry
@@ -142,3 +143,9 @@ class Greedy:
         seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
         views = zip(self.agent.values(seen).split(len(observation)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
+
+
+def greedy(agent: DQN, method: Method) -> Greedy:
+    """The agent's policy, as the method tests it."""
+    device = next(agent.network.parameters()).device
+    return Greedy(agent, method.evaluation_moves, method.on_illegal, method.views(device))

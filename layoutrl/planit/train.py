@@ -16,19 +16,21 @@ import numpy as np
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from layoutrl import build
-from layoutrl.config import PlanitCommand, PlanitConfig, config_directory, part, register
-from layoutrl.errors import InputError
-from layoutrl.evaluation.budgets import Spent, updates_budget
-from layoutrl.monitor import shown
-from layoutrl.planit.graph import ARCHITECTURE, Scene, scene_of
-from layoutrl.planit.model import PlanIT, counted
-from layoutrl.planit.placement import Placer, Search
-from layoutrl.planit.scoring import evaluated, given_query, scored, table
-from layoutrl.planit.training import LOSSES, Training
-from layoutrl.resume import Stopped, carried_out, finish, seeds, session
+from layoutrl import InputError
+from layoutrl.rivals.budgets import Spent, updates_budget
+from layoutrl.rivals.planit.graph import ARCHITECTURE, Scene, scene_of
+from layoutrl.rivals.planit.model import PlanIT, counted
+from layoutrl.rivals.planit.placement import Placer, Search
+from layoutrl.rivals.planit.scoring import evaluated, given_query, scored, table
+from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
-from layoutrl.runs import load_checkpoint
+from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import PlanitCommand, PlanitConfig, config_directory, part, register
+from layoutrl.runs.folder import load_checkpoint
+from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
+from layoutrl.runs.monitor import shown
+from layoutrl.runs.resume import Stopped, carried_out, finish, seeds, session
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,8 @@ class Trained:
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
-    device = build.device(config.device)  # said before the rooms are made, which takes a while
-    training, held_out = usable(*build.two_parts(config.room, config.data, config.fold))
+    device = device_of(config.device)  # said before the rooms are made, which takes a while
+    training, held_out = usable(*two_parts(config.room.type, config.room.item, config.data, config.fold))
     spent = updates_budget(config.method.updates[config.budget.name])
     trained = train(config, training, held_out, spent, device, folder)
     folder = trained.folder
@@ -88,8 +90,8 @@ def train(
     An interrupt ends it early, with all that it needs to go on.
     """
     budget = config.budget
-    build.keep_freed_memory()
-    build.refuse_chance(device)
+    keep_freed_memory()
+    refuse_chance(device)
     print(f"training on {len(training_rooms.rooms)} rooms, {len(held_out.rooms)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
     model = PlanIT(counted(training_rooms.rooms, training_rooms.scenes), network_seed, device)
@@ -206,7 +208,7 @@ register()
 
 
 @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="planit")
-@build.answers_errors
+@answers_errors
 def main(config: DictConfig) -> None:
     command: PlanitCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
     carried_out(part(command, PlanitConfig), command.resume, run)

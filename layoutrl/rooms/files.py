@@ -25,7 +25,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, RoomError, wall_band
 

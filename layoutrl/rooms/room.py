@@ -19,7 +19,7 @@ from shapely import box
 from shapely.affinity import rotate, translate
 from shapely.geometry import Polygon
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 
 Point = tuple[float, float]
 Ring = tuple[Point, ...]

@@ -11,7 +11,7 @@ from typing import Any
 
 from columns import CellConfig, folder_of, name_of
 
-from layoutrl.config import composed
+from layoutrl.runs.config import composed
 
 PROJECT = Path(__file__).resolve().parents[2]
 REAL = PROJECT.parent / "shared" / "data"

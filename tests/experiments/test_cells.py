@@ -18,10 +18,10 @@ from cells import fill, packed, unpacked
 from columns import folder_of, name_of
 from hydra import compose, initialize_config_dir
 
-from layoutrl.config import config_directory
-from layoutrl.monitor import watched
 from layoutrl.planit import train as planit_entry
-from layoutrl.runs import checkpoints
+from layoutrl.runs.config import config_directory
+from layoutrl.runs.folder import checkpoints
+from layoutrl.runs.monitor import watched
 from tests.experiments.builders import cell, configured, script
 
 

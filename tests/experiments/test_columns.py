@@ -14,8 +14,8 @@ import table1
 from cells import fill, unpacked
 from columns import folder_of, name_of
 
-from layoutrl.errors import InputError
-from layoutrl.evaluation.budgets import updates_budget
+from layoutrl import InputError
+from layoutrl.rivals.budgets import updates_budget
 from tests.experiments.builders import REAL, cell, configured
 
 

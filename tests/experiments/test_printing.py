@@ -11,7 +11,7 @@ import pytest
 from cells import packed
 from printing import NOT_RUN, Row, Table, provenance, row, write
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 
 
 def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):

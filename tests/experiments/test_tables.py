@@ -13,9 +13,9 @@ import table2
 from cells import stated
 from columns import RESULTS, folder_of, name_of
 
-from layoutrl.config import composed
-from layoutrl.errors import InputError
-from layoutrl.runs import differences
+from layoutrl import InputError
+from layoutrl.runs.config import composed
+from layoutrl.runs.folder import differences
 from tests.experiments.builders import REAL, script
 
 

@@ -12,8 +12,8 @@ import worst_rooms
 from cells import fill
 from columns import name_of
 
-from layoutrl.config import DataConfig
 from layoutrl.rooms.room import Item
+from layoutrl.rooms.sources.parts import Data
 from tests.builders import rectangular_room
 from tests.experiments.builders import configured
 
@@ -40,7 +40,7 @@ def test_the_worst_rooms_are_drawn_and_explained(tmp_path, designed, monkeypatch
 
 def test_why_a_room_failed(tmp_path):
     room = rectangular_room(4, 3, Item("bed", (1.0, 0.6), (2.0, 1.5)))
-    config = replace(configured(tmp_path, "column=geometric"), data=DataConfig("designer_rooms"))
+    config = replace(configured(tmp_path, "column=geometric"), data=Data("designer_rooms"))
     assert worst_rooms.why(room, np.array([2.2, 1.5]), True, config) == "imprecise"
     assert worst_rooms.why(room, np.array([2.2, 1.7]), True, config) == "knew better"
     assert worst_rooms.why(room, np.array([2.2, 1.7]), False, config) == "wrong place"

@@ -13,16 +13,16 @@ from typing import Any
 import pytest
 import torch
 
-from layoutrl.build import two_parts
-from layoutrl.config import PlanitConfig, composed, part
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.planit.train import load, run, usable
-from layoutrl.planit.training import Training
-from layoutrl.resume import Stopped, resumed
+from layoutrl.rivals.planit.training import Training
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.rooms.room import Room
-from layoutrl.runs import load_checkpoint
-from tests.planit.rooms import designed
+from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.config import PlanitConfig, composed, part
+from layoutrl.runs.folder import load_checkpoint
+from layoutrl.runs.resume import Stopped, resumed
+from tests.rivals.planit.rooms import designed
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHORT = (
@@ -89,7 +89,9 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
     }  # fmt: skip
     assert [row["updates"] for row in outcome(whole)["metrics"]] == ["2", "4", "6"]
     config = configured(rooms, tmp_path)
-    model = load(whole, *usable(*two_parts(config.room, config.data, config.fold)), torch.device("cpu")).model
+    model = load(
+        whole, *usable(*two_parts(config.room.type, config.room.item, config.data, config.fold)), torch.device("cpu")
+    ).model
     assert {name: value.tolist() for name, value in model.networks.state_dict().items()} == outcome(whole)["networks"]
     assert not any(module.training for module in model.networks.modules())
 
@@ -115,7 +117,7 @@ def test_rooms_that_it_cannot_draw_or_furnish_are_counted_and_left_out(
 ) -> None:
     rooms = designed("bathroom", 24)
     config = configured(file_of(tmp_path, [room_to_dict(room) for room in rooms]), tmp_path)
-    training, held_out = two_parts(config.room, config.data, config.fold)
+    training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
     slanting, unknown = (room_to_dict(part[0]) for part in (training, held_out))
     slanting["furniture"][0] |= {"rotation": 30, "size": [0.3, 0.3]}
     unknown["furniture"].append({"category": "shelf", "center": [0.5, 0.5], "size": [0.1, 0.1]})

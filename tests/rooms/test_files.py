@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, write_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sources.floorplans import MAIN_ITEM, _snapped, read

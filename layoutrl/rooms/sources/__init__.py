@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import read_rooms
 from layoutrl.rooms.room import MAIN_ITEM

@@ -23,7 +23,7 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 from shapely.geometry.polygon import orient
 from shapely.ops import split
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, Opening, Ring, Room, rings
 

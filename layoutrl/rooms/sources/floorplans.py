@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from shapely.geometry import Polygon
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import Item, Opening, Ring, Room, wall_band
 from layoutrl.rooms.sources.plans import (

@@ -18,7 +18,7 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.polygon import orient
 
-from layoutrl.errors import InputError
+from layoutrl import InputError
 
 # Of rooms, as labelled.
 WET_ROOMS = ("bathroom", "restroom", "washing_room")

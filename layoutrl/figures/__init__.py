@@ -1,0 +1,157 @@
+"""Figures in one style: rooms, ways through them and maps over them, in metres, as PNG and SVG.
+
+Furniture, walls and openings have the colours of the picture that the agent sees (env/render.py); what lies over them
+is told apart by any eye. The style is `plt.style.use(STYLE)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Polygon
+from matplotlib.patheffects import withStroke
+
+from layoutrl import InputError
+from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
+from layoutrl.env.simulator import Simulator
+from layoutrl.rooms.room import Item, Room
+
+STYLE = "layoutrl.figures.style"
+BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#e69f00", "#009e73", "#cc79a7"
+# The designer's place, over all else.
+DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}
+
+# An outline over a map, whatever colours the map has.
+OUTLINE: dict[str, Any] = {
+    "fill": False,
+    "linewidth": 1.0,
+    "path_effects": [withStroke(linewidth=2.5, foreground="white")],
+}
+
+
+def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4) -> None:
+    """A room as designed: walls black, doors green, windows blue, the target red; a line shows an item's front.
+
+    Without `moving`, the target is left out. `names` is the size of the categories' names, in points.
+    """
+    axes.set_aspect("equal")
+    axes.axis("off")
+    for wall in room.walls:
+        axes.add_patch(Polygon(wall, color=rgb(BLACK), linewidth=0))
+    for opening in room.openings:
+        axes.add_patch(Polygon(opening.polygon, color=rgb(DOOR if opening.kind == "door" else WINDOW), linewidth=0))
+    items = [(k, item) for k, item in enumerate(room.furniture) if item.center and (moving or k != room.target)]
+    for k, item in sorted(items, key=lambda entry: not entry[1].tucked):  # a tucked chair lies under its table
+        assert item.center is not None
+        draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
+        if names:
+            axes.text(*item.center, item.category.replace("_", "\n"), fontsize=names, ha="center", va="center")
+    axes.autoscale_view()
+
+
+def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> list[Artist]:
+    """An item with its centre at a point; a rectangle with a line to its front. Returns what was drawn."""
+    usual: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.5}
+    outline = Polygon(np.asarray(item.footprint_at((center[0], center[1])).exterior.coords), **usual | looks)
+    axes.add_patch(outline)
+    if item.form == "circle" or not outline.get_fill():
+        return [outline]
+    angle = np.deg2rad(item.rotation)
+    front = np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
+    return [outline, *axes.plot(*front.T, color="black", linewidth=0.8, alpha=looks.get("alpha"))]
+
+
+def draw_placed(axes: Axes, room: Room, place: Sequence[float], names: float | None = None) -> None:
+    """A room with its target at a place (red), and where the designer put it (dashed)."""
+    draw_room(axes, room, moving=False, names=names)
+    draw_item(axes, room.moving, place, facecolor=rgb(MOVING), alpha=0.85)
+    if room.moving.center is not None:
+        draw_item(axes, room.moving, room.moving.center, **DESIGNER)
+
+
+def draw_episode(axes: Axes, room: Room, path: np.ndarray) -> None:
+    """A greedy episode: start (pale), the way (n, 2), and its end as `draw_placed` has it."""
+    draw_placed(axes, room, path[-1])
+    draw_item(axes, room.moving, path[0], facecolor=rgb(MOVING), alpha=0.25)
+    axes.plot(*path.T, color="black", linewidth=1.0, marker="o", markersize=2.2)
+
+
+def room_legend(axes: Axes, rooms: Sequence[Room], **where: Any) -> None:
+    """What the colours stand for: furniture of these rooms, walls and openings, the item that moves."""
+    kinds = {"wall": BLACK, "door": DOOR, "window": WINDOW, rooms[0].moving.category: MOVING}
+    kinds |= {item.category: color_of(item.category) for room in rooms for item in room.others}
+    patches = [Patch(color=rgb(color), label=name.replace("_", " ")) for name, color in kinds.items()]
+    axes.axis("off")
+    looks: dict[str, Any] = {"loc": "center", "handlelength": 1.0}
+    axes.legend(handles=patches, **looks | where)
+
+
+def episode_legend() -> list[Line2D | Patch]:
+    """The handles of what `draw_episode` draws."""
+    return [
+        Patch(facecolor=rgb(MOVING), alpha=0.25, label="start"),
+        Line2D([], [], color="black", linewidth=1.0, marker="o", markersize=2.2, label="moves"),
+        Patch(facecolor=rgb(MOVING), alpha=0.85, label="end"),
+        Patch(label="designer's place", **DESIGNER),
+    ]
+
+
+def metres(axes: Axes) -> None:
+    """Axes labelled in metres, for a room drawn alone."""
+    axes.axis("on")
+    axes.set_aspect("equal")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+
+
+def scale_bar(axes: Axes, *others: Axes) -> None:
+    """A bar of one metre under a room; the same room is drawn to the same scale in the others."""
+    x0, x1 = axes.get_xlim()
+    y0, y1 = axes.get_ylim()
+    gap = 0.06 * max(x1 - x0, y1 - y0)
+    y = y0 - gap
+    axes.plot([x0, x0 + 1], [y, y], color="black", linewidth=1.5, solid_capstyle="butt", clip_on=False)
+    axes.text(x0 + 1.08, y, "1 m", fontsize=6, va="center")
+    for same in (axes, *others):
+        same.set(xlim=(x0, x1), ylim=(y - gap, y1))
+
+
+def positions(simulator: Simulator, room: int, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the item of a room can stand: a grid (rows, columns, 2) of positions in metres, and which are legal."""
+    x0, y0, x1, y1 = simulator.legal[room].bounds
+    grid = np.stack(np.meshgrid(np.arange(x0, x1 + spacing, spacing), np.arange(y0, y1 + spacing, spacing)), -1)
+    legal = simulator.is_legal(np.full(grid[..., 0].size, room), grid.reshape(-1, 2))
+    return grid, legal.reshape(grid.shape[:2])
+
+
+def draw_map(axes: Axes, grid: np.ndarray, values: np.ndarray, **looks: Any) -> QuadMesh:
+    """Values (rows, columns) of standing at each position of a grid; NaN is left open."""
+    return axes.pcolormesh(grid[..., 0], grid[..., 1], values, shading="nearest", rasterized=True, **looks)
+
+
+def rgb(color: tuple[int, int, int]) -> tuple[float, float, float]:
+    """A colour of the picture, as matplotlib has it."""
+    red, green, blue = (channel / 255 for channel in color)
+    return red, green, blue
+
+
+def save(figure: Figure, path: Path, dpi: float = 150) -> list[Path]:
+    """Write <path>.png and <path>.svg, the same every time, and return them.
+
+    Raises InputError where they cannot be written.
+    """
+    files = [path.with_name(f"{path.name}.{suffix}") for suffix in ("png", "svg")]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(files[0], dpi=dpi)
+        figure.savefig(files[1], dpi=dpi, metadata={"Date": None})
+    except OSError as error:
+        raise InputError(f"out: cannot write {files[0]} ({error.strerror}); expected a folder to write to") from None
+    return files

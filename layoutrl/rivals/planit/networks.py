@@ -1,0 +1,148 @@
+"""PlanIT's image networks, smaller: where an item goes, which way it faces, how large it is (Wang et al. 2019, 6)."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import interpolate, leaky_relu, softplus
+
+from layoutrl.rivals.planit.graph import TYPES
+
+SIDE = 64  # pixels of what they see
+HEAT_SIDE = 64  # pixels of what the location network answers
+EMBEDDING = 10  # numbers that stand for a type of edge
+LATENT = 10
+WIDTHS = (32, 64, 128, 256)  # of the location network on its way in; PlanIT's are twice as wide and deep
+UP_WIDTHS = (256, 128, 64, 32, 16, 8, 8)  # and on its way out
+
+
+class Residual(nn.Module):
+    """Two convolutions beside a shortcut."""
+
+    def __init__(self, before: int, after: int, stride: int):
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.Conv2d(before, after, 3, stride, 1, bias=False),
+            nn.BatchNorm2d(after),
+            nn.LeakyReLU(),
+            nn.Conv2d(after, after, 3, 1, 1, bias=False),
+            nn.BatchNorm2d(after),
+        )
+        same = before == after and stride == 1
+        self.shortcut = nn.Identity() if same else nn.Conv2d(before, after, 1, stride, bias=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return leaky_relu(self.body(x) + self.shortcut(x))
+
+
+class Upwards(nn.Module):
+    """Twice as many pixels a side, one convolution, scaled and shifted by the type of the edge (FiLM)."""
+
+    def __init__(self, before: int, after: int, coordinates: bool):
+        super().__init__()
+        self.coordinates = coordinates
+        self.convolution = nn.Conv2d(before + 3 * coordinates, after, 3, 1, 1, bias=False)
+        self.normalise = nn.BatchNorm2d(after)
+        self.film = nn.Linear(EMBEDDING, 2 * after)
+
+    def forward(self, x: Tensor, edge: Tensor) -> Tensor:
+        x = interpolate(x, scale_factor=2, mode="nearest")
+        if self.coordinates:  # x, y and the distance from the middle (CoordConv)
+            axis = torch.linspace(-1, 1, x.shape[-1], device=x.device)
+            rows, columns = torch.meshgrid(axis, axis, indexing="ij")
+            where = torch.stack([columns, rows, torch.hypot(columns, rows)])
+            x = torch.cat([x, where.expand(len(x), -1, -1, -1)], 1)
+        scale, shift = self.film(edge)[..., None, None].chunk(2, 1)
+        return leaky_relu(self.normalise(self.convolution(x)) * (1 + scale) + shift)
+
+
+class LocationNetwork(nn.Module):
+    """From a picture centred on an anchor, and a type of edge: of every pixel, what the edge leads to there.
+
+    (B, channels, 64, 64), (B,) -> logits (B, 1 + categories, 64, 64); class 0 is nothing. As in PlanIT all passes
+    through a single pixel, so that its answers are blurred.
+    """
+
+    def __init__(self, channels: int, categories: int):
+        super().__init__()
+        first = WIDTHS[0]
+        layers: list[nn.Module] = [
+            nn.Conv2d(channels, first, 7, 2, 3, bias=False),
+            nn.BatchNorm2d(first),
+            nn.LeakyReLU(),
+            nn.MaxPool2d(3, 2, 1),
+            Residual(first, first, 1),
+        ]
+        for before, after in pairwise(WIDTHS):
+            layers += [Residual(before, after, 2), Residual(after, after, 1)]
+        self.inwards = nn.Sequential(*layers, nn.AdaptiveAvgPool2d(1))
+        self.embedding = nn.Embedding(len(TYPES), EMBEDDING)
+        self.upwards = nn.ModuleList(
+            Upwards(before, after, coordinates=k >= 2) for k, (before, after) in enumerate(pairwise(UP_WIDTHS))
+        )
+        self.classes = nn.Conv2d(UP_WIDTHS[-1], 1 + categories, 1)
+
+    def forward(self, picture: Tensor, edge: Tensor) -> Tensor:
+        x, embedded = self.inwards(picture), self.embedding(edge)
+        for block in self.upwards:
+            x = block(x, embedded)
+        return self.classes(x)
+
+
+class PictureNetwork(nn.Module):
+    """From a picture centred on an item, and its category as one-hot: (B, channels, 64, 64), (B, C) -> (B, outputs)."""
+
+    def __init__(self, channels: int, categories: int, outputs: int):
+        super().__init__()
+        widths = (channels, 8, 16, 32, 64)
+        layers = [
+            nn.Sequential(nn.Conv2d(before, after, 4, 2, 1), nn.BatchNorm2d(after), nn.LeakyReLU())
+            for before, after in pairwise(widths)
+        ]
+        self.features = nn.Sequential(*layers, nn.Flatten())
+        self.head = nn.Sequential(nn.Linear(64 * 16 + categories, 64), nn.LeakyReLU(), nn.Linear(64, outputs))
+
+    def forward(self, picture: Tensor, category: Tensor) -> Tensor:
+        return self.head(torch.cat([self.features(picture), category], 1))
+
+
+class SizeNetwork(nn.Module):
+    """How large an item is, as shares of what the picture reaches: a VAE on what is seen, with a discriminator.
+
+    Categories are one-hot (B, C).
+    """
+
+    def __init__(self, channels: int, categories: int):
+        super().__init__()
+        self.prior = PictureNetwork(channels, categories, 2 * LATENT)
+        self.encoder = PictureNetwork(channels + 1, categories, 2 * LATENT)
+        self.decoder = nn.Sequential(
+            nn.Linear(LATENT + categories, 40), nn.LeakyReLU(), nn.Linear(40, 40), nn.LeakyReLU(), nn.Linear(40, 2)
+        )
+
+    def decode(self, latent: Tensor, category: Tensor) -> Tensor:
+        """(B, 2): along the way that it faces, and across."""
+        return softplus(self.decoder(torch.cat([latent, category], 1)))
+
+    def forward(self, picture: Tensor, category: Tensor, generator: torch.Generator | None) -> Tensor:
+        """A size drawn by the generator, or without one the likeliest: (B, 2)."""
+        mean, spread = self.prior(picture, category).chunk(2, 1)
+        if generator is not None:
+            mean = drawn(mean, spread, generator)
+        return self.decode(mean, category)
+
+
+def drawn(mean: Tensor, log_variance: Tensor, generator: torch.Generator) -> Tensor:
+    """A sample of a normal distribution, through which gradients pass."""
+    noise = torch.randn(mean.shape, generator=generator, device=mean.device)
+    return mean + noise * (log_variance / 2).exp()
+
+
+def signed_distance(size: Tensor) -> Tensor:
+    """How far each pixel is from a box of this size (B, 2) in the middle, negative within: (B, 1, 64, 64)."""
+    axis = (torch.arange(SIDE, device=size.device) + 0.5) * 2 / SIDE - 1
+    far = torch.stack(torch.meshgrid(axis, axis, indexing="xy")).abs() - size[:, :, None, None] / 2
+    outside = (far.clamp(min=0).square().sum(1) + 1e-12).sqrt()
+    return (outside + far.amax(1).clamp(max=0))[:, None]

@@ -1,0 +1,318 @@
+"""PlanIT in rooms that it never saw: one item among all others, as in Table 1 of Di & Yu; and all, from nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import shapely
+import torch
+from scipy.optimize import linear_sum_assignment
+from tqdm import tqdm
+
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.metrics import Score, blocks_openings, summary
+from layoutrl.evaluation.statistics import standard_error
+from layoutrl.rivals.planit.generator import sample
+from layoutrl.rivals.planit.graph import Graph, Relation
+from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
+from layoutrl.rivals.planit.training import planned, with_last
+from layoutrl.rooms.room import Item, Room
+
+CHOICES = ("sampled", "argmax")  # of places, facings and sizes
+SIZES = ("own size", "true size")  # with the true form and rotation, which the agent knows, too
+DRAWS = 10  # graphs, until one has the item that is asked for
+TRIES = 4  # graphs that are drawn, until everything has a place; PlanIT sets no limit
+FURNISHED = 24  # rooms at most that are furnished from nothing: seconds each
+CHUNK = 64  # rooms whose heat maps are worked out at once
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where one item went, in each of B rooms; None where there was no place."""
+
+    items: list[Item | None]
+    iou: np.ndarray  # (B,), 0 without a place
+    score: Score
+    missing: float  # share of the rooms
+
+
+def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Places]:
+    """The moving item of each of the placer's rooms among the others, by graph, choice and whose size it has.
+
+    Where there is no place, what is drawn of the graph is drawn again, TRIES times in all.
+    The true size comes with form and rotation, as the agent knows them; a sampled graph has no item to take it of.
+    """
+    rng, noise = _generators(placer, seed)
+    found: dict[str, list[Item | None]] = {}
+    for first in tqdm(range(0, len(placer.rooms), CHUNK), "one item", leave=False):
+        for graph in GRAPHS:
+            rooms = range(first, min(first + CHUNK, len(placer.rooms)))
+            queries = [QUERIES[graph](placer, room, rng) for room in rooms]
+            for query, heat in zip(queries, placer.heat(queries), strict=True):
+                for choice, whose in _variants(graph):
+                    search = Search(rng, noise) if choice == "sampled" else Search()
+                    size = placer.rooms[query.room].moving if whose == "true size" else None
+                    item = placer.target(query, heat, search, size)
+                    redrawing = rng.spawn(1)[0]  # of its own: to draw again moves no draw of rng
+                    for _ in range(_tries(graph) - 1):
+                        if item is None:
+                            again = QUERIES[graph](placer, query.room, redrawing)
+                            item = placer.target(again, placer.heat([again])[0], search, size)
+                    found.setdefault(f"{graph}, {choice}, {whose}", []).append(item)
+    return {name: scored(placer.rooms, items) for name, items in found.items()}
+
+
+def _variants(graph: str) -> Iterator[tuple[str, str]]:
+    """How places are chosen, and whose size is taken."""
+    return product(CHOICES, SIZES[:1] if graph == "sampled graph" else SIZES)
+
+
+def _tries(graph: str) -> int:
+    """How many graphs are tried: the designer's is one."""
+    return 1 if graph == "given graph" else TRIES
+
+
+def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random.Generator, torch.Generator]:
+    drawing, noise = seed.spawn(2)
+    generator = torch.Generator(placer.model.device).manual_seed(int(noise.generate_state(1)[0]))
+    return np.random.default_rng(drawing), generator
+
+
+def _bare_query(placer: Placer, room: int) -> tuple[Query, int]:
+    """The moving item among all others, as they stand, without an edge; and its node."""
+    own, scene = placer.rooms[room], placer.scenes[room]
+    standing = [k for k, item in enumerate(own.furniture) if item.center is not None]
+    assert own.target in standing
+    target = scene.fixed + standing.index(own.target)
+    others = {scene.fixed + n: own.furniture[k] for n, k in enumerate(standing) if k != own.target}
+    return Query(room, scene.category[target], [], others), target
+
+
+def given_query(placer: Placer, room: int) -> Query:
+    """The moving item, by the edges that lead to it from all else, where the designer has it."""
+    query, target = _bare_query(placer, room)
+    return query._replace(edges=with_last(placer.model.statistics, placer.scenes[room], target)[target])
+
+
+def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) -> Query:
+    """The moving item, by edges that are drawn for it, into the graph of all others as they stand without it."""
+    query, target = _bare_query(placer, room)
+    scene = placer.scenes[room]
+    *others, (_, _) = graph = list(with_last(placer.model.statistics, scene, target).items())
+    drawn_as = {node: scene.fixed + k for k, (node, _) in enumerate(graph)}
+    node_of = {number: node for node, number in drawn_as.items()}
+    known = [
+        [Relation(drawn_as.get(r.anchor, r.anchor), drawn_as[node], r.type) for r in edges] for node, edges in others
+    ]
+    names = [scene.category[node] for node, _ in graph]
+    _, found = _sampled(placer, room, rng, names, known)
+    edges = [Relation(node_of.get(r.anchor, r.anchor), target, r.type) for r in found[drawn_as[target]]]
+    return query._replace(edges=edges)
+
+
+def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Query:
+    """The moving item, by the edges to the first node of its category in a graph that is drawn from the empty room.
+
+    Other nodes stand for the room's own items of their category, one after the other; what is left over is dropped.
+    Where no graph has such a node, no edge leads to the item.
+    """
+    query, target = _bare_query(placer, room)
+    scene = placer.scenes[room]
+    for _ in range(DRAWS):
+        names, graph = _sampled(placer, room, rng)
+        if query.category in names:
+            break
+    else:
+        return query
+    stands_for = scene.fixed + names.index(query.category)
+    node_of = {k: k for k in range(scene.fixed)}
+    left = list(query.placed)
+    for node, name in enumerate(names, scene.fixed):
+        same = next((k for k in left if scene.category[k] == name), None)
+        if node != stands_for and same is not None:
+            node_of[node] = same
+            left.remove(same)
+    edges = [Relation(node_of[r.anchor], target, r.type) for r in graph[stands_for] if r.anchor in node_of]
+    return query._replace(edges=edges)
+
+
+def _sampled(
+    placer: Placer,
+    room: int,
+    rng: np.random.Generator,
+    given: Sequence[str] | None = None,
+    known: Sequence[Sequence[Relation]] = (),
+) -> tuple[list[str], Graph]:
+    """A graph for a room, of categories that are `given` or drawn, the first items' edges maybe `known`."""
+    model, scene = placer.model, placer.scenes[room]
+    nodes, kept, most = model.statistics.nodes, model.statistics.kept, model.statistics.most
+    return sample(model.graphs, scene, nodes, kept, most, rng, given, known)
+
+
+QUERIES: dict[str, Callable[[Placer, int, np.random.Generator], Query]] = {
+    "sampled graph": _query_by_sample,
+    "given categories": _query_by_categories,
+    "given graph": lambda placer, room, _: given_query(placer, room),
+}
+GRAPHS = tuple(QUERIES)  # how much of it is the designer's
+
+
+def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
+    """What the items are worth in the place of the rooms' moving ones. Without a place nothing overlaps anything."""
+    iou, overlap, outside, blocked = (np.zeros(len(rooms)) for _ in range(4))
+    there = [k for k, item in enumerate(items) if item is not None]
+    if there:
+        furnished = [_with(rooms[k], items[k]) for k in there]
+        simulator = Simulator(furnished, Moves(), Reward())
+        index, position = np.arange(len(there)), simulator.designer_position  # which is where they were put
+        iou[there] = [iou_of(room.moving, rooms[k].moving) for room, k in zip(furnished, there, strict=True)]
+        overlap[there], outside[there] = simulator.overlap_and_outside(index, position)
+        blocked[there] = blocks_openings(simulator, index, position)
+    group = np.array([room.group for room in rooms])
+    return Places(list(items), iou, summary(iou, overlap, outside, blocked, group), 1 - len(there) / len(rooms))
+
+
+def _with(room: Room, item: Item | None) -> Room:
+    assert item is not None
+    return replace(room, furniture=tuple(item if k == room.target else o for k, o in enumerate(room.furniture)))
+
+
+def iou_of(item: Item, other: Item) -> float:
+    """IoU of two footprints."""
+    shared = shapely.area(shapely.intersection(item.footprint, other.footprint))
+    return float(shared / (item.footprint.area + other.footprint.area - shared))
+
+
+@dataclass(frozen=True)
+class Furnished:
+    """All items of B rooms, placed from nothing."""
+
+    layouts: list[list[Item]]
+    group: np.ndarray  # (B,), of rooms that are not independent
+    iou: list[dict[int, float]]  # of each room, by index of the designer's item: 0 for one that has no match
+    missing: float  # share of the graphs' items for which there was no place
+
+    @property
+    def mean_iou(self) -> float:
+        """Over rooms, of each room's mean over the designer's items."""
+        return float(self._means.mean())
+
+    @property
+    def standard_error(self) -> float | None:
+        """Over groups of rooms that are not independent; None of one."""
+        return standard_error(self._means, self.group)
+
+    @property
+    def _means(self) -> np.ndarray:
+        return np.array([np.mean(list(room.values())) for room in self.iou])
+
+    def as_dict(self) -> dict[str, float | None]:
+        """Its numbers, as JSON has them."""
+        return {name: getattr(self, name) for name in ("mean_iou", "standard_error", "missing")}
+
+
+def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furnished]:
+    """All items of each of the placer's rooms, by graph, choice and whose sizes they have, as `place_targets` does.
+
+    Items are matched with the designer's within a category, so that the sum of their IoU is highest.
+    """
+    rng, noise = _generators(placer, seed)
+    found: dict[str, list[Layout]] = {}
+    for room in tqdm(range(len(placer.rooms)), "all items", leave=False):
+        standing = [item for item in placer.rooms[room].furniture if item.center is not None]
+        for kind in GRAPHS:
+            for choice, whose in _variants(kind):
+                search = Search(rng, noise) if choice == "sampled" else Search()
+                layouts: list[Layout] = []
+                for _ in range(_tries(kind)):
+                    names, graph, stands_for = room_graph(placer, room, kind, rng)
+                    sizes = [standing[k] for k in stands_for] if whose == "true size" else None
+                    layouts.append(placer.furnish(room, names, graph, search, sizes))
+                    if not layouts[-1].missing:
+                        break
+                fullest = min(layouts, key=lambda layout: len(layout.missing))
+                found.setdefault(f"{kind}, {choice}, {whose}", []).append(fullest)
+    return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
+
+
+def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -> tuple[list[str], Graph, list[int]]:
+    """(categories, graph, which of the room's standing items each stands for), as much of it given as `kind` says."""
+    if kind == "sampled graph":
+        return *_sampled(placer, room, rng), []
+    scene = placer.scenes[room]
+    standing = [item for item in placer.rooms[room].furniture if item.center is not None]
+    graph, _ = planned(placer.model.statistics, scene, standing)
+    if kind == "given graph":
+        return [scene.category[node] for node in scene.items], graph, list(range(len(standing)))
+    order = [node - scene.fixed for node in graph]  # the most important first, as it was learned
+    given = [standing[k].category for k in order]
+    return *_sampled(placer, room, rng, given), order
+
+
+def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
+    """What layouts of whole rooms are worth."""
+    missing, placed = (
+        sum(map(len, counted)) for counted in zip(*((x.missing, x.placed) for x in layouts), strict=True)
+    )
+    items = [list(layout.placed.values()) for layout in layouts]
+    iou = [match(room, placed) for room, placed in zip(rooms, items, strict=True)]
+    group = np.array([room.group for room in rooms])
+    return Furnished(items, group, iou, missing / max(missing + placed, 1))
+
+
+def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
+    """The IoU of each of the designer's items with the one that it is matched with: 0 with none."""
+    designed = {k: item for k, item in enumerate(room.furniture) if item.center is not None}
+    iou = dict.fromkeys(designed, 0.0)
+    for category in {item.category for item in designed.values()}:
+        theirs = [k for k, item in designed.items() if item.category == category]
+        ours = [item for item in placed if item.category == category]
+        table = np.array([[iou_of(designed[k], item) for item in ours] for k in theirs]).reshape(len(theirs), -1)
+        for row, column in zip(*linear_sum_assignment(table, maximize=True), strict=True):
+            iou[theirs[row]] = float(table[row, column])
+    return iou
+
+
+def score_all(
+    placer: Placer, furnished: int, seed: np.random.SeedSequence
+) -> tuple[dict[str, Places], dict[str, Furnished]]:
+    """One item in every room, and all items in the first `furnished` of them, FURNISHED at most."""
+    one_seed, all_seed = seed.spawn(2)
+    few = min(furnished, FURNISHED)
+    every = Placer(placer.model, placer.rooms[:few], placer.scenes[:few])
+    return place_targets(placer, one_seed), furnish_all(every, all_seed)
+
+
+def evaluated(placer: Placer, furnished: int, seed: np.random.SeedSequence) -> dict[str, Any]:
+    """All that is scored, as plain numbers."""
+    one, every = score_all(placer, furnished, seed)
+    return {
+        "rooms": len(placer.rooms),
+        "furnished_rooms": min(furnished, FURNISHED, len(placer.rooms)),
+        "one item": {name: found.score.as_dict() | {"missing": found.missing} for name, found in one.items()},
+        "all items": {name: found.as_dict() for name, found in every.items()},
+    }
+
+
+def table(result: dict[str, Any]) -> str:
+    """A result of `evaluated` as text."""
+    one, every = result["one item"], result["all items"]
+    wide = max(map(len, one))
+    lines = [
+        f"IoU in {result['rooms']} held-out rooms of one item among all others; of all items, placed from nothing in "
+        f"{result['furnished_rooms']} rooms",
+        f"{'':{wide}}  {'mean IoU':>13} {'median':>6} {'>= 0.9':>6} {'no place':>8} {'all':>6} {'no place':>8}",
+    ]
+    for name, row in one.items():
+        of_all = every.get(name)
+        rest = f"{of_all['mean_iou']:6.3f} {of_all['missing']:8.1%}" if of_all else f"{'-':>6} {'-':>8}"
+        lines.append(
+            f"{name:{wide}}  {row['mean_iou']:.3f} ± {row['std_iou']:.3f} {row['median_iou']:6.3f} "
+            f"{row['share_090']:6.1%} {row['missing']:8.1%} {rest}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,291 @@
+"""What supervised learning makes of the same rooms and the same observation: three yardsticks.
+
+The regressor, the agent's network, sees a start and says how far away the designer's place is. The pointer, a network
+made for it, sees no start and points at a side or the middle of something. The scorer, the agent's network again, sees
+a place and says how good it is; its answer is the best of many candidates, none of which is drawn from the answer.
+Places are centres in metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+import shapely
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import l1_loss, mse_loss
+
+from layoutrl.agents.networks import PRESENT, GeometryNetwork, upright_box, weights_of
+from layoutrl.agents.training import in_every_view
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import padded, snap
+from layoutrl.env.observation import GeometryObservation
+from layoutrl.env.simulator import TOUCHING, Simulator
+from layoutrl.env.symmetry import Symmetry, shares, symmetries
+from layoutrl.rivals.budgets import Spent
+from layoutrl.rivals.rules import play
+
+SIDE = 11  # candidates along each side of the grid
+NEAR = (0.005, 0.5)  # metres: least and greatest spread of the training places around the designer's
+ALIGNED = 0.3  # chance that such a place is not off along an axis: at the right wall, or the very place
+BLOCK = 4096  # poses seen at once: memory, not speed
+ANCHORS = 5  # an item touches either side of an element, from within or without, or shares its middle
+BREADTH = 0.02  # metres: of the density around each place that the pointer holds for possible
+
+Draw = Callable[[torch.Generator], tuple[Tensor, Tensor]]  # a batch: what is seen (B, ...), what to say of it (B, n)
+Loss = Callable[[Any, Tensor], Tensor]
+Network = TypeVar("Network", bound=nn.Module)
+
+
+def train_regressor(
+    simulator: Simulator,
+    observe: GeometryObservation,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    *,
+    batch: int = 512,
+    learning_rate: float = 1e-3,
+    device: torch.device | str = "cpu",
+) -> GeometryNetwork:
+    """A network that says, of an item at a random start in one of the rooms, how far the designer's place is.
+
+    It has two outputs, metres to the right and up, and learns the least absolute error: of two walls that
+    designers choose it points at one, not between them. Each batch has an equal share in every symmetry, in which
+    the way is mirrored and turned like the room.
+    """
+    batch_simulator = BatchSimulator(simulator, device)
+    designed = torch.tensor(simulator.designer_position, device=device)
+    views = symmetries(simulator.moves, device)
+
+    def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        room = torch.randint(len(designed), (batch,), generator=generator, device=device)
+        start = batch_simulator.starts(room, generator)
+        way = (designed[room] - start).float()
+        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, way)])
+        return in_every_view(observe, views, observe(room, start)), turned
+
+    return _trained(lambda: _agents_network(observe, 2), draw, l1_loss, spent, seed, learning_rate, device)
+
+
+def regressed_places(
+    network: GeometryNetwork,
+    observe: GeometryObservation,
+    room: np.ndarray,
+    starts: np.ndarray,
+    views: Sequence[Symmetry],
+) -> np.ndarray:
+    """Where the regressor says the item goes from starts (B, 2) in rooms (B,), legal or not: (B, 2).
+
+    Along each axis the median over the `views`.
+    """
+    return starts + _agreed(_said(network, observe, room, starts, views), views)
+
+
+class PointingNetwork(nn.Module):
+    """Along each axis a mixture of places: where the item touches a side of an element, or shares its middle.
+
+    Each place is off that by a learnt offset; which of them it is, is learnt. Every element hears of the moving item
+    and of all others. Input: (B, elements, columns) as made by GeometryObservation, with the item in the middle of the
+    room, where it tells nothing. Output: log weights and centres, (B, 2, elements x ANCHORS) each; metres from there.
+    """
+
+    def __init__(self, columns: int, width: int = 96, rounds: int = 3):
+        super().__init__()
+        self.embed = nn.Sequential(nn.Linear(columns + 4, width), nn.ReLU())
+        self.own = nn.ModuleList(nn.Linear(width, width) for _ in range(rounds))
+        self.heard = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(rounds))
+        self.out = nn.ModuleList(nn.Linear(width, width) for _ in range(rounds))
+        self.head = nn.Linear(width, 2 * ANCHORS * 2)
+
+    def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
+        middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
+        present = elements[..., PRESENT, None]
+        state = self.embed(torch.cat([elements, (middle - half)[..., 0], (middle + half)[..., 0]], -1))
+        for own, heard, out in zip(self.own, self.heard, self.out, strict=True):
+            highest = state.masked_fill(present == 0, -torch.inf).amax(1)
+            pooled = torch.cat([state[:, 0], highest, (state * present).sum(1) / present.sum(1)], -1)
+            state = state + out((own(state) + heard(pooled)[:, None]).relu())
+        weight, offset = self.head(state).unflatten(-1, (2, ANCHORS, 2)).unbind(-1)  # (B, N, 2, ANCHORS)
+        item = half[:, :1]
+        touching = [middle - half - item, middle - half + item, middle, middle + half - item, middle + half + item]
+        center = torch.cat(touching, -1) + offset
+        weight = weight.masked_fill(present[..., None] == 0, -1e9)
+        weight, center = (t.transpose(1, 2).flatten(2) for t in (weight, center))
+        return weight.log_softmax(-1), center
+
+    def point(self, elements: Tensor) -> Tensor:
+        """The likeliest place: (B, 2)."""
+        weight, center = self(elements)
+        return center.gather(-1, weight.argmax(-1, keepdim=True))[..., 0]
+
+
+def train_pointer(
+    simulator: Simulator,
+    observe: GeometryObservation,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    *,
+    batch: int = 64,
+    learning_rate: float = 1e-3,
+    device: torch.device | str = "cpu",
+) -> PointingNetwork:
+    """A network that points at the designer's place, by the likelihood of it under the mixture.
+
+    Each batch has an equal share in every symmetry.
+    """
+    goal = torch.tensor(simulator.designer_position, device=device) - observe.origin
+    views = symmetries(simulator.moves, device)
+
+    def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        room = torch.randint(len(goal), (batch,), generator=generator, device=device)
+        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, goal[room].float())])
+        return in_every_view(observe, views, observe(room, observe.origin[room])), turned
+
+    def loss(said: tuple[Tensor, Tensor], goal: Tensor) -> Tensor:
+        weight, center = said
+        return -torch.logsumexp(weight - (center - goal[..., None]).abs() / BREADTH, -1).mean()
+
+    return _trained(lambda: PointingNetwork(observe.space.shape[1]), draw, loss, spent, seed, learning_rate, device)
+
+
+def pointed_places(network: PointingNetwork, observe: GeometryObservation, views: Sequence[Symmetry]) -> np.ndarray:
+    """Where the pointer points in each room, legal or not: (rooms, 2). Along each axis the median over the `views`."""
+    origin = observe.origin.cpu().numpy()
+    return origin + _agreed(_said(network.point, observe, np.arange(len(origin)), origin, views), views)
+
+
+def train_scorer(
+    simulator: Simulator,
+    observe: GeometryObservation,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    *,
+    batch: int = 512,
+    learning_rate: float = 1e-3,
+    device: torch.device | str = "cpu",
+) -> GeometryNetwork:
+    """A network that says how good a place is: its IoU with the designer's, seen with the item standing there.
+
+    Of the places of every batch half are candidates as in a test, a quarter are drawn uniformly, and a quarter lie
+    around the designer's, at every scale of NEAR as many. Each batch has an equal share in every symmetry.
+    """
+    batch_simulator = BatchSimulator(simulator, device)
+    designed = torch.tensor(simulator.designer_position, device=device)
+    table = torch.tensor(candidates(simulator), device=device)
+    count = (~table[..., 0].isnan()).sum(1)
+    views = symmetries(simulator.moves, device)
+
+    def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        def chance(*shape: int) -> Tensor:
+            return torch.rand(shape, generator=generator, device=device, dtype=torch.float64)
+
+        room = torch.randint(len(designed), (batch,), generator=generator, device=device)
+        start = batch_simulator.starts(room, generator)
+        candidate = table[room, (chance(batch) * count[room]).long()]
+        spread = NEAR[0] * (NEAR[1] / NEAR[0]) ** chance(batch, 1)
+        off = torch.randn(batch, 2, generator=generator, device=device) * spread * (chance(batch, 2) >= ALIGNED)
+        near = snap(designed[room] + off)
+        near = torch.where(batch_simulator.is_legal(room, near)[:, None], near, start)
+        kind = (4 * chance(batch, 1)).long()
+        place = torch.where(kind < 2, candidate, torch.where(kind < 3, start, near))
+        iou = batch_simulator.reward(room, place).iou
+        return in_every_view(observe, views, observe(room, place)), iou[:, None]
+
+    return _trained(lambda: _agents_network(observe, 1), draw, mse_loss, spent, seed, learning_rate, device)
+
+
+def scored_places(
+    network: GeometryNetwork, simulator: Simulator, observe: GeometryObservation, views: Sequence[Symmetry]
+) -> np.ndarray:
+    """The candidate of each room that the scorer likes best, on the average over the `views`: (rooms, 2)."""
+    places = candidates(simulator)
+    room, which = np.nonzero(~np.isnan(places[..., 0]))
+    score = np.full(places.shape[:2], -np.inf)
+    score[room, which] = _said(network, observe, room, places[room, which], views).mean(0)[:, 0]
+    return places[np.arange(len(places)), score.argmax(1)]
+
+
+def candidates(simulator: Simulator) -> np.ndarray:
+    """Places to choose from, in every room: (rooms, most, 2), rows of rooms with fewer filled up with NaN.
+
+    All legal places at which a side of the item touches the outline or the box around another item along both
+    axes, the legal ones of a grid of SIDE by SIDE over the outline's bounding box, and one that is always legal.
+    Nothing of them hangs on the designer's place.
+    """
+    places, rooms = [], []
+    for k, room in enumerate(simulator.rooms):
+        places.append(shapely.get_coordinates(shapely.point_on_surface(simulator.legal[k])))
+        rooms.append(np.array([k]))
+        low, high = play(room)
+        for x, y in (_contact_coordinates(simulator.contacts[k]), np.linspace(low, high, SIDE).T):
+            places.append(np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
+            rooms.append(np.full(len(places[-1]), k))
+    place, of = snap(np.concatenate(places)), np.concatenate(rooms)
+    legal = simulator.is_legal(of, place)
+    return padded(place[legal], of[legal], len(simulator.rooms))
+
+
+def _contact_coordinates(borders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where upright and level borders (n, 4) lie: x of the ones and y of the others, each once."""
+    coordinates = []
+    for start, end in (borders[:, [0, 2]].T, borders[:, [1, 3]].T):
+        level = np.sort(start[np.abs(start - end) < TOUCHING])  # NaN is not
+        coordinates.append(level[np.diff(level, prepend=-np.inf) > TOUCHING])
+    return coordinates[0], coordinates[1]
+
+
+def _agents_network(observe: GeometryObservation, outputs: int) -> GeometryNetwork:
+    return GeometryNetwork(observe.space.shape[1], outputs, dueling=False)
+
+
+def _trained(
+    make: Callable[[], Network],
+    draw: Draw,
+    loss: Loss,
+    spent: Spent,
+    seed: np.random.SeedSequence,
+    learning_rate: float,
+    device: torch.device | str,
+) -> Network:
+    """A network trained by Adam on ever new batches, at a rate that falls with what is left of the budget."""
+    weights, drawing = seed.spawn(2)
+    with weights_of(weights):
+        network = make().to(device)
+    generator = torch.Generator(device).manual_seed(int(drawing.generate_state(1)[0]))
+    optimizer = torch.optim.Adam(network.parameters(), fused=True)
+    updates = 0
+    while (share := spent(updates)) < 1:
+        for group in optimizer.param_groups:
+            group["lr"] = learning_rate * (1 - share)
+        observation, goal = draw(generator)
+        optimizer.zero_grad(set_to_none=True)
+        loss(network(observation), goal).backward()
+        optimizer.step()
+        updates += 1
+    return network
+
+
+@torch.no_grad()
+def _said(
+    say: Callable[[Tensor], Tensor],
+    observe: GeometryObservation,
+    room: np.ndarray,
+    position: np.ndarray,
+    views: Sequence[Symmetry],
+) -> Tensor:
+    """A network's outputs, on the host, for poses (B,), (B, 2) in each view: (views, B, n)."""
+    device = observe.origin.device
+    said = []
+    for first in range(0, len(room), BLOCK):
+        block = slice(first, first + BLOCK)
+        seen = observe(torch.as_tensor(room[block], device=device), torch.as_tensor(position[block], device=device))
+        said.append(torch.stack([say(observe.turned(seen, view)) for view in views]))
+    return torch.cat(said, 1).cpu()
+
+
+def _agreed(said: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
+    """Ways (views, B, 2) turned back, and along each axis their median: a minority at another wall does not count."""
+    ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
+    return np.median(torch.stack(ways).numpy(), 0)

@@ -1,0 +1,76 @@
+"""Rooms to train on and rooms held out, of any source, with the item that moves chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from layoutrl import InputError
+from layoutrl.rooms.collection import Collection, choose_item, split
+from layoutrl.rooms.designer.generator import Part
+from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources import designer_cache, read_files
+
+
+@dataclass
+class Data:
+    """Which rooms: where they come from, how many, of which seed; `conf/data/` has the values."""
+
+    source: str | None  # designer, floorplans, designer_rooms or json
+    root: str | None = None  # folder or file of the source's original data; designer: of its cache
+    train_rooms: int | None = 5000  # designer: rooms to train on
+    test_rooms: int | None = 1000  # designer: held-out rooms, from a seed of their own
+    seed: int | None = 0  # designer: of the rooms
+    labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
+    strict: bool = False  # json: stop at the first room that cannot be used
+
+    @property
+    def path(self) -> Path | None:
+        """The root as a path, `~` resolved."""
+        return None if self.root is None else Path(self.root).expanduser()
+
+
+def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms in which `item` moves; prints how many were read, kept and left out, and why.
+
+    The designer makes the two parts from different seeds. Rooms of files are split by the hash of their group.
+    """
+    assert data.source is not None
+    if data.source == "designer":
+        return designed_rooms(room_type, item, data, "train"), designed_rooms(room_type, item, data, "test")
+    collection = read_files(data.source, room_type, data.path, data.labels, data.strict)
+    return split(_with_item(collection, room_type, item), fold)
+
+
+def two_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms as `read_parts` has them. Raises InputError where either part is empty."""
+    training, held_out = read_parts(room_type, item, data, fold)
+    if not training or not held_out:
+        raise InputError(
+            f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "
+            "(more rooms, or another fold)"
+        )
+    return training, held_out
+
+
+def designed_rooms(room_type: str, item: str, data: Data, part: Part) -> list[Room]:
+    """One part of the designer's rooms in which `item` moves; prints how each template fared."""
+    count = {"train": data.train_rooms, "test": data.test_rooms}[part]
+    if count is None or data.seed is None:
+        raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
+    designs = designer_cache.read(data.path, room_type, part, data.seed, count)
+    print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
+    return _with_item(Collection(f"designer, {part}", designs.rooms, inside=True), room_type, item)
+
+
+def _with_item(collection: Collection, room_type: str, item: str) -> list[Room]:
+    chosen = choose_item(collection, item)
+    print(chosen)
+    if not chosen.rooms:
+        held = sorted({item.category for room in collection.rooms for item in room.furniture})
+        raise InputError(
+            f"room.item: no {room_type} of {collection.source} can be used with item {item}; "
+            f"expected {', '.join(['main', 'all', *held])}"
+        )
+    return chosen.rooms

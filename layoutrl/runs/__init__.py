@@ -1,0 +1,1 @@
+"""What runs and commands have in common: configuration, folder, resuming, monitoring, evaluation."""

@@ -1,0 +1,309 @@
+"""The configuration's shape: what `conf/` may say. Entry points, runs/, benchmarks/ and experiments/ read it.
+
+A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__` checks it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from hydra import compose, initialize_config_dir
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING, OmegaConf
+
+import layoutrl
+from layoutrl import InputError
+from layoutrl.agents.learner import Method
+from layoutrl.agents.replay import MOST_ACTIONS
+from layoutrl.env.reward import Reward
+from layoutrl.rooms.collection import FOLDS
+from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.rooms.sources.parts import Data
+
+
+def config_directory() -> Path:
+    """conf/ beside the package in a checkout, inside it when installed: found from any working directory."""
+    package = Path(layoutrl.__file__).resolve().parent
+    return next((d for d in (package / "conf", package.parent / "conf") if d.is_dir()), package / "conf")
+
+
+@dataclass
+class RoomConfig:
+    type: str = MISSING
+    item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
+    updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
+
+
+@dataclass
+class RewardConfig:
+    theta1: float = 100.0
+    theta2: float = -100.0
+    theta3: float = -100.0
+    inside: Any = "share"
+
+    @property
+    def weights(self) -> Reward:
+        """The reward itself."""
+        return Reward(self.theta1, self.theta2, self.theta3, self.inside)
+
+
+@dataclass
+class BudgetConfig:
+    name: str = MISSING
+    reports: int = 50  # lines in metrics.csv
+    evaluations: int = 10  # while training
+    evaluation_rooms: int = 64  # training and held-out rooms in each of these, at most
+    random_starts: int = 2000  # of the paper's Table 2
+
+
+@dataclass
+class LearningConfig:
+    """Of whatever is trained: the rooms, how long, the seed, and where it goes."""
+
+    room: RoomConfig = field(default_factory=RoomConfig)
+    data: Data = MISSING
+    budget: BudgetConfig = field(default_factory=BudgetConfig)
+    seed: int = 0
+    fold: int = 0  # which fifth of the rooms is held out, 0 to 4
+    device: str = "auto"
+    runs: str = "runs"
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        one_of("room.type", self.room.type, *MAIN_ITEM)
+        check_data(self.data)
+        one_of("data.labels", self.data.labels, "snapped", "raw")
+        for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
+            value = getattr(self.budget, name)
+            _within(f"budget.{name}", value, value >= 1, "1 or more")
+        _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
+        _within("seed", self.seed, self.seed >= 0, "0 or more")
+
+
+@dataclass
+class TrainConfig(LearningConfig):
+    method: Method = MISSING
+    reward: RewardConfig = field(default_factory=RewardConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_method("method", self.method)
+        one_of("reward.inside", self.reward.inside, "share", "iou")
+        one_of("budget.name", self.budget.name, *self.method.updates)
+
+
+@dataclass
+class PlanitMethodConfig:
+    name: str = "planit"
+    updates: dict[str, int] = MISSING  # by budget, of all networks
+    batch: int = MISSING
+    learning_rate: float = MISSING
+
+    def check(self, prefix: str) -> None:
+        """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+        _within(f"{prefix}.learning_rate", self.learning_rate, self.learning_rate > 0, "more than 0")
+        _within(f"{prefix}.batch", self.batch, self.batch >= 2, "2 or more, for batch normalisation")
+        _within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
+
+
+@dataclass
+class PlanitConfig(LearningConfig):
+    method: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.method.check("method")
+        one_of("budget.name", self.budget.name, *self.method.updates)
+
+
+AnyTraining = TrainConfig | PlanitConfig
+Config = TypeVar("Config", TrainConfig, PlanitConfig)
+
+
+@dataclass
+class PlanitCommand(PlanitConfig):
+    """What `python -m layoutrl.planit.train` takes."""
+
+    resume: str | None = None  # folder of a run to go on with
+
+
+@dataclass
+class TrainCommand(TrainConfig):
+    """What `python -m layoutrl.train` takes."""
+
+    resume: str | None = None  # folder of a run to go on with
+
+
+@dataclass
+class RunConfig:
+    """A trained agent, and rooms to see it in."""
+
+    run: str = MISSING
+    data: Data = field(  # null: as in the run
+        default_factory=lambda: Data(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
+    )
+    part: Any = None
+    checkpoint: Any = "last"
+    seed: int = 0
+    device: str = "auto"
+    on_illegal: Any = None
+
+    def __post_init__(self) -> None:
+        check_data(self.data)
+        one_of("checkpoint", self.checkpoint, "last", "best")
+        if self.part is not None:
+            one_of("part", self.part, "held_out", "training", "all")
+        _within("seed", self.seed, self.seed >= 0, "0 or more")
+        if self.on_illegal is not None:
+            one_of("on_illegal", self.on_illegal, "stop", "mask")
+
+
+@dataclass
+class EvaluateConfig(RunConfig):
+    starts: int = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within("starts", self.starts, self.starts >= 1, "1 or more")
+
+
+@dataclass
+class WatchConfig(RunConfig):
+    rooms: int = 6
+    width: int = 720
+    out: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
+        _within("width", self.width, self.width >= 100, "100 or more")
+
+
+@dataclass
+class PlaceConfig:
+    """A trained agent, and rooms that lack an item."""
+
+    run: str = MISSING
+    rooms: str = MISSING
+    item: str | None = None
+    out: str | None = None
+    checkpoint: Any = "last"
+    seed: int = 0
+    device: str = "auto"
+
+    def __post_init__(self) -> None:
+        one_of("checkpoint", self.checkpoint, "last", "best")
+        _within("seed", self.seed, self.seed >= 0, "0 or more")
+
+
+@dataclass
+class GalleryConfig:
+    room: RoomConfig = field(default_factory=RoomConfig)
+    data: Data = MISSING
+    rooms: int = 24
+    all_types: bool = False
+    out: str = "gallery"
+
+    def __post_init__(self) -> None:
+        check_data(self.data)
+        one_of("room.type", self.room.type, *MAIN_ITEM)
+        _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
+
+
+@dataclass
+class BenchConfig(TrainConfig):
+    """What is trained is configured as for training; `budget` says for how many updates."""
+
+    paper: Method = MISSING  # the paper's network, and how it learns
+    parts: list[str] = MISSING
+    seconds: float = MISSING
+    batch: int = MISSING
+    images: int = MISSING
+    shapely_batches: list[int] = MISSING
+    transitions: int = MISSING
+    batches: list[int] = MISSING
+    items: list[int] = MISSING
+    items_rooms: int = MISSING
+    probe_every: int = MISSING
+    minutes: float = MISSING
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_method("paper", self.paper)
+        for part in self.parts:
+            one_of("parts", part, "speed", "memory", "growth", "training", "image", "sb3")
+        _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
+        for name in ("batch", "images", "items_rooms", "probe_every"):
+            value = getattr(self, name)
+            _within(name, value, value >= 1, "1 or more")
+        for name in ("shapely_batches", "batches", "items"):
+            values = getattr(self, name)
+            _within(name, values, min(values, default=0) >= 1, "numbers of 1 or more")
+        for name in ("seconds", "minutes"):
+            value = getattr(self, name)
+            _within(name, value, value > 0, "more than 0")
+
+
+def part(config: LearningConfig, schema: type[Config]) -> Config:
+    """What a training reads of a configuration that has more."""
+    return schema(**{field.name: getattr(config, field.name) for field in fields(schema)})
+
+
+def check_method(prefix: str, method: Method) -> None:
+    """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+    _within(f"{prefix}.learning_rate", method.learning_rate, method.learning_rate > 0, "more than 0")
+    one_of(f"{prefix}.observation", method.observation, "geometry", "image")
+    one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
+    one_of(f"{prefix}.on_illegal", method.on_illegal, "stop", "mask")
+    for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
+        value = getattr(method, name)
+        _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
+    for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
+        share = getattr(method, name)
+        _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
+    most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
+    _within(f"{prefix}.steps", method.steps, len(method.steps) <= most, f"at most {most} lengths")
+    if method.symmetries:
+        _within(f"{prefix}.batch", method.batch, method.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
+    _within(f"{prefix}.updates", method.updates, min(method.updates.values()) >= 1, "1 or more each")
+    fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
+    _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
+    _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
+
+
+def check_data(data: Data) -> None:
+    """Raises InputError for what is out of range."""
+    for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
+        value = getattr(data, name)
+        _within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
+
+
+def one_of(name: str, value: str, *allowed: str) -> None:
+    """Raises InputError for a value that is none of those allowed."""
+    _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
+
+
+def _within(name: str, value: Any, holds: bool, expected: str) -> None:
+    if not holds:
+        raise InputError(f"{name}: expected {expected}; got {value}")
+
+
+def register() -> None:
+    """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
+    store = ConfigStore.instance()
+    store.store(name="train_schema", node=TrainCommand)
+    store.store(name="planit_schema", node=PlanitCommand)
+    store.store(name="evaluate_schema", node=EvaluateConfig)
+    store.store(name="watch_schema", node=WatchConfig)
+    store.store(name="place_schema", node=PlaceConfig)
+    store.store(name="gallery_schema", node=GalleryConfig)
+    store.store(name="bench_schema", node=BenchConfig)
+
+
+def composed(entry_point: str, *overrides: str) -> Any:
+    """The configuration that `python -m layoutrl.<entry point> <overrides>` would run with."""
+    register()
+    with initialize_config_dir(str(config_directory()), version_base="1.3"):
+        return OmegaConf.to_object(compose(entry_point, list(overrides)))

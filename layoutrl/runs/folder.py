@@ -1,0 +1,225 @@
+"""The folder of a run: config.yaml, checkpoints/, metrics.csv, evaluation.json, TensorBoard events; the machine."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import torch
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+import layoutrl
+from layoutrl import InputError
+from layoutrl.rooms.sources.parts import Data
+from layoutrl.runs.config import AnyTraining, Config
+
+CHECKPOINTS = "checkpoints"  # folder of a run
+LOCK = "lock"  # of a run that is trained
+KEPT = 2  # checkpoints, beside the best
+
+
+def wanted_folder(config: AnyTraining) -> Path:
+    """runs/<room>/<name>."""
+    labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
+    name = config.name or (
+        f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
+    )
+    return Path(config.runs) / config.room.type / name
+
+
+def new_folder(config: AnyTraining) -> Path:
+    """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml.
+
+    Raises InputError where it cannot be written to.
+    """
+    kept = OmegaConf.structured(replace(config, data=located(config.data)))
+    folder = make_folder(wanted_folder(config))
+    try:
+        _write(folder / "config.yaml", OmegaConf.to_yaml(kept).encode())
+    except OSError as error:
+        shutil.rmtree(folder)
+        raise InputError(f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to") from None
+    return folder
+
+
+def folders_of(wanted: Path) -> list[Path]:
+    """Those that `make_folder` has made of one name."""
+    numbered = re.compile(rf"{re.escape(wanted.name)}(-\d+)?")
+    return [folder for folder in sorted(wanted.parent.glob("*")) if numbered.fullmatch(folder.name)]
+
+
+def located(data: Data) -> Data:
+    """The same data, wherever the run is read from."""
+    return replace(data, root=data.root and str(Path(data.root).expanduser().absolute()))
+
+
+def make_folder(wanted: Path) -> Path:
+    """A new folder: the one that is wanted, with a number behind its name where that is taken."""
+    attempt = 1
+    while True:
+        folder = wanted if attempt == 1 else wanted.with_name(f"{wanted.name}-{attempt}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            attempt += 1
+        except OSError as error:
+            raise InputError(
+                f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to"
+            ) from None
+        else:
+            return folder
+
+
+@contextmanager
+def locked(file: Path, *, wait: bool) -> Iterator[None]:
+    """Inside, no other process holds the file; waits for one that does. However a process ends, it lets go of it.
+
+    Raises InputError where one holds it that is not to be waited for, and where files cannot be locked.
+    """
+    try:
+        stream = file.open("w")  # to be written to: without it, file systems of clusters lock nothing
+    except OSError as error:
+        raise InputError(f"runs: cannot write {file} ({error.strerror}); expected a folder to write to") from None
+    with stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"run: {file.parent} is in use by another process; expected it to end first") from None
+        except OSError as error:
+            raise InputError(
+                f"runs: cannot lock {file} ({error.strerror}); expected a folder on a file system with locks"
+            ) from None
+        yield
+
+
+def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:
+    """Keep a state (tensors and plain values) as checkpoints/<updates>.pt, whole or not at all.
+
+    A mark beside it, written last, has its hash, and the mean IoU in training rooms if it was asked for. The last two
+    and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
+    """
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    content = buffer.getvalue()
+    file = folder / CHECKPOINTS / f"{updates:08d}.pt"
+    mark = {"sha256": hashlib.sha256(content).hexdigest(), "updates": updates, "iou": iou}
+    try:
+        file.parent.mkdir(exist_ok=True)
+        file.with_suffix(".json").unlink(missing_ok=True)
+        _write(file, content)
+        _write(file.with_suffix(".json"), (json.dumps(mark) + "\n").encode())
+    except OSError as error:
+        before = checkpoints(folder)
+        safe = f"that of {before[0].updates} updates is whole" if before else "there is none before it"
+        raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
+    marks = checkpoints(folder)
+    later = [mark for mark in marks if mark.updates > updates]  # damaged, and what it went on from was before them
+    marks = marks[len(later) :]
+    for old in [*later, *marks[KEPT:]]:
+        if old != best(marks):
+            old.file.with_suffix(".json").unlink()  # the mark first: what has none is none
+            old.file.unlink(missing_ok=True)
+
+
+class Checkpoint(NamedTuple):
+    """What the mark of one says."""
+
+    updates: int
+    iou: float | None
+    sha256: str
+    file: Path
+
+
+def checkpoints(folder: Path) -> list[Checkpoint]:
+    """Those of a run that have a mark that can be read, the last one first."""
+    found = []
+    for mark in (folder / CHECKPOINTS).glob("*.json"):
+        try:
+            said = json.loads(mark.read_text(encoding="utf-8"))
+            iou = None if said["iou"] is None else float(said["iou"])
+            found.append(Checkpoint(int(said["updates"]), iou, str(said["sha256"]), mark.with_suffix(".pt")))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            print(f"{mark} cannot be read ({error}); its checkpoint is left out")
+    return sorted(found, key=lambda checkpoint: -checkpoint.updates)
+
+
+def best(found: list[Checkpoint]) -> Checkpoint:
+    """The one with the highest IoU in training rooms, and of equals the last: what is held out chooses nothing."""
+    return max(found, key=lambda checkpoint: -1.0 if checkpoint.iou is None else checkpoint.iou)
+
+
+def load_checkpoint(folder: Path, device: torch.device, which: Literal["last", "best"] = "last") -> dict[str, Any]:
+    """The last whole state that was saved, or the best; says where one is damaged and the last but it is taken.
+
+    Nothing in a file is run. Raises InputError where none is whole, or where it is of another version.
+    """
+    found = checkpoints(folder)
+    if which == "best" and found:
+        found.insert(0, best(found))
+    for checkpoint in found:
+        try:
+            content = checkpoint.file.read_bytes()
+            if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+                raise ValueError("its hash is another")
+            state: dict[str, Any] = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
+        except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
+            raise
+        except Exception as error:  # torch answers a damaged file with whatever it meets in it
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            print(f"{checkpoint.file} is damaged ({reason}); the one before it is taken")
+            continue
+        if state["version"] != layoutrl.__version__:
+            raise InputError(
+                f"run: {checkpoint.file} is of layoutrl {state['version']}; expected {layoutrl.__version__}, as here"
+            )
+        return state
+    raise InputError(f"run: {folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
+
+
+def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
+    """The dotted names of what both configurations have, and have differently; what it runs on is not counted."""
+    names = []
+    for name in first.keys() & second.keys() - {"device"}:
+        one, other = first[name], second[name]
+        if isinstance(one, dict) and isinstance(other, dict):
+            names += differences(one, other, f"{prefix}{name}.")
+        elif one != other:
+            names.append(prefix + name)
+    return sorted(names)
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Write a file whole or not at all, and onto the disk before its name is there."""
+    partial = file.with_name(f"{file.name}.partial")
+    with partial.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    partial.replace(file)
+
+
+def load_config(folder: Path, schema: type[Config]) -> Config:
+    """The resolved configuration of a run. Raises InputError where there is none, or one of another kind of run."""
+    path = folder / "config.yaml"
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(path)))  # type: ignore[return-value]
+    except (OSError, OmegaConfBaseException, YAMLError, ValueError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write a file whole or not at all."""
+    _write(path, (json.dumps(content, indent=1) + "\n").encode())

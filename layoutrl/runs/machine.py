@@ -1,0 +1,79 @@
+"""The machine that a command runs on: its device, its memory, and what is said of it beside every result."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import torch
+
+import layoutrl
+from layoutrl import InputError
+
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
+
+
+def device_of(name: str) -> torch.device:
+    """`auto` is the GPU where there is one."""
+    if name == "auto":
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        chosen = torch.device(name)
+        torch.zeros(1, device=chosen).item()  # which a device without memory refuses
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(
+            f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})"
+        ) from None
+    return chosen
+
+
+def refuse_chance(device: torch.device) -> None:
+    """Let torch raise where an operation would not give the same every time. On a GPU that would cost speed."""
+    torch.use_deterministic_algorithms(device.type == "cpu")
+    # What finds errors, and takes time. (torch's types do not know it.)
+    torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
+
+
+def keep_freed_memory() -> None:
+    """Let glibc keep what is freed for what comes next; elsewhere nothing changes.
+
+    An update asks for tens of megabytes and frees them. To give them back to the system each time, and get them again
+    page by page, costs the paper's network a fifth of its speed.
+    """
+    if platform.libc_ver()[0] == "glibc":
+        libc = ctypes.CDLL(None)
+        # Old versions refuse the first; without it, the second would make large tensors slower.
+        if libc.mallopt(M_MMAP_THRESHOLD, 2**30):
+            libc.mallopt(M_TRIM_THRESHOLD, 2**31 - 1)
+
+
+def machine(device: torch.device) -> dict[str, Any]:
+    """What it was measured on, and with which versions."""
+    cpuinfo = Path("/proc/cpuinfo")
+    name = re.search(r"model name\s*: (.*)", cpuinfo.read_text()) if cpuinfo.exists() else None
+    package = Path(layoutrl.__file__).resolve().parent
+    describe = ["git", "-C", str(package), "describe", "--always", "--dirty", "--exclude=*"]
+    checkout = (package.parent / ".git").exists() and shutil.which("git")
+    commit = subprocess.run(describe, capture_output=True, text=True, check=False).stdout.strip() if checkout else ""
+    return {
+        "cpu": name[1] if name else platform.processor(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "torch threads": torch.get_num_threads(),
+        "load": round(os.getloadavg()[0], 1)
+        if hasattr(os, "getloadavg")
+        else None,  # processes that wanted a core in the last minute
+        "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numpy": np.__version__,
+        "shapely": shapely.__version__,
+        "layoutrl": f"{layoutrl.__version__} {commit}".strip(),
+    }

@@ -1,0 +1,87 @@
+"""The evaluation that training, the command line and the tables share: numbers, a table, a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from layoutrl.agents.dqn import Observe
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.metrics import lattice_ceiling, score
+from layoutrl.evaluation.protocols import Greedy
+from layoutrl.rivals.rules import nearest_room_place, random_wall_place
+from layoutrl.rooms.room import Room
+
+AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner place", "nearest training room"
+
+
+def evaluate(
+    policy: Greedy,
+    simulator: Simulator,
+    observe: Observe,
+    training: Sequence[Room],
+    *,
+    starts_a_room: int,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Score the agent and three yardsticks from the same random starts in every room of the simulator.
+
+    The result is plain numbers, ready for JSON: a row each, the lattice ceiling, and every room's IoU.
+    """
+    start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
+    room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
+    starts = simulator.starts(room, start_rng)
+    run = policy.rollout(BatchSimulator(simulator, policy.device), observe, room, starts)
+    ceiling = lattice_ceiling(simulator, room, starts)
+    places = {
+        AGENT: run.final,
+        START: starts,
+        WALL: random_wall_place(simulator, room, starts, wall_rng),
+        NEAREST: nearest_room_place(simulator, room, training),
+    }
+    iou = simulator.reward(room, run.final).iou
+    category = np.array([r.moving.category for r in simulator.rooms])[room]
+    return {
+        "rooms": len(simulator.rooms),
+        "groups": len({room.group for room in simulator.rooms}),
+        "starts_a_room": starts_a_room,
+        "rows": {name: score(simulator, room, position).as_dict() for name, position in places.items()},
+        "items": {str(c): float(iou[category == c].mean()) for c in sorted(set(category))},  # the agent's mean IoU
+        "lattice_ceiling": float(ceiling.mean()),
+        "moves": float(run.moves.mean()),
+        "ms_a_room": 1000 * run.seconds / len(room),
+        "positions": [
+            {
+                "room": simulator.rooms[k].id,
+                "item": str(category[b]),
+                "iou": float(iou[b]),
+                "center": run.final[b].tolist(),
+                "moves": int(run.moves[b]),
+            }
+            for b, k in enumerate(room)
+        ],
+    }
+
+
+def table(evaluation: dict[str, Any]) -> str:
+    """The evaluation as text: IoU is mean ± standard deviation, and the standard error of the mean over groups."""
+    columns = f"{'s.e.':>6} {'median':>7} {'>= 0.9':>7} {'overlap':>8} {'outside':>8} {'blocks':>7}"
+    lines = [f"{'':28} {'IoU ± sd':>15} {columns}"]
+    for name, row in evaluation["rows"].items():
+        error = "     -" if row["standard_error"] is None else f"{row['standard_error']:6.3f}"
+        lines.append(
+            f"{name:28} {row['mean_iou']:7.3f} ± {row['std_iou']:5.3f} {error} "
+            f"{row['median_iou']:7.3f} {row['share_090']:7.1%} {row['overlap']:8.4f} {row['outside']:8.4f} "
+            f"{row['blocked']:7.1%}"
+        )
+    lines.append(f"{'lattice ceiling':28} {evaluation['lattice_ceiling']:7.3f}")
+    if len(evaluation["items"]) > 1:
+        lines.append("agent, by item: " + ", ".join(f"{name} {iou:.3f}" for name, iou in evaluation["items"].items()))
+    lines.append(
+        f"{evaluation['rooms']} rooms in {evaluation['groups']} groups, {evaluation['starts_a_room']} start(s) each; "
+        f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a room"
+    )
+    return "\n".join(lines)

@@ -1,0 +1,272 @@
+"""Runs that are stopped and go on: at a signal, with `resume=`, in a sweep that is made again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from types import FrameType
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import CompactHydraException
+from hydra.types import RunMode
+
+from layoutrl import InputError, __version__
+from layoutrl.rooms.room import Room
+from layoutrl.runs.config import AnyTraining, Config
+from layoutrl.runs.folder import (
+    LOCK,
+    checkpoints,
+    differences,
+    folders_of,
+    load_checkpoint,
+    load_config,
+    located,
+    locked,
+    new_folder,
+    save_checkpoint,
+    wanted_folder,
+    write_json,
+)
+from layoutrl.runs.machine import machine
+
+EVALUATION = "evaluation.json"  # a run that has it is finished
+
+Run = Callable[[Config, Path | None], Path]  # a run as configured: a new one, or one to go on with
+
+
+class Stoppable(Protocol):
+    """A training that ends after the update that it makes, if `stopping` is set, and whose state goes on exactly."""
+
+    stopping: bool
+
+    @property
+    def updates(self) -> int: ...
+
+    def state_dict(self) -> dict[str, Any]: ...
+
+    def load_state_dict(self, state: dict[str, Any]) -> None: ...
+
+
+class Stopped(InputError):
+    """By the user, and saved."""
+
+
+def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
+    """Of the networks, the training, the probes and the evaluation."""
+    return np.random.SeedSequence(config.seed).spawn(4)
+
+
+class Session:
+    """A training in the folder of its run."""
+
+    def __init__(self, training: Stoppable, folder: Path, about: dict[str, Any], seconds_before: float):
+        self.folder = folder
+        self._training, self._about = training, about
+        self._began = time.perf_counter() - seconds_before
+
+    @property
+    def seconds(self) -> float:
+        """Of training, what was before it stopped included."""
+        return time.perf_counter() - self._began
+
+    def save(self, iou: float | None) -> None:
+        """A checkpoint, with the IoU in training rooms, if it is known. Raises InputError for what is no number."""
+        training = self._training.state_dict()
+        if not finite(training):
+            raise InputError(
+                f"method: a value is no number after {self._training.updates} updates, which are not saved; expected a "
+                "lower method.learning_rate"
+            )
+        state = self._about | {"seconds": self.seconds, "training": training}
+        save_checkpoint(self.folder, state, self._training.updates, iou)
+
+
+@contextmanager
+def session(
+    training: Stoppable,
+    config: AnyTraining,
+    rooms: Sequence[Room],
+    folder: Path | None,
+    device: torch.device,
+    entry_point: str,
+    **about: Any,
+) -> Iterator[Session]:
+    """Train inside: goes on with what is in the folder, if one is given, and is saved at the end, a signal's included.
+
+    Checkpoints say `about`, too. Raises InputError where the folder cannot be written to, is of another run, or is
+    in use by another process.
+    """
+    identity, seconds_before = identity_of(config, rooms, device), 0.0
+    begun, folder = folder is not None, folder or new_folder(config)
+    with locked(folder / LOCK, wait=False):
+        if begun and (state := last_state(folder, identity, device)):
+            training.load_state_dict(state["training"])
+            print(f"going on after {training.updates} updates")
+            seconds_before = state["seconds"]
+        kept = Session(training, folder, identity | about, seconds_before)
+        with written_to(folder, entry_point, training), stopped_by_signals(training):
+            yield kept
+            if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
+                kept.save(None)
+    print(f"trained {training.updates} updates in {kept.seconds / 60:.1f} minutes on {device}")
+
+
+@contextmanager
+def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[None]:
+    """Answer a disk that cannot be written to. Checkpoints answer for themselves."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
+            f"to write to, where the last checkpoint goes on: python -m {entry_point} resume={folder}"
+        ) from None
+
+
+def finish(
+    folder: Path,
+    config: AnyTraining,
+    result: dict[str, Any],
+    shown: str,
+    *,
+    device: torch.device,
+    updates: int,
+    seconds: float,
+) -> None:
+    """Keep what a run was scored, which ends it, and show it."""
+    about = {"config": stated(config), "machine": machine(device), "updates": updates, "training_seconds": seconds}
+    write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
+    print(shown)
+    print(f"wrote {folder}")
+
+
+def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
+    """What a command line asks for: a run, one run of a sweep, or to go on with one."""
+    hydra_config = HydraConfig.get()
+    if resume is None:
+        if hydra_config.mode == RunMode.MULTIRUN:
+            swept(config, run)
+        else:
+            run(config, None)
+        return
+    if also := [given for given in hydra_config.overrides.task if not given.startswith("resume=")]:
+        raise InputError(f"resume: goes on as it began; expected nothing beside it, got {' '.join(also)}")
+    resumed(Path(resume), run, type(config))
+
+
+def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
+    """Go on with a run, to its end."""
+    config = load_config(folder, schema)
+    if (folder / EVALUATION).exists():
+        print(f"{folder} is finished")
+        return folder
+    return run(config, folder)
+
+
+def swept(config: Config, run: Run[Config]) -> None:
+    """One run of a sweep: skipped if it is finished, gone on with if it is begun; what goes wrong stops no other.
+
+    Raises CompactHydraException for it, which Hydra answers in a line when the last run has ended.
+    """
+    try:
+        if folder := begun(config):
+            resumed(folder, run, type(config))
+        else:
+            run(config, None)
+    except Stopped:
+        raise
+    except InputError as error:
+        print(f"error: {wanted_folder(config)}: {error}", file=sys.stderr)
+    except Exception:  # whatever it is: the other runs shall not suffer
+        print(f"error: {wanted_folder(config)}", file=sys.stderr)
+        traceback.print_exc()
+    else:
+        return
+    raise CompactHydraException(f"{wanted_folder(config)} failed; all that failed is said above")
+
+
+def begun(config: Config) -> Path | None:
+    """The run of this configuration and data, if it was begun; others may have its name, and a number behind it."""
+    for folder in folders_of(wanted_folder(config)):
+        with suppress(InputError):  # one of another kind
+            theirs = load_config(folder, type(config))
+            elsewhere = config.data.source != "designer" and theirs.data.root != located(config.data).root
+            if not elsewhere and not differences(stated(theirs), stated(config)):
+                return folder
+    return None
+
+
+def identity_of(config: AnyTraining, rooms: Sequence[Room], device: torch.device) -> dict[str, Any]:
+    """What a checkpoint must agree with to be gone on with."""
+    return {"version": __version__, "config": stated(config), "rooms": digest(rooms), "device": device.type}
+
+
+def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> dict[str, Any] | None:
+    """The last checkpoint of a run, which must be of the same rooms and settings.
+
+    None for a run that was killed before its first: it begins anew.
+    """
+    found = checkpoints(folder)
+    if not found:
+        print(f"{folder} has no checkpoint yet: it begins anew")
+        return None
+    state = load_checkpoint(folder, device)
+    if others := differences(state["config"], identity["config"]):
+        raise InputError(f"resume: the checkpoint of {folder} is of another {', '.join(others)}; expected the same")
+    if state["rooms"] != identity["rooms"]:
+        raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
+    ours = identity["device"]  # another's generators would draw otherwise
+    if (theirs := state.get("device", ours)) != ours:
+        raise InputError(
+            f"resume: the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
+            "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"
+        )
+    return state
+
+
+def finite(state: Any) -> bool:
+    """Whether all numbers in the tensors of a state are."""
+    if isinstance(state, torch.Tensor):
+        return bool(state.isfinite().all())
+    parts = state.values() if isinstance(state, dict) else state if isinstance(state, list | tuple) else ()
+    return all(map(finite, parts))
+
+
+def stated(config: AnyTraining) -> dict[str, Any]:
+    """The configuration as plain values, but for where files lie."""
+    moved = replace(config, runs="", name=None, data=replace(config.data, root=None))
+    return json.loads(json.dumps(asdict(moved)))
+
+
+def digest(rooms: Sequence[Room]) -> str:
+    """A hash of all that rooms are."""
+    return hashlib.sha256(repr(rooms).encode()).hexdigest()
+
+
+@contextmanager
+def stopped_by_signals(training: Stoppable) -> Iterator[None]:
+    """SIGINT and SIGTERM end a training after the update that it makes; a second one ends the program."""
+
+    def stop(number: int, _: FrameType | None) -> None:
+        training.stopping = True
+        signal.signal(number, before[signal.Signals(number)])
+
+    main = threading.current_thread() is threading.main_thread()  # no other can have them
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)} if main else {}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

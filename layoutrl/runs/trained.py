@@ -1,0 +1,104 @@
+"""What a run left behind, and the rooms that it is seen in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+
+from layoutrl import InputError
+from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.learner import Method, untrained
+from layoutrl.env.observation import observation_of
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.protocols import Greedy, greedy
+from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import Data, read_parts
+from layoutrl.runs.config import RunConfig, TrainConfig
+from layoutrl.runs.folder import load_checkpoint, load_config, located
+from layoutrl.runs.machine import device_of
+from layoutrl.runs.resume import digest
+
+
+def trained_agent(
+    folder: Path, method: Method, device: torch.device, which: Literal["last", "best"] = "last"
+) -> tuple[DQN, list[str]]:
+    """The agent of a run's folder, and the furniture categories that it knows."""
+    checkpoint = load_checkpoint(folder, device, which)
+    trained = untrained(method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
+    trained.network.load_state_dict(checkpoint["training"]["agent"]["network"])
+    return trained, checkpoint["categories"]
+
+
+@dataclass(frozen=True)
+class TrainedRun:
+    """The agent of a run, and the rooms that it is seen in."""
+
+    policy: Greedy
+    simulator: Simulator
+    observe: Observe
+    training: list[Room]  # what it was trained on
+    data: Data
+    part: str  # of the rooms of `data`: held_out, training or all
+    checkpoint: str  # last or best
+
+    @property
+    def name(self) -> str:
+        """Of files: the rooms, with a hash of them, and the policy."""
+        which = {
+            "designer": f"-rooms{self.data.seed}",
+            "floorplans": f"-{self.data.labels}",
+            "json": f"-{Path(self.data.root or '').stem}",
+        }
+        rooms = f"{self.data.source}{which.get(self.data.source or '', '')}-{self.part}"
+        best = "-best" if self.checkpoint == "best" else ""
+        return f"{rooms}-{digest(self.simulator.rooms)[:6]}-{self.policy.on_illegal}{best}"
+
+
+def trained_run(config: RunConfig) -> TrainedRun:
+    """What a run left behind, and the rooms that were asked for; says how many these are.
+
+    Of rooms that are not the run's own, those that it was trained on are left out. Raises InputError where none
+    is left.
+    """
+    folder = Path(config.run)
+    trained = load_config(folder, TrainConfig)
+    own, data = trained.data, located(config.data)
+    device = device_of(config.device)
+    agent, categories = trained_agent(folder, trained.method, device, config.checkpoint)
+
+    if data.source is None:  # the run's own, but for what is given
+        given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}
+        data = replace(own, **{name: value for name, value in given.items() if value is not None})
+    designed = data.source == own.source == "designer"  # wherever their cache lies
+    same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
+    if designed and same:
+        data = replace(data, train_rooms=own.train_rooms)  # the agent was trained on no more of them
+    parts = read_parts(trained.room.type, trained.room.item, own, trained.fold)
+    training = parts[0]
+    if data != own:
+        parts = read_parts(trained.room.type, trained.room.item, data, trained.fold)
+    part = config.part or ("held_out" if same or data.source == "designer" else "all")
+    chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
+    if not same:
+        trained_on = {room.group for room in training}
+        unseen = [room for room in chosen if room.group not in trained_on]
+        if len(unseen) < len(chosen):
+            print(f"left out {len(chosen) - len(unseen)} rooms that the agent was trained on")
+        chosen = unseen
+    if not chosen:
+        raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
+    print(f"{len(chosen)} rooms of {data.source} ({part})")
+    method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
+    return TrainedRun(
+        greedy(agent, method),
+        Simulator(chosen, method.moves, trained.reward.weights),
+        observation_of(method.observation, chosen, device, categories),
+        training,
+        data,
+        part,
+        config.checkpoint,
+    )

@@ -1,0 +1,91 @@
+"""A run's folder: checkpoints stay whole, whatever is on the disk, and what is locked is waited for."""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+import layoutrl
+from layoutrl import InputError
+from layoutrl.runs import folder
+from layoutrl.runs.folder import checkpoints, load_checkpoint, locked, save_checkpoint
+
+CPU = torch.device("cpu")
+
+
+def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):
+    for updates, iou in ((10, 0.5), (20, 0.9), (30, 0.7), (40, 0.6), (50, None)):
+        save_checkpoint(tmp_path, {"version": layoutrl.__version__, "updates": updates}, updates, iou)
+    assert [(checkpoint.updates, checkpoint.iou) for checkpoint in checkpoints(tmp_path)] == [
+        (50, None), (40, 0.6), (20, 0.9),
+    ]  # fmt: skip
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 6
+    assert load_checkpoint(tmp_path, CPU)["updates"] == 50
+    assert load_checkpoint(tmp_path, CPU, "best")["updates"] == 20
+
+
+def test_what_was_damaged_gives_way_to_what_goes_on_before_it(tmp_path):
+    for updates, iou in ((10, 0.9), (20, 0.4), (30, 0.5)):
+        save_checkpoint(tmp_path, {"version": layoutrl.__version__}, updates, iou)
+    for checkpoint in checkpoints(tmp_path)[:2]:
+        checkpoint.file.write_bytes(b"")
+    save_checkpoint(tmp_path, {"version": layoutrl.__version__}, 15)
+    assert [checkpoint.updates for checkpoint in checkpoints(tmp_path)] == [15, 10]
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 4
+
+
+def test_who_waits_for_a_file_goes_on_when_it_is_let_go_of(tmp_path):
+    order = []
+
+    def second():
+        with locked(tmp_path / "lock", wait=True):
+            order.append("second")
+
+    waiting = threading.Thread(target=second)
+    with locked(tmp_path / "lock", wait=True):
+        waiting.start()
+        waiting.join(0.2)
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]
+
+
+def test_a_file_system_without_locks_is_answered(tmp_path, monkeypatch):
+    def flock(*_):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("layoutrl.runs.folder.fcntl.flock", flock)
+    with (
+        pytest.raises(InputError, match="expected a folder on a file system with locks"),
+        locked(tmp_path / "lock", wait=True),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("step", ["write", "fsync", "replace"])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.ENOENT])
+def test_what_cannot_be_written_is_answered_and_the_last_checkpoint_stays_whole(step, code, tmp_path, monkeypatch):
+    state = {"version": layoutrl.__version__, "updates": 10}
+    save_checkpoint(tmp_path, state, 10)
+
+    def fails(*_: Any) -> Any:
+        raise OSError(code, os.strerror(code))
+
+    opens = Path.open
+    if step == "write":
+        monkeypatch.setattr(Path, "open", lambda *a, **k: fails() if "wb" in a else opens(*a, **k))
+    elif step == "fsync":
+        monkeypatch.setattr(folder.os, "fsync", fails)
+    else:
+        monkeypatch.setattr(Path, "replace", fails)
+    with pytest.raises(InputError) as caught:
+        save_checkpoint(tmp_path, state | {"updates": 20}, 20)
+    monkeypatch.undo()
+    assert f"00000020.pt ({os.strerror(code)}); that of 10 updates is whole" in str(caught.value)
+    assert load_checkpoint(tmp_path, CPU)["updates"] == 10

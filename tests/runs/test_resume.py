@@ -1,0 +1,367 @@
+"""A run goes on as if it had never stopped, however it was stopped, and what was saved of it stays whole."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import multiprocessing
+import os
+import random
+import resource
+import shutil
+import signal
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+import layoutrl
+from layoutrl import InputError
+from layoutrl.agents.training import Training
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.sources.parts import Data
+from layoutrl.runs import resume
+from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
+from layoutrl.runs.folder import LOCK, checkpoints, load_checkpoint, locked, save_checkpoint
+from layoutrl.runs.resume import Stopped, resumed
+from layoutrl.runs.trained import trained_run
+from layoutrl.train import run
+from tests.test_command_line import layoutrl as command
+
+CPU = torch.device("cpu")
+UPDATES = 240
+SHORT = (
+    "budget=smoke", f"method.updates.smoke={UPDATES}", "method.batch=16", "method.episodes=8",
+    "method.warmup_moves=100", "method.replay_capacity=500", "method.evaluation_moves=4", "budget.reports=24",
+    "budget.evaluations=8", "budget.evaluation_rooms=1", "device=cpu",
+)  # fmt: skip
+SERVER = multiprocessing.get_context("forkserver")
+SERVER.set_forkserver_preload(
+    ["layoutrl.train", "tests.runs.test_resume"]
+)  # else every life would begin with its imports
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
+    designed = design_rooms("tatami", "train", 0, 12).rooms
+    file.write_text("\n".join(json.dumps(room_to_dict(room)) for room in designed))
+    return file
+
+
+def configured(rooms: Path, folder: Path, *overrides: str) -> TrainConfig:
+    places = ("room=tatami", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
+    return part(composed("train", *places, *SHORT, *overrides), TrainConfig)
+
+
+@pytest.fixture(scope="module")
+def whole(rooms, tmp_path_factory) -> Path:
+    """A run that nothing stopped."""
+    torch.set_num_threads(1)
+    return run(configured(rooms, tmp_path_factory.mktemp("whole")))
+
+
+def outcome(folder: Path) -> dict[str, Any]:
+    """All that a run left, but for times and for where it lies."""
+    state = load_checkpoint(folder, CPU)
+    with (folder / "metrics.csv").open() as file:
+        metrics = [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(file)]
+    evaluation = json.loads((folder / "evaluation.json").read_text())
+    times = ("training_seconds", "ms_a_room", "machine")
+    return {
+        "network": {name: value.tolist() for name, value in state["training"]["agent"]["network"].items()},
+        "replay": [column.tolist() for column in state["training"]["replay"]["columns"]],
+        "metrics": metrics,
+        "evaluation": {name: value for name, value in evaluation.items() if name not in times},
+        "checkpoints": [checkpoint.updates for checkpoint in checkpoints(folder)],
+    }
+
+
+def life(rooms: Path, folder: Path) -> None:
+    """One life of a run, in a process of its own: it begins, or goes on."""
+    torch.set_num_threads(1)
+    config = configured(rooms, folder)
+    begun = resume.begun(config)
+    try:
+        resumed(begun, run, TrainConfig) if begun else run(config)
+    except Stopped as stopped:
+        (folder / "said.txt").write_text(str(stopped))
+
+
+def lived(rooms: Path, folder: Path, seconds: float = 60, number: int = signal.SIGKILL) -> int:
+    """The exit status of a life that is ended by a signal after some time, or by itself.
+
+    What can be answered (not SIGKILL) is sent only when a training has begun to save.
+    """
+    begun = folder / "tatami" / "one"
+    saved = checkpoints(begun)[:1]
+    process = SERVER.Process(target=life, args=(rooms, folder))
+    process.start()
+    while number != signal.SIGKILL and process.is_alive() and checkpoints(begun)[:1] == saved:
+        time.sleep(0.01)
+    process.join(seconds)
+    if process.is_alive():
+        os.kill(process.pid, number)
+        process.join(60)
+    assert process.exitcode is not None
+    return process.exitcode
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number, rooms, whole, tmp_path):
+    begun = tmp_path / "tatami" / "one"
+    for _ in range(3):
+        assert lived(rooms, tmp_path, 0.05, number) == 0
+        stopped_at = checkpoints(begun)[0].updates
+        assert f"after {stopped_at} of {UPDATES} updates; " in (said := (tmp_path / "said.txt").read_text())
+        assert said.endswith(f"go on with: python -m layoutrl.train resume={begun}")
+    assert not (begun / "evaluation.json").exists()
+    assert lived(rooms, tmp_path) == 0
+    expected = outcome(whole)
+    assert outcome(begun) | {"checkpoints": expected["checkpoints"]} == expected
+
+
+def test_after_twenty_kills_a_run_is_the_run_that_was_never_killed(rooms, whole, tmp_path):
+    dice = random.Random(0)
+    for _ in range(20):
+        lived(rooms, tmp_path, dice.uniform(0.3, 1.6))
+        for finished in tmp_path.glob("tatami/*/evaluation.json"):  # it was faster than twenty kills
+            finished.unlink()  # once more from the last checkpoints
+    assert lived(rooms, tmp_path) == 0
+    begun = resume.begun(configured(rooms, tmp_path))  # not "one", if that was killed before its config.yaml was there
+    assert begun
+    assert outcome(begun) == outcome(whole)
+
+
+def test_a_run_that_was_killed_as_its_folder_was_made_begins_in_another(rooms, whole, tmp_path):
+    (tmp_path / "tatami" / "one").mkdir(parents=True)
+    assert lived(rooms, tmp_path) == 0
+    assert outcome(tmp_path / "tatami" / "one-2") == outcome(whole)
+
+
+def test_a_full_disk_as_a_run_begins_is_answered_and_leaves_nothing_behind(rooms, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("layoutrl.runs.folder.os.fsync", full)
+    with pytest.raises(InputError, match=r"cannot write to .*one \(No space left on device\); expected a disk"):
+        run(configured(rooms, tmp_path))
+    assert not list(tmp_path.glob("tatami/*"))
+
+
+def test_what_is_finished_is_not_begun_again(rooms, whole, capsys):
+    assert resumed(whole, run, TrainConfig) == whole
+    assert f"{whole} is finished" in capsys.readouterr().out
+
+
+def test_a_run_that_was_killed_before_its_first_checkpoint_begins_anew(rooms, whole, tmp_path):
+    folder = copy_of(whole, tmp_path)
+    shutil.rmtree(folder / "checkpoints")
+    resumed(folder, run, TrainConfig)
+    assert outcome(folder) == outcome(whole)
+    steps, expected = ([event.step for event in reloaded(f).Scalars("loss")] for f in (folder, whole))
+    assert steps == expected
+
+
+def copy_of(run_folder: Path, tmp_path: Path) -> Path:
+    """The run as it was before it was evaluated."""
+    folder = Path(shutil.copytree(run_folder, tmp_path / "tatami" / "one"))
+    (folder / "evaluation.json").unlink()
+    return folder
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[:-100], lambda b: b"", lambda b: b[:500] + b"x" + b[501:]])
+def test_the_checkpoint_before_a_damaged_one_is_taken(damage, rooms, whole, tmp_path, capsys):
+    folder = copy_of(whole, tmp_path)
+    last = checkpoints(folder)[0]
+    last.file.write_bytes(damage(last.file.read_bytes()))
+    resumed(folder, run, TrainConfig)
+    said = capsys.readouterr().out
+    assert f"{last.file} is damaged (its hash is another); the one before it is taken" in said
+    assert f"going on after {checkpoints(whole)[1].updates} updates" in said
+    assert outcome(folder) == outcome(whole)
+
+
+@pytest.mark.parametrize("mark", ["", "{", "[]", "null", '{"updates": 1}', '{"updates": "x", "iou": 0, "sha256": ""}'])
+def test_a_checkpoint_without_a_whole_mark_is_none(mark, whole, tmp_path, capsys):
+    folder = copy_of(whole, tmp_path)
+    last, before, *_ = checkpoints(folder)
+    last.file.with_suffix(".json").write_text(mark)
+    assert checkpoints(folder)[0] == before
+    assert "its checkpoint is left out" in capsys.readouterr().out
+
+
+def test_where_no_checkpoint_is_whole_it_is_said(whole, tmp_path):
+    folder = copy_of(whole, tmp_path)
+    for checkpoint in checkpoints(folder):
+        checkpoint.file.write_bytes(b"")
+    with pytest.raises(InputError, match="has no whole checkpoint"):
+        resumed(folder, run, TrainConfig)
+
+
+def test_a_checkpoint_of_other_settings_rooms_or_version_is_refused_with_the_difference(
+    rooms, whole, tmp_path, monkeypatch
+):
+    folder = copy_of(whole, tmp_path)
+    config = (folder / "config.yaml").read_text()
+    (folder / "config.yaml").write_text(config.replace("batch: 16", "batch: 32").replace("theta2: -100", "theta2: -50"))
+    with pytest.raises(InputError, match=r"of another method\.batch, reward\.theta2; expected the same"):
+        resumed(folder, run, TrainConfig)
+    fewer = tmp_path / "fewer.jsonl"
+    fewer.write_text("\n".join(rooms.read_text().splitlines()[1:]))
+    (folder / "config.yaml").write_text(config.replace(str(rooms), str(fewer)))
+    with pytest.raises(InputError, match="of other rooms"):
+        resumed(folder, run, TrainConfig)
+    (folder / "config.yaml").write_text(config)
+    state = load_checkpoint(folder, CPU)
+    save_checkpoint(folder, state | {"device": "cuda"}, UPDATES)
+    with pytest.raises(InputError, match="is of cuda; expected to go on there, got cpu"):
+        resumed(folder, run, TrainConfig)
+    monkeypatch.setattr(layoutrl, "__version__", "9.9.9")
+    with pytest.raises(InputError, match=r"is of layoutrl 0\.1\.0; expected 9\.9\.9"):
+        resumed(folder, run, TrainConfig)
+
+
+def test_no_two_processes_train_in_one_folder(whole, tmp_path):
+    folder = copy_of(whole, tmp_path)
+    with locked(folder / LOCK, wait=False), pytest.raises(InputError, match="is in use by another process"):
+        resumed(folder, run, TrainConfig)
+    resumed(folder, run, TrainConfig)
+
+
+def grown_to_the_limit(rooms: Path, folder: Path, limit: int) -> None:
+    """A life in which no file may have more bytes."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    try:
+        life(rooms, folder)
+    except InputError as error:
+        (folder / "said.txt").write_text(str(error))
+
+
+def test_a_run_that_meets_a_full_disk_says_so_in_a_line_and_goes_on_later(rooms, whole, tmp_path):
+    assert lived(rooms, tmp_path, 0.1, signal.SIGTERM) == 0
+    begun = tmp_path / "tatami" / "one"
+    saved = checkpoints(begun)[0].updates
+    size = checkpoints(begun)[0].file.stat().st_size
+    process = SERVER.Process(target=grown_to_the_limit, args=(rooms, tmp_path, size // 2))
+    process.start()
+    process.join(60)
+    said = (tmp_path / "said.txt").read_text()
+    assert f"(File too large); that of {saved} updates is whole" in said
+    assert checkpoints(begun)[0].updates == saved
+    assert lived(rooms, tmp_path) == 0
+    assert outcome(begun)["network"] == outcome(whole)["network"]
+
+
+def test_what_cannot_be_shown_of_a_run_is_answered_in_a_line(rooms, tmp_path, monkeypatch):
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("torch.utils.tensorboard.SummaryWriter.add_image", full)
+    with pytest.raises(InputError, match=r"cannot write to .* \(No space left on device\) after 30 updates"):
+        run(configured(rooms, tmp_path))
+
+
+def test_a_loss_that_is_no_number_ends_the_run_and_is_never_saved(rooms, tmp_path):
+    config = configured(rooms, tmp_path, "method.learning_rate=1e30")
+    with pytest.raises(InputError, match=r"the loss is nan after \d+ updates"):
+        run(config)
+    folder = tmp_path / "tatami" / "one"
+    for checkpoint in checkpoints(folder):
+        state = torch.load(checkpoint.file, weights_only=True)
+        assert all(value.isfinite().all() for value in state["training"]["agent"]["network"].values())
+
+
+def test_a_stop_does_not_save_what_is_no_number(rooms, tmp_path, monkeypatch):
+    learn = Training._learn
+
+    def spoilt_and_stopped(training: Training) -> None:
+        learn(training)
+        if training.updates == 35:  # between two reports, and after the checkpoint of 30
+            next(training.agent.network.parameters()).data.fill_(torch.nan)
+            training.stopping = True
+
+    monkeypatch.setattr(Training, "_learn", spoilt_and_stopped)
+    with pytest.raises(InputError, match="a value is no number after 35 updates, which are not saved"):
+        run(configured(rooms, tmp_path))
+    assert checkpoints(tmp_path / "tatami" / "one")[0].updates == 30
+
+
+def test_tensorboard_and_the_table_hold_each_update_once(rooms, whole, tmp_path):
+    begun = tmp_path / "tatami" / "one"
+    for _ in range(2):
+        lived(rooms, tmp_path, 0.1, signal.SIGTERM)
+    lived(rooms, tmp_path)
+    for curve in ("loss", "iou/train"):
+        steps, expected = ([event.step for event in reloaded(folder).Scalars(curve)] for folder in (begun, whole))
+        assert steps == expected
+
+
+def reloaded(folder: Path) -> EventAccumulator:
+    board = EventAccumulator(str(folder), size_guidance={"scalars": 0})
+    board.Reload()
+    return board
+
+
+def test_nothing_is_given_beside_the_run_to_go_on_with(whole, tmp_path):
+    done = command("train", f"resume={whole}", "seed=3", cwd=tmp_path)
+    assert done.returncode != 0
+    assert "resume: goes on as it began; expected nothing beside it, got seed=3" in done.stderr
+    done = command("train", f"resume={tmp_path / 'nowhere'}", cwd=tmp_path)
+    assert "nowhere" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_sweep_leaves_out_what_fails_and_goes_on_where_it_stopped(rooms, tmp_path):
+    arguments = (
+        "-m", "room=tatami,study", "seed=0,1", "data=json", f"data.root={rooms}", *SHORT,
+        "method.updates.smoke=8", "budget.reports=4", "budget.evaluations=2",
+    )  # fmt: skip
+    done = command("train", *arguments, cwd=tmp_path)
+    assert done.stderr.count("error: runs/study/json-main-geometric-smoke-seed") == 2  # no study among the rooms
+    assert done.returncode == 1
+    assert "runs/study/json-main-geometric-smoke-seed0 failed; all that failed is said above\n" in done.stderr
+    assert "Traceback" not in done.stderr
+    finished = sorted(file.parent.name for file in tmp_path.glob("runs/tatami/*/evaluation.json"))
+    assert finished == [f"json-main-geometric-smoke-seed{seed}" for seed in (0, 1)]
+    unfinished = tmp_path / "runs" / "tatami" / finished[1]
+    (unfinished / "evaluation.json").unlink()
+    written = (tmp_path / "runs" / "tatami" / finished[0] / "evaluation.json").stat().st_mtime_ns
+    again = command("train", *arguments, cwd=tmp_path)
+    assert f"runs/tatami/{finished[0]} is finished" in again.stdout
+    assert "going on after 8 updates" in again.stdout
+    assert (tmp_path / "runs" / "tatami" / finished[0] / "evaluation.json").stat().st_mtime_ns == written
+    assert (unfinished / "evaluation.json").exists()
+    assert len(list(tmp_path.glob("runs/tatami/*"))) == 2
+
+
+def test_a_sweep_tells_apart_what_its_runs_names_do_not(rooms, tmp_path):
+    other = tmp_path / "other.jsonl"
+    other.write_text(Path(rooms).read_text())
+    swept = ("-m", "room=tatami", "data=json", f"data.root={rooms},other.jsonl", "fold=0,1")
+    arguments = (*swept, *SHORT, "method.updates.smoke=2", "budget.reports=1")
+    command("train", *arguments, cwd=tmp_path)
+    name = "json-main-geometric-smoke-seed0"
+    made = [name, f"{name}-2", f"{name}-3", f"{name}-4"]
+    assert sorted(file.parent.name for file in tmp_path.glob("runs/tatami/*/evaluation.json")) == made
+    (tmp_path / "runs" / "tatami" / made[2] / "evaluation.json").unlink()
+    again = command("train", *arguments, cwd=tmp_path)
+    assert again.stdout.count("is finished") == 3
+    assert "going on after 2 updates" in again.stdout
+    assert sorted(folder.name for folder in tmp_path.glob("runs/tatami/*")) == made
+
+
+def test_rooms_that_are_named_from_here_are_known_as_the_runs_own(rooms, whole, monkeypatch):
+    monkeypatch.chdir(rooms.parent)
+    data = Data("json", rooms.name, labels=None, train_rooms=None, test_rooms=None, seed=None)
+    shown = [trained_run(RunConfig(str(whole), data=replace(data, root=root))) for root in (rooms.name, str(rooms))]
+    assert [s.part for s in shown] == ["held_out", "held_out"]
+    assert shown[0].name == shown[1].name
+    other = trained_run(RunConfig(str(whole), part="training"))
+    assert other.name != shown[0].name.replace("held_out", "training")  # other rooms, another hash
