@@ -103,7 +103,7 @@ def table(result: dict[str, Any]) -> Table:
     )
 
 
-@answers_errors
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))

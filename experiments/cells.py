@@ -23,18 +23,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import hydra
 import numpy as np
 import torch
 from columns import FILLS, RESULTS, CellConfig, folder_of, name_of, setting_of
-from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import InputError
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.runs import resume
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import config_directory
+from layoutrl.runs.commands import command
 from layoutrl.runs.folder import differences, write_json
 from layoutrl.runs.machine import device_of, machine
 
@@ -191,11 +188,7 @@ def asked(script: str | None) -> list[str]:
     return sys.argv[1:]
 
 
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="cell")
-@answers_errors
-def main(config: DictConfig) -> None:
-    fill(OmegaConf.to_object(config))  # type: ignore[arg-type]
-
+main = command("cell", CellConfig, fill)
 
 if __name__ == "__main__":
     # A cluster's jobs, which do not begin here, find columns.py by it.

@@ -139,7 +139,7 @@ def networks() -> Figure:
     return figure
 
 
-@answers_errors
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("docs/figures"))

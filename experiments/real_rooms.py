@@ -56,7 +56,7 @@ def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
     return [labels | trained_on | common | {"column": columns} for columns, trained_on in sweeps]
 
 
-@answers_errors
+@answers_errors()
 def main(arguments: list[str]) -> int:
     chosen, status = given(arguments), 0
     for source in TASKS:

@@ -42,7 +42,7 @@ def _width(opening: Opening) -> float:
     return max(x1 - x0, y1 - y0)
 
 
-@answers_errors
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)

@@ -55,7 +55,7 @@ def watched(command: list[str], folder: Path, minutes: float, every: float) -> l
     return seen
 
 
-@answers_errors
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=30)

@@ -86,7 +86,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     ]
 
 
-@answers_errors
+@answers_errors()
 def main(arguments: list[str]) -> int:
     chosen = given(arguments)
     status = max([multirun("table1", sweep) for sweep in stages(chosen)])

@@ -48,7 +48,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     ]
 
 
-@answers_errors
+@answers_errors()
 def main(arguments: list[str]) -> int:
     chosen = given(arguments)
     sweeps = stages(chosen)

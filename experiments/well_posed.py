@@ -68,7 +68,7 @@ def yardsticks(training: list[Room], held_out: list[Room], seed: int) -> dict[st
     return {name: float(simulator.reward(room, place).iou.mean()) for name, place in places.items()}
 
 
-@answers_errors
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))

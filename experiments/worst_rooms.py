@@ -81,7 +81,7 @@ def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: di
     return figure
 
 
-@answers_errors
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cell")

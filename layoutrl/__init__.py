@@ -1,5 +1,13 @@
 """layoutrl: an agent that moves furniture to where a designer would have put it (Di & Yu 2021)."""
 
+import signal
+import sys
+from itertools import pairwise
+
+if any(flag == "-m" and name.startswith("layoutrl.") for flag, name in pairwise(sys.orig_argv)):
+    # A command: while it imports what it needs, which takes seconds, Ctrl-C ends it without a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 import gymnasium
 
 __version__ = "0.2.0"

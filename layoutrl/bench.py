@@ -12,17 +12,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import hydra
-from omegaconf import DictConfig, OmegaConf
-
 from layoutrl import InputError
 from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
 from layoutrl.benchmarks.learning import memory, speed
 from layoutrl.benchmarks.simulation import ITEMS, growth, plot
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import BenchConfig, config_directory, register
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.folder import make_folder, write_json
 from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 
@@ -137,14 +134,7 @@ def fresh(room: Room) -> Room:
     return replace(room, openings=tuple(map(replace, room.openings)), furniture=tuple(map(replace, room.furniture)))
 
 
-register()
-
-
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="bench")
-@answers_errors
-def main(config: DictConfig) -> None:
-    run(OmegaConf.to_object(config))  # type: ignore[arg-type]
-
+main = command("bench", BenchConfig, run)
 
 if __name__ == "__main__":
     main()

@@ -1,17 +1,17 @@
-"""python -m layoutrl.evaluate run=<folder> [data=... data.root=...] [part=held_out|training|all] [starts=1]"""
+"""python -m layoutrl.evaluate run=<folder> [data=... data.root=...] [part=held_out|training|all] [starts=1] [out=]"""
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import hydra
 import numpy as np
-from omegaconf import DictConfig, OmegaConf
 
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import EvaluateConfig, config_directory, register
+from layoutrl import InputError
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import EvaluateConfig
 from layoutrl.runs.folder import write_json
 from layoutrl.runs.machine import machine
 from layoutrl.runs.report import evaluate, table
@@ -19,8 +19,16 @@ from layoutrl.runs.trained import trained_run
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
-    """Score a trained agent; prints a table and stores it as evaluation-<data>-....json in the run's folder."""
+    """Score a trained agent; prints a table and stores it as `out`, or as evaluation-....json in the run's folder.
+
+    Raises InputError, before it scores, where that cannot be written to.
+    """
     shown = trained_run(config)
+    file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json")
+    if not os.access(file.parent, os.W_OK):
+        raise InputError(
+            f"out: {file.parent} cannot be written to; expected a file in a folder to write to, as out=<file>"
+        )
     result = evaluate(
         shown.policy,
         shown.simulator,
@@ -30,7 +38,6 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         seed=np.random.SeedSequence(config.seed),
     )
     print(table(result))
-    file = Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json"
     about = {
         "data": asdict(shown.data),
         "part": shown.part,
@@ -42,14 +49,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     return result
 
 
-register()
-
-
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="evaluate")
-@answers_errors
-def main(config: DictConfig) -> None:
-    run(OmegaConf.to_object(config))  # type: ignore[arg-type]
-
+main = command("evaluate", EvaluateConfig, run)
 
 if __name__ == "__main__":
     main()

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import hydra
 from matplotlib import style
 from matplotlib.figure import Figure
-from omegaconf import DictConfig, OmegaConf
 
+from layoutrl import InputError
 from layoutrl.figures import STYLE, draw_room, save
+from layoutrl.rooms.collection import choose_item
 from layoutrl.rooms.room import MAIN_ITEM, Room
-from layoutrl.rooms.sources.parts import Data, designed_rooms, read_parts
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import GalleryConfig, RoomConfig, config_directory, register
+from layoutrl.rooms.sources import read_files
+from layoutrl.rooms.sources.parts import Data, designed_rooms
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import GalleryConfig, RoomConfig
 
 COLUMNS = 6  # of a sheet
 CELL = 2.4  # inches, width and height of one room
@@ -30,7 +31,8 @@ def sheet(rooms: Sequence[Room]) -> Figure:
         axes.axis("off")
     for axes, room in zip(grid.flat, rooms, strict=False):
         draw_room(axes, room)
-        axes.set_title(room.id, fontsize=5)
+        missing = [item.category.replace("_", " ") for item in room.furniture if item.center is None]
+        axes.set_title(f"{room.id}\nto be placed: {', '.join(missing)}" if missing else room.id, fontsize=5)
     return figure
 
 
@@ -39,6 +41,10 @@ def run(config: GalleryConfig) -> list[Path]:
     types = list(MAIN_ITEM) if config.all_types else [config.room.type]
     each = -(-config.rooms // len(types))
     rooms = [room for room_type in types for room in _rooms(replace(config.room, type=room_type), config.data, each)]
+    if not rooms:
+        raise InputError(
+            f"room: {config.data.source} has no {' or '.join(types)} to draw; expected another room=<type>"
+        )
     name = "all_types" if config.all_types else config.room.type
     with style.context(STYLE):
         files = save(sheet(rooms), Path(config.out) / f"{name}-{config.data.source}-seed{config.data.seed}", dpi=120)
@@ -48,20 +54,18 @@ def run(config: GalleryConfig) -> list[Path]:
 
 
 def _rooms(room: RoomConfig, data: Data, count: int) -> list[Room]:
+    """The first rooms of a type; of files, also those whose items are still to be placed."""
     if data.source == "designer":
         return designed_rooms(room.type, room.item, replace(data, train_rooms=count), "train")
-    training, held_out = read_parts(room.type, room.item, data, fold=0)
-    return (training + held_out)[:count]
+    assert data.source is not None
+    collection = read_files(data.source, room.type, data.path, data.labels, data.strict)
+    if room.item != "main":
+        collection = choose_item(collection, room.item)
+    print(collection)
+    return collection.rooms[:count]
 
 
-register()
-
-
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="gallery")
-@answers_errors
-def main(config: DictConfig) -> None:
-    run(OmegaConf.to_object(config))  # type: ignore[arg-type]
-
+main = command("gallery", GalleryConfig, run)
 
 if __name__ == "__main__":
     main()

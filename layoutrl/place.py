@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import hydra
 import numpy as np
-from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import InputError
 from layoutrl.env.batch import BatchSimulator
@@ -21,8 +19,8 @@ from layoutrl.rooms.collection import Collection, choose_missing
 from layoutrl.rooms.files import write_rooms
 from layoutrl.rooms.room import Room, envelopes
 from layoutrl.rooms.sources import main_item, read_files
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import PlaceConfig, TrainConfig, config_directory, register
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
@@ -107,14 +105,7 @@ def placed(room: Room, center: tuple[float, float]) -> Room:
     return replace(room, furniture=tuple(furniture))
 
 
-register()
-
-
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="place")
-@answers_errors
-def main(config: DictConfig) -> None:
-    run(OmegaConf.to_object(config))  # type: ignore[arg-type]
-
+main = command("place", PlaceConfig, run)
 
 if __name__ == "__main__":
     main()

@@ -9,10 +9,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import hydra
 import numpy as np
 import torch
-from omegaconf import DictConfig, OmegaConf
 
 from layoutrl.agents.learner import Learner
 from layoutrl.env.observation import observation_of
@@ -21,8 +19,8 @@ from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import TrainCommand, TrainConfig, config_directory, part, register
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import TrainCommand, TrainConfig, part
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import record_result, watched
 from layoutrl.runs.report import evaluate, table
@@ -105,15 +103,12 @@ def train(
     return Trained(kept.folder, learner, kept.seconds)
 
 
-register()
+def carry_out(command_line: TrainCommand) -> None:
+    """Train as configured, or go on with a run."""
+    carried_out(part(command_line, TrainConfig), command_line.resume, run)
 
 
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="train")
-@answers_errors
-def main(config: DictConfig) -> None:
-    command: TrainCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
-    carried_out(part(command, TrainConfig), command.resume, run)
-
+main = command("train", TrainCommand, carry_out)
 
 if __name__ == "__main__":
     main()

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import hydra
 import numpy as np
 from matplotlib import style
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from omegaconf import DictConfig, OmegaConf
 from PIL import Image
 
 from layoutrl import InputError
@@ -19,8 +17,8 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.render import MOVING
 from layoutrl.figures import DESIGNER, STYLE, draw_item, draw_room, rgb
 from layoutrl.rooms.room import Room
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import WatchConfig, config_directory, register
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import WatchConfig
 from layoutrl.runs.trained import trained_run
 
 COLUMNS = 3  # of rooms side by side
@@ -108,14 +106,7 @@ def write(pictures: Sequence[Image.Image], base: Path) -> list[Path]:
     return files
 
 
-register()
-
-
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="watch")
-@answers_errors
-def main(config: DictConfig) -> None:
-    run(OmegaConf.to_object(config))  # type: ignore[arg-type]
-
+main = command("watch", WatchConfig, run)
 
 if __name__ == "__main__":
     main()

@@ -6,6 +6,7 @@ is told apart by any eye. The style is `plt.style.use(STYLE)`.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -150,8 +151,10 @@ def save(figure: Figure, path: Path, dpi: float = 150) -> list[Path]:
     files = [path.with_name(f"{path.name}.{suffix}") for suffix in ("png", "svg")]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(files[0], dpi=dpi)
-        figure.savefig(files[1], dpi=dpi, metadata={"Date": None})
+        with warnings.catch_warnings():  # a name in a script that the font lacks shows as boxes in the PNG alone
+            warnings.filterwarnings("ignore", "Glyph .* missing from font")
+            figure.savefig(files[0], dpi=dpi)
+            figure.savefig(files[1], dpi=dpi, metadata={"Date": None})
     except OSError as error:
         raise InputError(f"out: cannot write {files[0]} ({error.strerror}); expected a folder to write to") from None
     return files

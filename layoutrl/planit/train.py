@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import hydra
 import numpy as np
 import torch
-from omegaconf import DictConfig, OmegaConf
 
 from layoutrl import InputError
 from layoutrl.rivals.budgets import Spent, updates_budget
@@ -25,8 +23,8 @@ from layoutrl.rivals.planit.scoring import evaluated, given_query, scored, table
 from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
-from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import PlanitCommand, PlanitConfig, config_directory, part, register
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
 from layoutrl.runs.folder import load_checkpoint
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import shown
@@ -204,15 +202,12 @@ def probed(placer: Placer) -> float:
     return scored(placer.rooms, items).score.mean_iou
 
 
-register()
+def carry_out(command_line: PlanitCommand) -> None:
+    """Train as configured, or go on with a run."""
+    carried_out(part(command_line, PlanitConfig), command_line.resume, run)
 
 
-@hydra.main(version_base="1.3", config_path=str(config_directory()), config_name="planit")
-@answers_errors
-def main(config: DictConfig) -> None:
-    command: PlanitCommand = OmegaConf.to_object(config)  # type: ignore[assignment]
-    carried_out(part(command, PlanitConfig), command.resume, run)
-
+main = command("planit", PlanitCommand, carry_out)
 
 if __name__ == "__main__":
     main()

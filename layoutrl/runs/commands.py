@@ -1,32 +1,179 @@
-"""What entry points share: errors are answered in one line."""
+"""What a command line means: composed by Hydra, checked, and whatever is wrong with it answered in one line."""
 
 from __future__ import annotations
 
+import difflib
+import os
+import re
+import signal
 import sys
-from collections.abc import Callable
-from functools import wraps
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from typing import Any, get_type_hints
 
-from omegaconf.errors import OmegaConfBaseException
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from layoutrl import InputError
+from layoutrl.runs.config import config_directory, register
+from layoutrl.runs.resume import Stopped
 
-P = ParamSpec("P")
-R = TypeVar("R")
+FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
-def answers_errors(entry_point: Callable[P, R]) -> Callable[P, R]:
-    """Answer what the user can mend in one line, without a traceback."""
+def command(name: str, schema: type, run: Callable[[Any], object]) -> Callable[[], None]:
+    """The entry point of `python -m layoutrl.<name>`: calls `run` with what conf/<name>.yaml and the arguments say."""
+    register()
 
-    @wraps(entry_point)
-    def answering(*args: P.args, **kwargs: P.kwargs) -> R:
+    @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name=name)
+    def job(config: DictConfig) -> None:
+        if HydraConfig.get().mode != RunMode.MULTIRUN:
+            with answers_errors():  # here: what Hydra were to see raised, it would say something about
+                run(checked(config))
+            return
         try:
-            return entry_point(*args, **kwargs)
-        except (InputError, OmegaConfBaseException) as error:
-            sys.exit(f"error: {error}")
-        except OSError as error:  # a full disk, no permission
-            sys.exit(f"error: {error.filename or 'a file'}: {error.strerror}; expected to be able to read or write it")
-        except KeyboardInterrupt:
-            sys.exit("interrupted")
+            run(checked(config))
+        except (InputError, OmegaConfBaseException, OSError) as error:
+            said = f"error: {' '.join(HydraConfig.get().overrides.task)}: {in_a_line(error)}"
+            if isinstance(error, Stopped):
+                sys.exit(said)  # and with it the sweep
+            print(said, file=sys.stderr)  # the other jobs shall not suffer
+            raise InputError("a job of the sweep failed, as is said above") from None
 
-    return answering
+    def main() -> None:
+        if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        with answers_errors(), raised_errors():
+            sys.argv[1:] = as_written(sys.argv[1:], schema)
+            try:
+                job()
+            except HydraException as error:
+                raise InputError(explained(error, name)) from None
+
+    return main
+
+
+@contextmanager
+def answers_errors() -> Iterator[None]:
+    """Answer what the user can mend in one line, without a traceback."""
+    try:
+        yield
+    except (InputError, OmegaConfBaseException, OSError) as error:
+        sys.exit(f"error: {in_a_line(error)}")
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(128 + signal.SIGINT)
+
+
+@contextmanager
+def raised_errors() -> Iterator[None]:
+    """Let Hydra raise what is wrong with a command line, instead of printing it over several lines."""
+    before = os.environ.get(FULL_ERROR)
+    os.environ[FULL_ERROR] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[FULL_ERROR]
+        else:
+            os.environ[FULL_ERROR] = before
+
+
+def in_a_line(error: Exception) -> str:
+    """What is wrong, as one line."""
+    if isinstance(error, OSError):  # a full disk, no permission
+        return f"{error.filename or 'a file'}: {error.strerror}; expected to be able to read or write it"
+    if isinstance(error, OmegaConfBaseException):
+        return f"{error.full_key}: {str(error).splitlines()[0]}"
+    return str(error)
+
+
+def checked(config: DictConfig) -> Any:
+    """The configuration as objects. Raises InputError for what is unknown in it, missing, or out of range."""
+    for key in unknown_keys(config):
+        raise InputError(f"{key}: unknown; {nearest(key, known_keys(config))}")
+    for key in sorted(OmegaConf.missing_keys(config)):
+        raise InputError(f"{key}: expected a value, as {key}=<{key}>; --help shows all options")
+    return OmegaConf.to_object(config)
+
+
+def unknown_keys(config: DictConfig, prefix: str = "") -> Iterator[str]:
+    """The dotted names that were added to a configuration (as `+name=value`) and that its schema does not have."""
+    schema = OmegaConf.get_type(config)
+    known = {field.name for field in fields(schema)} if is_dataclass(schema) else {*config}
+    for name in map(str, config):
+        if name not in known:
+            yield prefix + name
+        elif not OmegaConf.is_missing(config, name) and isinstance(config[name], DictConfig):
+            yield from unknown_keys(config[name], f"{prefix}{name}.")
+
+
+def known_keys(config: DictConfig, prefix: str = "") -> list[str]:
+    """The dotted names of all options."""
+    unknown, names = {*unknown_keys(config)}, []
+    for name in map(str, config):
+        nested = not OmegaConf.is_missing(config, name) and isinstance(config[name], DictConfig)
+        names += known_keys(config[name], f"{prefix}{name}.") if nested else [prefix + name]
+    return [name for name in names if name.removeprefix(prefix) not in unknown]
+
+
+def nearest(key: str, known: list[str]) -> str:
+    """Which known option a wrong name may mean: one that it abbreviates, or one that is spelled much like it."""
+
+    def likeness(option: str) -> tuple[bool, bool, float]:
+        (group, _, name), (its_group, _, its_name) = key.rpartition("."), option.rpartition(".")
+        letters = iter(its_name)
+        abbreviated = all(letter in letters for letter in name)  # in this order
+        return group == its_group, abbreviated, difflib.SequenceMatcher(None, key, option).ratio()
+
+    return f"expected the name of an option, of which {max(known, key=likeness)} is nearest"
+
+
+def explained(error: HydraException, name: str) -> str:
+    """What Hydra finds wrong with a command line, as one line."""
+    text = str(error)
+    if found := re.search(r"Could not find '(.+)/([^']+)'", text):
+        options = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
+        return f"{found[1]}: expected one of {', '.join(options)}; got {found[2]}"
+    if isinstance(error.__cause__, ConfigAttributeError | ConfigKeyError) and (
+        found := re.match(r"Could not (?:override|append to|find) '([^']+)'", text)
+    ):
+        with hydra.initialize_config_dir(str(config_directory()), version_base="1.3"):
+            return f"{found[1]}: unknown; {nearest(found[1], known_keys(hydra.compose(name)))}"
+    lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("See https")]
+    if isinstance(error.__cause__, OmegaConfBaseException):
+        lines.append(str(error.__cause__).splitlines()[0])
+    return "; ".join(line.rstrip(".") for line in lines)
+
+
+def as_written(arguments: list[str], schema: type) -> list[str]:
+    """The arguments, those of text quoted, so that Hydra's grammar reads no number, list or blank into them.
+
+    In a sweep commas part values; a comma within a text is quoted by the user there.
+    """
+    texts, sweeps = {*text_options(schema)}, {"-m", "--multirun"} & {*arguments}
+
+    def quoted(argument: str) -> str:
+        key, equals, value = argument.partition("=")
+        plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
+        if not plain or (sweeps and re.search(r"[,()]", value)):
+            return argument
+        # A backslash escapes only a quote, or one that stands before a quote.
+        escaped = re.sub(r"(\\*)('|$)", lambda found: 2 * found[1] + ("\\'" if found[2] else ""), value)
+        return f"{key}='{escaped}'"
+
+    return [quoted(argument) for argument in arguments]
+
+
+def text_options(schema: type, prefix: str = "") -> Iterator[str]:
+    """The dotted names of options that take a text."""
+    for name, kind in get_type_hints(schema).items():
+        if is_dataclass(kind):
+            yield from text_options(kind, f"{prefix}{name}.")  # type: ignore[arg-type]
+        elif kind in (str, str | None):
+            yield prefix + name

@@ -80,6 +80,8 @@ class LearningConfig:
             _within(f"budget.{name}", value, value >= 1, "1 or more")
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
+        named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
+        _within("name", self.name, named, "one name of a folder, which goes below runs=")
 
 
 @dataclass
@@ -163,6 +165,7 @@ class RunConfig:
 @dataclass
 class EvaluateConfig(RunConfig):
     starts: int = 1
+    out: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,0 +1,150 @@
+"""A command line: what is wrong with it is answered in one line; texts are kept as they were written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl import InputError
+from layoutrl.runs.commands import as_written, command
+from layoutrl.runs.config import EvaluateConfig, TrainCommand, TrainConfig
+
+PROJECT = Path(__file__).resolve().parents[2]
+Answer = tuple[list[Any], int | None, str]
+
+
+@pytest.fixture
+def ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """What a command that does nothing was called with, its exit status, and what it said to standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def asked(name: str, schema: type, *arguments: str, run=None) -> Answer:
+        called: list[Any] = []
+        monkeypatch.setattr(sys, "argv", [name, *arguments])
+        GlobalHydra.instance().clear()
+        status = None
+        try:
+            command(name, schema, run or called.append)()
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else 1
+            if isinstance(end.code, str):
+                print(end.code, file=sys.stderr)  # as Python does
+        return called, status, capsys.readouterr().err
+
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("argument", "expected"),
+    [
+        ("+method.lr=0.1", "method.lr: unknown; expected the name of an option, of which method.learning_rate is"),
+        ("method.lr=0.1", "method.lr: unknown; expected the name of an option, of which method.learning_rate is"),
+        ("+metod.slide=false", "metod: unknown; expected the name of an option, of which "),
+        ("sed=1", "sed: unknown; expected the name of an option, of which seed is nearest"),
+        ("+data.sed=1", "data.sed: unknown; expected the name of an option, of which data.seed is nearest"),
+        ("room=bedrom", "room: expected one of balcony, bathroom, bedroom, dining_room, kitchen, living_room, study"),
+        ("seed=one", "seed=one; Value 'one' of type 'str' could not be converted to Integer"),
+        ("seed", "override 'seed'; missing EQUAL"),
+        ("method.batch==", "override 'method.batch=='"),
+    ],
+)
+def test_what_is_wrong_with_a_command_line_is_answered_in_one_line(ask, argument: str, expected: str) -> None:
+    called, status, said = ask("train", TrainCommand, argument)
+    assert not called
+    assert status == 1
+    (line,) = said.splitlines()
+    assert line.startswith("error: ")
+    assert expected in line
+
+
+def test_a_value_that_must_be_given_is_asked_for(ask) -> None:
+    _, status, said = ask("evaluate", EvaluateConfig)
+    assert status == 1
+    assert said == "error: run: expected a value, as run=<run>; --help shows all options\n"
+
+
+@pytest.mark.parametrize("name", ["../../x", "a/b", ".", "..", "", "a\\b"])
+def test_a_run_is_named_by_one_component_of_a_path(ask, name: str) -> None:
+    called, status, said = ask("train", TrainCommand, f"name={name}")
+    assert (called, status) == ([], 1)
+    assert "name: expected one name of a folder" in said
+
+
+@given(st.text(st.characters(codec="utf-8", exclude_characters="\n\r\0"), min_size=1))
+def test_a_text_is_read_as_it_was_written(text: str) -> None:
+    (argument,) = as_written([f"name={text}"], TrainCommand)
+    (override,) = OverridesParser.create().parse_overrides([argument])
+    if text == "null":
+        assert override.value() is None
+    elif text[:1] in ("'", '"') or "${" in text:
+        assert argument == f"name={text}"
+    else:
+        assert str(override.value()) == text
+
+
+def test_only_texts_are_quoted_and_a_sweep_goes_on_to_be_one() -> None:
+    arguments = ["name=1e3", "seed=1e3", "data.root=my rooms", "room=bedroom", "+name=x", "out", "name=null"]
+    expected = ["name='1e3'", "seed=1e3", "data.root='my rooms'", "room=bedroom", "+name=x", "out", "name=null"]
+    assert as_written(arguments, TrainCommand) == expected
+    assert as_written(["-m", "name=a,b", "name=a b"], TrainCommand) == ["-m", "name=a,b", "name='a b'"]
+
+
+def test_texts_arrive_as_they_were_written(ask) -> None:
+    (config,), status, _ = ask("train", TrainCommand, "name=1e3", "data.root=my rooms/[a], b=c", "runs='quoted'")
+    assert status is None
+    assert (config.name, config.data.root, config.runs) == ("1e3", "my rooms/[a], b=c", "quoted")
+
+
+def test_a_job_that_is_wrong_costs_a_sweep_no_other(ask, tmp_path: Path) -> None:
+    seeds = []
+    arguments = ("-m", "seed=1,-1,2", "runs=here")
+    _, status, said = ask("train", TrainCommand, *arguments, run=lambda config: seeds.append(config.seed))
+    assert seeds == [1, 2]
+    assert status == 1
+    assert "error: seed=-1 runs='here': seed: expected 0 or more; got -1\n" in said
+    assert "Traceback" not in said
+    assert [path.name for path in tmp_path.iterdir()] == ["here"]  # no multirun.yaml beside it
+
+
+def test_what_goes_wrong_in_a_run_is_answered_and_a_mistake_of_ours_is_raised(ask) -> None:
+    def wrong(_: TrainConfig) -> None:
+        raise InputError("rooms: too few")
+
+    assert ask("train", TrainCommand, run=wrong)[1:] == (1, "error: rooms: too few\n")
+
+    def full(_: TrainConfig) -> None:
+        raise OSError(28, "No space left on device", "metrics.csv")
+
+    assert "metrics.csv: No space left on device" in ask("train", TrainCommand, run=full)[2]
+
+    def interrupted(_: TrainConfig) -> None:
+        raise KeyboardInterrupt
+
+    assert ask("train", TrainCommand, run=interrupted)[1:] == (130, "interrupted\n")
+
+    def broken(_: TrainConfig) -> None:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        ask("train", TrainCommand, run=broken)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for another process")
+def test_ctrl_c_while_modules_are_imported_leaves_no_traceback(tmp_path: Path) -> None:
+    command, environment = [sys.executable, "-m", "layoutrl.watch"], os.environ | {"PYTHONPATH": str(PROJECT)}
+    process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    time.sleep(0.6)  # Python itself has begun, and torch is not imported yet
+    process.send_signal(2)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode != 0
+    assert "Traceback" not in said

@@ -1,0 +1,43 @@
+"""The gallery draws any rooms that there are, those to be furnished, too."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from layoutrl import InputError, gallery
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.runs.config import composed
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bedroom without its bed, and a kitchen with a name in a script that few fonts have."""
+    file = tmp_path_factory.mktemp("rooms") / "mine.jsonl"
+    bedroom, kitchen = (room_to_dict(design_rooms(kind, "test", 7, 1).rooms[0]) for kind in ("bedroom", "kitchen"))
+    del bedroom["furniture"][bedroom["target"]]["center"]
+    file.write_text("\n".join(map(json.dumps, (bedroom, kitchen | {"id": "厨房"}))), encoding="utf-8")
+    return file
+
+
+def drawn(mine: Path, tmp_path: Path, *arguments: str) -> str:
+    config = composed("gallery", "data=json", f"data.root={mine}", f"out={tmp_path}", *arguments)
+    return gallery.run(config)[1].read_text(encoding="utf-8")
+
+
+def test_rooms_whose_item_is_to_be_placed_are_drawn_and_say_so(mine: Path, tmp_path: Path) -> None:
+    assert "to be placed: bed" in drawn(mine, tmp_path)
+
+
+def test_of_all_types_those_are_drawn_that_a_file_has_in_any_script(mine: Path, tmp_path: Path) -> None:
+    svg = drawn(mine, tmp_path, "all_types=true")  # a warning of a missing glyph would be an error here
+    assert "to be placed: bed" in svg
+    assert "厨房" in svg
+
+
+def test_a_type_that_the_file_does_not_have_is_answered(mine: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="json has no study to draw"):
+        drawn(mine, tmp_path, "room=study")
