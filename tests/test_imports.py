@@ -1,0 +1,34 @@
+"""Imports go one way between the rooms of the package, as README says."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import layoutrl
+
+PACKAGE = Path(layoutrl.__file__).parent
+ORDER = ("rooms", "env", "figures", "agents", "evaluation", "rivals", "runs")  # above them all what a user starts
+
+
+def height(folder: str) -> int:
+    return ORDER.index(folder) if folder in ORDER else len(ORDER)
+
+
+def test_nothing_imports_what_stands_above_it() -> None:
+    wrong = []
+    for file in PACKAGE.rglob("*.py"):
+        path = file.relative_to(PACKAGE)
+        if len(path.parts) == 1:
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("layoutrl."):
+                imported = str(node.module).split(".")[1]
+                if imported != path.parts[0] and len(ORDER) > height(path.parts[0]) <= height(imported):
+                    wrong.append(f"{path} imports {node.module}")
+    assert not wrong
+
+
+def test_the_top_of_the_package_holds_what_a_user_starts() -> None:
+    started = {"bench", "evaluate", "gallery", "place", "train", "watch"}
+    assert {file.stem for file in PACKAGE.glob("*.py")} - {"__init__"} == started
