@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 
 from layoutrl import InputError
 from layoutrl.env.geometry import snap
@@ -29,22 +30,32 @@ def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
+def check_at_least_one(**counts: int) -> None:
+    """Raises ValueError, with its name, for a count below one."""
+    for name, count in counts.items():
+        if count < 1:
+            raise ValueError(f"{name}: expected at least 1; got {count}")
+
+
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     """`gymnasium.make("layoutrl/Layout-v0", rooms=..., observation="geometry", moves=Moves(...))`.
 
     Every reset draws a room (or takes `options={"room": index}`) and a random start (or
-    `options={"position": (x, y)}`, metres).
+    `options={"position": (x, y)}`, metres; with several rooms beside `room`).
 
     action: Discrete(A), see Moves. observation: `geometry` float32 (elements, columns) or `image`
     uint8 (128, 128, 3). reward: the paper's, -200 to 100.
     info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`; `iou`;
-    `position`; `room`, its index; `illegal`, whether this move was.
+    `position`; `room`, its index; `illegal`, whether this move was. `action_masks()` is `legal` as
+    sb3-contrib's MaskablePPO asks for it.
 
     An illegal move is dropped with `on_illegal="drop"` (training, section 4.2 of the paper): nothing
     changes, and the caller should not store it. With `"stop"` (test) it terminates the episode.
     An episode is truncated after `max_moves` moves, dropped ones included; it never ends otherwise.
 
-    Raises ValueError where a room has no target, or a target that does not fit.
+    Raises ValueError where a room has no target, or a target that does not fit; for an action outside the
+    action space; for options that cannot be, and such a reset leaves the environment as it was. Raises
+    gymnasium's ResetNeeded for `step`, `render` and `action_masks` before the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
@@ -61,6 +72,9 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     ):
         if on_illegal not in ("drop", "stop"):
             raise ValueError(f"unknown on_illegal {on_illegal!r}")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"unknown render_mode {render_mode!r}")
+        check_at_least_one(max_moves=max_moves)
         rooms = given_or_some(rooms)
         self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())
         self.max_moves = max_moves
@@ -69,27 +83,23 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         self.action_space = spaces.Discrete(self.simulator.moves.count)
         self._observe = observation_of(observation, rooms)
         self.observation_space = self._observe.space
+        self._path: list[np.ndarray] = []  # positions (2,) of this episode; none before the first reset
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
+        room, position = self._chosen(options or {})  # refused before anything changes
         super().reset(seed=seed)
-        options = options or {}
-        count = len(self.simulator.rooms)
-        self._room = np.array([options.get("room", self.np_random.integers(count))])
-        if not 0 <= self._room[0] < count:
-            raise ValueError(f"options['room']: expected 0 to {count - 1}; got {self._room[0]}")
-        if "position" in options:
-            position = snap(np.array([options["position"]], dtype=float))
-            if not self.simulator.is_legal(self._room, position)[0]:
-                raise ValueError(f"options['position']: the item leaves the room at {options['position']}")
-        else:
-            position = self.simulator.starts(self._room, self.np_random)
-        self._path = [position[0]]
+        drawn = self.np_random.integers(len(self.simulator.rooms))
+        self._room = np.array([drawn if room is None else room], dtype=np.int64)
+        self._path = [self.simulator.starts(self._room, self.np_random)[0] if position is None else position]
         self._moves_made = 0
         return self._observation(), self._arrive() | {"illegal": False}
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
+        self._check_begun()
+        if not self.action_space.contains(action):
+            raise ValueError(f"action: expected a whole number from 0 to {len(self._legal) - 1}; got {action!r}")
         illegal = not self._legal[action]
         if not illegal:
             self._path.append(self._reached[action])
@@ -98,11 +108,44 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         terminated = illegal and self.on_illegal == "stop"
         return self._observation(), self._total, terminated, self._moves_made >= self.max_moves, info
 
+    def action_masks(self) -> np.ndarray:
+        """The moves that are legal now: bool (A,)."""
+        self._check_begun()
+        return self._legal.copy()
+
     def render(self) -> np.ndarray | None:
         """The way so far, uint8 (384, 384, 3): start pale, item red, the designer's place outlined."""
+        self._check_begun()
         if self.render_mode != "rgb_array":
             return None
         return story(self.simulator.rooms[self._room[0]], np.array(self._path))
+
+    def _check_begun(self) -> None:
+        if not self._path:
+            raise ResetNeeded("expected a call of reset before step, render and action_masks")
+
+    def _chosen(self, options: dict[str, Any]) -> tuple[int | None, np.ndarray | None]:
+        """Room and position (2,) that the options of a reset ask for; None for what is to be drawn."""
+        unknown = options.keys() - {"room", "position"}
+        if unknown:
+            raise ValueError(f"options: expected room and position; got {', '.join(sorted(map(str, unknown)))}")
+        room, given, count = options.get("room"), options.get("position"), len(self.simulator.rooms)
+        if room is not None and not (isinstance(room, int | np.integer) and 0 <= room < count):
+            raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
+        if given is None:
+            return room, None
+        if room is None and count > 1:
+            raise ValueError(f"options['position']: expected options['room'] beside it, one of the {count} rooms")
+        try:
+            position = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            position = np.empty(0)
+        if position.shape != (2,) or not np.isfinite(position).all():
+            raise ValueError(f"options['position']: expected two finite numbers, x and y in metres; got {given!r}")
+        position = snap(position)
+        if not self.simulator.is_legal(np.array([room or 0]), position[None])[0]:
+            raise ValueError(f"options['position']: the item leaves the room at {given}")
+        return room, position
 
     def _arrive(self) -> dict[str, Any]:
         """Reward and next moves at the present position, told as info."""

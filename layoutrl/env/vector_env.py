@@ -8,14 +8,17 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.layout_env import given_or_some
+from layoutrl.env.layout_env import LayoutEnv, check_at_least_one, given_or_some
 from layoutrl.env.observation import observation_of
+from layoutrl.env.render import story
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.room import Room
@@ -25,16 +28,24 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """`gymnasium.make_vec("layoutrl/Layout-v0", num_envs=1000, rooms=..., observation="geometry", moves=Moves(...))`.
 
     As many LayoutEnv with `on_illegal="drop"`: their actions, observations, rewards and info, each with the batch in
-    front, as numpy arrays, computed on `device` in float32. Rooms and starts are drawn; `reset` takes no options.
+    front, as numpy arrays, computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A).
+
+    Rooms and starts are drawn; `reset` takes no options. From `reset(seed=7)` on one stream draws for all environments:
+    fastest. From `reset(seed=[7, 8, ...])` on, num_envs seeds, each has a stream of its own: it begins this episode and
+    those that follow where `LayoutEnv` with that seed does, wherever in the list the seed stands. None in the list goes
+    on with that environment's stream, or begins one; `reset()` goes on with what there is.
 
     All episodes begin together, and after `max_moves` moves all are truncated and others begin in the same step
     (AutoresetMode.SAME_STEP): observations and info are then those of the starts, while `final_obs` and `final_info`
     tell where the episodes ended.
 
-    Raises ValueError where a room has no target, or a target that does not fit.
+    Raises ValueError where a room has no target, or a target that does not fit; for actions outside the action space;
+    for options, and for a list of another length: such a reset leaves the environment as it was. Raises gymnasium's
+    ResetNeeded for `step`, `render` and `action_masks` before the first reset.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
+    autoreset_mode = AutoresetMode.SAME_STEP  # where Gymnasium's own vector environments have it, and TorchRL looks
+    metadata = LayoutEnv.metadata | {"autoreset_mode": autoreset_mode}
 
     def __init__(
         self,
@@ -45,30 +56,49 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         reward: Reward | None = None,
         max_moves: int = 100,
         device: torch.device | str = "cpu",
+        render_mode: str | None = None,
     ):
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"unknown render_mode {render_mode!r}")
+        check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         rooms = given_or_some(rooms)
         self.num_envs = num_envs
         self.max_moves = max_moves
-        self.simulator = BatchSimulator(Simulator(rooms, moves or Moves(), reward or Reward()), device)
+        self.render_mode = render_mode
+        self._reference = Simulator(rooms, moves or Moves(), reward or Reward())
+        self.simulator = BatchSimulator(self._reference, device)
         self._observe = observation_of(observation, rooms, device)
         self.single_observation_space = self._observe.space
         self.single_action_space = spaces.Discrete(self.simulator.moves.count)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self._episodes: Episodes | None = None
+        self._streams: list[np.random.Generator] | None = None  # of seeds that were given one by one
+        self._path: list[Tensor] = []  # positions (num_envs, 2) since the episodes began, to be rendered
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        super().reset(seed=seed)
         if options:
             raise ValueError(f"options: expected none; got {options}")
+        if isinstance(seed, Sequence):
+            if len(seed) != self.num_envs:
+                raise ValueError(f"seed: expected {self.num_envs} seeds, one an environment; got {len(seed)}")
+            seeded = [None if one is None else np_random(one)[0] for one in seed]
+            going_on = self._streams or self.np_random.spawn(self.num_envs)
+            self._streams = [new or old for new, old in zip(seeded, going_on, strict=True)]
+        else:
+            super().reset(seed=seed)
+            if seed is not None:
+                self._streams = None
         generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
         self._episodes = Episodes(self.simulator, np.zeros(self.num_envs, dtype=int), self.max_moves, generator)
         return self._begun()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        action = torch.as_tensor(actions, dtype=torch.int64, device=self.simulator.device).reshape(self.num_envs)
-        step = self._episodes.step(action)
+        step = self._running.step(self._checked(actions))
+        if self.render_mode is not None:
+            self._path.append(step.next_position)
         observation = _array(self._observe(step.room, step.next_position))
         info = self._told(step.room, step.next_position, step.next_legal, step.terms, ~step.legal)
         ended = len(step.ended) > 0
@@ -79,9 +109,48 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         terminated, truncated = np.zeros(self.num_envs, dtype=bool), np.full(self.num_envs, ended)
         return observation, _array(step.terms.total.double()), terminated, truncated, info
 
+    def action_masks(self) -> np.ndarray:
+        """The moves that are legal now: bool (num_envs, A)."""
+        return _array(self._running.legal)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Of each environment the way so far, as LayoutEnv shows it: uint8 (384, 384, 3) each."""
+        rooms = self._running.room.tolist()
+        if self.render_mode is None:
+            return None
+        frames = []
+        for room, path in zip(rooms, _array(torch.stack(self._path, 1)), strict=True):
+            moved = np.any(np.diff(path, axis=0) != 0, axis=1)  # where it did not, a move was dropped
+            frames.append(story(self.simulator.rooms[room], path[np.r_[True, moved]]))
+        return tuple(frames)
+
+    @property
+    def _running(self) -> Episodes:
+        if self._episodes is None:
+            raise ResetNeeded("expected a call of reset before step, render and action_masks")
+        return self._episodes
+
+    def _checked(self, actions: np.ndarray) -> Tensor:
+        """Actions on the device, int64 (num_envs,). Raises ValueError for those outside the action space."""
+        action = torch.as_tensor(actions, device=self.simulator.device)
+        if action.shape != (self.num_envs,) or not torch.can_cast(action.dtype, torch.int64):
+            got = f"{action.dtype} of shape {tuple(action.shape)}"
+            raise ValueError(f"actions: expected whole numbers of shape ({self.num_envs},); got {got}")
+        outside = (action < 0) | (action >= self.simulator.moves.count)
+        if outside.any():
+            raise ValueError(f"actions: expected 0 to {self.simulator.moves.count - 1}; got {int(action[outside][0])}")
+        return action.long()
+
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Observations and info of episodes that are about to make their first move."""
-        room, position, legal = self._episodes.room, self._episodes.position, self._episodes.legal
+        episodes = self._running
+        if self._streams is not None:  # where LayoutEnv would begin
+            rooms = [np.array([stream.integers(len(self.simulator.rooms))]) for stream in self._streams]
+            starts = list(map(self._reference.starts, rooms, self._streams))
+            drawn = {"room": torch.tensor(np.concatenate(rooms)), "position": torch.tensor(np.concatenate(starts))}
+            episodes.load_state_dict(episodes.state_dict() | drawn)
+        room, position, legal = episodes.room, episodes.position, episodes.legal
+        self._path = [position]
         terms = self.simulator.reward(room, position)
         info = self._told(room, position, legal, terms, illegal=torch.zeros_like(room, dtype=torch.bool))
         return _array(self._observe(room, position)), info

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from layoutrl.env.layout_env import LayoutEnv
@@ -80,6 +81,10 @@ def test_no_rooms_or_unknown_choices_are_refused():
         LayoutEnv([l_room()], on_illegal="bounce")
     with pytest.raises(ValueError, match="target"):
         LayoutEnv([l_room(target=None)])
+    with pytest.raises(ValueError, match="human"):
+        LayoutEnv([l_room()], render_mode="human")
+    with pytest.raises(ValueError, match="max_moves: expected at least 1; got 0"):
+        LayoutEnv([l_room()], max_moves=0)
 
 
 @pytest.mark.parametrize("observation", ["geometry", "image"])
@@ -167,6 +172,39 @@ def test_legal_and_illegal_in_random_play_are_as_the_mask_said():
     assert seen == {False, True}
 
 
+def test_the_action_masks_are_the_moves_that_are_legal_now():
+    env = LayoutEnv(three_rooms(), moves=Moves((0.7,)), max_moves=50)
+    _, info = env.reset(seed=1)
+    for action in range(env.action_space.n):
+        mask = env.action_masks()
+        assert (mask.dtype, mask.shape) == (bool, (env.action_space.n,))
+        np.testing.assert_array_equal(mask, info["legal"])
+        mask[:] = ~mask  # the caller's own
+        *_, info = env.step(action)
+
+
+@pytest.mark.parametrize("action", [-1, 4, 1.0, None, [1], np.array([1])])
+def test_an_action_outside_the_action_space_is_refused_and_makes_no_move(action):
+    env = LayoutEnv([corner_room()], moves=STEPS, max_moves=1)
+    env.reset(options={"position": (2.0, 1.5)})
+    with pytest.raises(ValueError, match="action: expected a whole number from 0 to 3"):
+        env.step(action)
+    *_, truncated, info = env.step(np.int64(RIGHT))
+    assert truncated  # by this move, the first
+    assert info["position"].tolist() == [2.5, 1.5]
+
+
+@pytest.mark.parametrize("refused", [None, {"room": 99}])
+@pytest.mark.parametrize("call", [lambda env: env.step(0), LayoutEnv.render, LayoutEnv.action_masks])
+def test_a_reset_must_come_first(call, refused):
+    env = LayoutEnv([corner_room()])
+    if refused:
+        with pytest.raises(ValueError, match="room"):
+            env.reset(options=refused)
+    with pytest.raises(ResetNeeded, match="reset"):
+        call(env)
+
+
 @pytest.mark.parametrize("on_illegal", ["drop", "stop"])
 def test_the_budget_of_moves_truncates_and_never_terminates(on_illegal):
     env = LayoutEnv([corner_room()], moves=STEPS, max_moves=4, on_illegal=on_illegal)
@@ -213,13 +251,34 @@ def test_options_choose_room_and_position():
     assert {env.reset(options={"room": 2})[1]["room"] for _ in range(8)} == {2}
 
 
-def test_options_that_cannot_be_are_refused():
-    env = LayoutEnv(three_rooms())
-    for room in (3, -1):
-        with pytest.raises(ValueError, match="room"):
-            env.reset(options={"room": room})
-    with pytest.raises(ValueError, match="position"):
-        env.reset(options={"room": 1, "position": (3.5, 3.5)})
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"room": 3}, "0 to 2; got 3"),
+        ({"room": -1}, "0 to 2; got -1"),
+        ({"room": 1.5}, "whole number from 0 to 2; got 1.5"),
+        ({"room": "l"}, "whole number"),
+        ({"start": 1, "room": 1}, "expected room and position; got start"),
+        ({"room": 1, "position": (3.5, 3.5)}, "leaves the room"),
+        ({"position": (1.25, 0.75)}, r"expected options\['room'\]"),
+        *(
+            ({"room": 1, "position": position}, "two finite numbers")
+            for position in [1, (1,), (1, 1, 1), [(1, 1)], (1, np.nan), (np.inf, 1), "ab", (1, None), (1, (1, 1))]
+        ),
+    ],
+)
+def test_options_that_cannot_be_are_refused_and_leave_all_as_it_was(options, why):
+    env, other = (LayoutEnv(three_rooms(), max_moves=3) for _ in range(2))
+    told = [(one.reset(seed=1), one.step(0)) for one in (env, other)]
+    assert same(*told)
+    for seed in (None, 7):
+        with pytest.raises(ValueError, match=why) as refusal:
+            env.reset(seed=seed, options=options)
+        assert "\n" not in str(refusal.value)
+    with pytest.raises(gymnasium.error.Error, match="eed"):
+        env.reset(seed=-1, options={"room": 2})
+    told = [(one.step(1), one.step(2), one.reset(), one.reset(options={"room": 0})) for one in (env, other)]
+    assert same(*told)
 
 
 def test_what_was_told_earlier_does_not_change_later():

@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 
@@ -26,7 +27,7 @@ def some_rooms() -> list[Room]:
     return [room for room in rooms if all(item.form == "rectangle" for item in room.furniture)]
 
 
-def played(env: VectorEnv, seed: int, steps: int) -> list[Any]:
+def played(env: VectorEnv, seed: int | list[int], steps: int) -> list[Any]:
     """What a reset and random moves, legal or not, told."""
     actions = np.random.default_rng(seed)
     return [env.reset(seed=seed)] + [
@@ -49,36 +50,60 @@ def assert_same(told: Any, expected: Any, rounding: float = 0.0) -> None:
         np.testing.assert_allclose(told, expected, rtol=0, atol=rounding if rounded else 0)
 
 
-class Led(gymnasium.Wrapper):
-    """A LayoutEnv whose resets go where a vector environment began its k-th episodes: told one after another."""
-
-    def __init__(self, env: gymnasium.Env, k: int):
-        super().__init__(env)
-        self.k = k
-        self.begun: list[dict[str, Any]] = []
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        info = self.begun.pop(0)
-        return super().reset(options={"room": info["room"][self.k], "position": info["position"][self.k]})
+def singles(count: int, **keywords: Any) -> SyncVectorEnv:
+    """As many LayoutEnv, which Gymnasium steps one after another."""
+    return SyncVectorEnv([lambda: LayoutEnv(**keywords)] * count, autoreset_mode=AutoresetMode.SAME_STEP)
 
 
 @pytest.mark.parametrize("observation", ["geometry", "image"])
 @pytest.mark.parametrize("inside", ["share", "iou"])
-def test_it_tells_what_gymnasium_tells_of_as_many_single_environments(observation: str, inside: str) -> None:
+def test_it_tells_what_gymnasium_tells_of_as_many_single_environments_of_the_same_seeds(
+    observation: str, inside: str
+) -> None:
     keywords = {"rooms": some_rooms(), "observation": observation, "max_moves": 3}
     keywords |= {"moves": Moves((0.32, 0.08), slide=False), "reward": Reward(90, -70, -40, inside)}
-    many = LayoutVectorEnv(6, **keywords)
-    singles = [Led(LayoutEnv(**keywords), k) for k in range(6)]
-    expected = SyncVectorEnv([lambda env=env: env for env in singles], autoreset_mode=AutoresetMode.SAME_STEP)
+    many, expected = LayoutVectorEnv(6, **keywords), singles(6, **keywords)
     for name in ("observation_space", "action_space", "single_observation_space", "single_action_space"):
         assert getattr(many, name) == getattr(expected, name)
-    assert many.metadata["autoreset_mode"] == expected.metadata["autoreset_mode"]
-    told = played(many, 0, 10)
-    for single in singles:
-        single.begun = [told[0][1], *(step[4] for step in told[1:] if "final_info" in step[4])]
-    assert len(singles[0].begun) == 4
-    assert_same(told, played(expected, 0, 10), rounding=2e-4)
+    assert many.autoreset_mode == expected.autoreset_mode
+    assert many.metadata == expected.metadata
+    seeds = [3, 1, 4, 1, 5, 9]
+    told = played(many, seeds, 10)
+    assert sum("final_info" in step[4] for step in told[1:]) == 3
+    assert_same(told, played(expected, seeds, 10), rounding=2e-4)
     assert {illegal for step in told[1:] for illegal in step[4]["illegal"]} == {False, True}
+    assert_same(many.reset(), expected.reset(), rounding=2e-4)  # each stream goes on
+    mixed = [None, 2, None, 3, 3, None]
+    assert_same(many.reset(seed=mixed), expected.reset(seed=mixed), rounding=2e-4)
+
+
+def test_its_frames_are_those_of_the_single_environments() -> None:
+    keywords = {"rooms": [l_room(), rectangular_room(4, 3)], "max_moves": 4, "render_mode": "rgb_array"}
+    many, expected = LayoutVectorEnv(2, **keywords), singles(2, **keywords)
+    dropped: set[bool] = set()
+    for steps in (0, 3, 5):  # at the start, on the way, and on that of another episode
+        (*_, told), _ = (played(env, [1, 2], steps) for env in (many, expected))
+        dropped |= set(told[-1]["illegal"].tolist())
+        assert_same(many.render(), expected.render())
+    assert dropped == {False, True}
+
+
+def test_without_a_render_mode_nothing_is_drawn() -> None:
+    env = LayoutVectorEnv(2, [l_room()])
+    env.reset(seed=0)
+    assert env.render() is None
+
+
+def test_the_action_masks_are_the_moves_that_are_legal_now() -> None:
+    env = LayoutVectorEnv(4, some_rooms(), max_moves=3)
+    actions = np.random.default_rng(0)
+    _, info = env.reset(seed=0)
+    for _ in range(7):
+        mask = env.action_masks()
+        assert (mask.dtype, mask.shape) == (bool, (4, env.single_action_space.n))
+        np.testing.assert_array_equal(mask, info["legal"])
+        mask[:] = ~mask  # the caller's own
+        *_, info = env.step(actions.integers(env.single_action_space.n, size=4))
 
 
 @pytest.mark.parametrize("observation", ["geometry", "image"])
@@ -128,6 +153,14 @@ def test_equal_seeds_give_equal_runs_and_a_reset_without_one_goes_on() -> None:
     assert len({reset[1]["position"].tobytes() for reset in runs[0]}) == 3
 
 
+def test_one_seed_ends_the_environments_own_streams_and_begins_them() -> None:
+    """What follows a seed depends on nothing before it."""
+    env = LayoutVectorEnv(2, some_rooms())
+    begun = [env.reset(seed=1), env.reset(seed=[None, 3]), env.reset()]
+    assert_same([env.reset(seed=1), env.reset(seed=[None, 3]), env.reset()], begun)
+    assert_same(LayoutVectorEnv(2, some_rooms()).reset(seed=1), begun[0])
+
+
 def test_the_global_random_streams_are_neither_read_nor_moved() -> None:
     runs = []
     for seed in (0, 1):
@@ -164,12 +197,44 @@ def test_what_cannot_be_is_refused() -> None:
         LayoutVectorEnv(2, [])
     with pytest.raises(ValueError, match="sketch"):
         LayoutVectorEnv(2, [l_room()], observation="sketch")
+    with pytest.raises(ValueError, match="human"):
+        LayoutVectorEnv(2, [l_room()], render_mode="human")
     with pytest.raises(ValueError, match="target"):
         LayoutVectorEnv(2, [l_room(target=None)])
+    with pytest.raises(ValueError, match="num_envs: expected at least 1; got 0"):
+        LayoutVectorEnv(0, [l_room()])
+    with pytest.raises(ValueError, match="max_moves: expected at least 1; got 0"):
+        LayoutVectorEnv(2, [l_room()], max_moves=0)
+
+
+@pytest.mark.parametrize(
+    "call", [lambda env: env.step(np.array([0, 0])), LayoutVectorEnv.render, LayoutVectorEnv.action_masks]
+)
+def test_a_reset_must_come_first(call: Any) -> None:
     env = LayoutVectorEnv(2, [l_room()])
     with pytest.raises(ValueError, match="options"):
         env.reset(options={"room": 0})
-    env.reset(seed=0)
-    for actions in ([0], [0, 0, 0], [0, 20], [-1, 0]):
-        with pytest.raises((RuntimeError, IndexError)):
+    with pytest.raises(ResetNeeded, match="reset"):
+        call(env)
+
+
+@pytest.mark.parametrize("seed", [1, [1, 2]])
+def test_what_is_refused_leaves_all_as_it_was(seed: int | list[int]) -> None:
+    env, other = (LayoutVectorEnv(2, some_rooms(), max_moves=3) for _ in range(2))
+    assert_same(*(played(one, seed, 1) for one in (env, other)))
+    with pytest.raises(ValueError, match="options: expected none"):
+        env.reset(seed=7, options={"room": 0})
+    for seeds in ([], [1], [1, 2, 3]):
+        with pytest.raises(ValueError, match=f"expected 2 seeds, one an environment; got {len(seeds)}"):
+            env.reset(seed=seeds)
+    for seeds in (-1, [None, -1], [3, 0.5], [4, "a"]):
+        with pytest.raises(gymnasium.error.Error, match="Seed"):
+            env.reset(seed=seeds)
+    for actions in ([0], [0, 0, 0], [[0, 0]], 0, [0.0, 1.0]):
+        with pytest.raises(ValueError, match="whole numbers of shape"):
             env.step(np.array(actions))
+    for actions in ([0, 20], [-1, 0]):
+        with pytest.raises(ValueError, match="actions: expected 0 to 19"):
+            env.step(np.array(actions))
+    step = np.array([1, 2])
+    assert_same(*([one.step(step), one.step(step), one.step(step), one.reset()] for one in (env, other)))
