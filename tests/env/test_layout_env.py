@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -70,6 +73,18 @@ def test_without_rooms_designed_bedrooms_are_taken():
     env = gymnasium.make("layoutrl/Layout-v0")
     assert {room.room_type for room in env.unwrapped.simulator.rooms} == {"bedroom"}
     play(env, 0, 5)
+
+
+def test_rooms_of_a_file_are_taken_as_the_readme_says(tmp_path, monkeypatch):
+    readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+    (room,) = re.findall(r"^    (\{\"id\".*\n(?:     .*\n)*)", readme, flags=re.MULTILINE)
+    (program,) = re.findall(r"^    (from layoutrl\.rooms\.files .*\n)\n    (env = .*)", readme, flags=re.MULTILINE)
+    (tmp_path / "my_rooms.jsonl").write_text(room.replace("\n", "") + "\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    names = {"gymnasium": gymnasium}
+    exec("".join(program), names)
+    assert [room.id for room in names["env"].unwrapped.simulator.rooms] == ["b-17"]
+    play(names["env"], 0, 5)
 
 
 def test_no_rooms_or_unknown_choices_are_refused():
