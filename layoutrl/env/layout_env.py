@@ -90,7 +90,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         room, position = self._chosen(options or {})  # refused before anything changes
         super().reset(seed=seed)
-        drawn = self.np_random.integers(len(self.simulator.rooms))
+        drawn = self.np_random.integers(len(self.simulator.rooms))  # with a room that was asked for, in vain
         self._room = np.array([drawn if room is None else room], dtype=np.int64)
         self._path = [self.simulator.starts(self._room, self.np_random)[0] if position is None else position]
         self._moves_made = 0
@@ -129,7 +129,8 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         unknown = options.keys() - {"room", "position"}
         if unknown:
             raise ValueError(f"options: expected room and position; got {', '.join(sorted(map(str, unknown)))}")
-        room, given, count = options.get("room"), options.get("position"), len(self.simulator.rooms)
+        room: int | None = options.get("room")
+        given, count = options.get("position"), len(self.simulator.rooms)
         if room is not None and not (isinstance(room, int | np.integer) and 0 <= room < count):
             raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
         if given is None:

@@ -195,6 +195,7 @@ def test_the_action_masks_are_the_moves_that_are_legal_now():
         assert (mask.dtype, mask.shape) == (bool, (env.action_space.n,))
         np.testing.assert_array_equal(mask, info["legal"])
         mask[:] = ~mask  # the caller's own
+        np.testing.assert_array_equal(env.action_masks(), info["legal"])
         *_, info = env.step(action)
 
 

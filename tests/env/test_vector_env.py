@@ -103,6 +103,7 @@ def test_the_action_masks_are_the_moves_that_are_legal_now() -> None:
         assert (mask.dtype, mask.shape) == (bool, (4, env.single_action_space.n))
         np.testing.assert_array_equal(mask, info["legal"])
         mask[:] = ~mask  # the caller's own
+        np.testing.assert_array_equal(env.action_masks(), info["legal"])
         *_, info = env.step(actions.integers(env.single_action_space.n, size=4))
 
 
