@@ -69,15 +69,20 @@ def second_choice(room: Room, place: np.ndarray, config: TrainConfig) -> bool:
     return False
 
 
+def worst(rooms: list[Room], iou: np.ndarray) -> list[int]:
+    """The rooms of the lowest IoU, in the same order on every machine: last digits and ties do not decide it."""
+    return sorted(range(len(rooms)), key=lambda k: (round(float(iou[k]), 4), rooms[k].id))[:WORST]
+
+
 def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: dict[int, str]) -> Figure:
     """The worst rooms: the agent's place red, the designer's dashed."""
     figure = Figure(figsize=(12, 5.5))
     for axes in (grid := figure.subplots(2, WORST // 2)).flat:
         axes.axis("off")
-    for axes, k in zip(grid.flat, np.argsort(iou)[:WORST], strict=False):
+    for axes, k in zip(grid.flat, worst(rooms, iou), strict=False):
         draw_placed(axes, rooms[k], places[k], names=4)
         name = textwrap.fill(rooms[k].id, 28)
-        axes.set_title(f"{name}\nIoU {iou[k]:.2f}, {reasons.get(int(k), '')}", fontsize=7)
+        axes.set_title(f"{name}\nIoU {iou[k]:.2f}, {reasons.get(k, '')}", fontsize=7)
     return figure
 
 

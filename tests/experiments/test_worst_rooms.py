@@ -50,3 +50,11 @@ def test_rooms_are_told_apart_by_what_the_plan_calls_them():
     room = rectangular_room(4, 3, Item("bed", (1.0, 0.6), (2.0, 1.5)))
     assert worst_rooms.kind_of(replace(room, id="00/02/0001#washing_room-2")) == "washing_room"
     assert worst_rooms.kind_of(replace(room, id="b-17")) == ""
+
+
+def test_the_worst_rooms_stand_in_the_same_order_on_every_machine():
+    room = rectangular_room(4, 3, Item("bed", (1.0, 0.6), (2.0, 1.5)))
+    rooms = [replace(room, id=name) for name in "dcbea"]
+    iou = np.array([0.0, 1e-9, 0.5, 0.0, 0.2])  # a last digit may differ between machines
+    assert [rooms[k].id for k in worst_rooms.worst(rooms, iou)] == ["c", "d", "e", "a", "b"]
+    assert len(worst_rooms.worst(rooms * 3, np.tile(iou, 3))) == 10
