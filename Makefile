@@ -6,6 +6,7 @@ BIN := .venv/bin
 DATA ?= data
 REAL = $(foreach source,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(source)),$(source)=$(DATA)/$(source)))
 OPTIONS = $(if $(budget),budget=$(budget)) $(ARGS)
+TYPES = $(if $(filter file,$(origin ROOM)),,room=$(ROOM))
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -34,11 +35,11 @@ lint: setup  ## ruff (lint and format) and mypy
 bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS="parts=[training]"
 	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
 
-tables: setup  ## the paper's tables, and real rooms: make tables budget=smoke DATA=../shared/data
+tables: setup  ## the paper's tables, and real rooms: make tables ROOM=kitchen budget=smoke DATA=../shared/data
 	@status=0; trap 'exit 130' INT; \
-	$(BIN)/python experiments/table1.py $(OPTIONS) || status=1; \
-	$(BIN)/python experiments/table2.py $(OPTIONS) || status=1; \
-	$(BIN)/python experiments/real_rooms.py $(REAL) $(OPTIONS) || status=1; \
+	$(BIN)/python experiments/table1.py $(TYPES) $(OPTIONS) || status=1; \
+	$(BIN)/python experiments/table2.py $(TYPES) $(OPTIONS) || status=1; \
+	$(BIN)/python experiments/real_rooms.py $(REAL) $(TYPES) $(OPTIONS) || status=1; \
 	exit $$status
 
 notebooks: setup  ## run the notebooks, and keep what they show

@@ -20,7 +20,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from printing import Table
+from printing import Table, listed
 
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
@@ -80,27 +80,19 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def spread(deviation: float | None) -> str:
-    return "-" if deviation is None else f"{deviation:.3f}"
-
-
 def table(result: dict[str, Any]) -> Table:
     """What a file of results says."""
     seeds = ", ".join(map(str, result["seeds"]))
-    return Table(
-        f"What each part is worth: {result['room_type']}, {result['updates']} updates, seeds {seeds}",
-        ("", "mean IoU ± over seeds", ">= 0.9", "lattice ceiling", "moves"),
-        [
-            [
-                change,
-                f"{found['mean_iou']:.3f} ± {spread(found['std_over_seeds'])}",
-                f"{found['share_090']:.1%}",
-                f"{found['ceiling']:.3f}",
-                f"{found['moves']:.1f}",
-            ]
-            for change, found in result["rows"].items()
-        ],
-    )
+    columns = {
+        "": "{change}",
+        "mean IoU ± over seeds": "{mean_iou:.3f} ± {std_over_seeds:.3f}",
+        ">= 0.9": "{share_090:.1%}",
+        "lattice ceiling": "{ceiling:.3f}",
+        "moves": "{moves:.1f}",
+    }
+    title = f"What each part is worth: {result['room_type']}, {result['updates']} updates, seeds {seeds}"
+    records = [{"change": change, **found} for change, found in result["rows"].items()]
+    return listed("ablation", title, columns, records, [])
 
 
 @answers_errors()

@@ -30,12 +30,13 @@ from columns import FILLS, RESULTS, CellConfig, folder_of, name_of, setting_of
 from layoutrl import InputError
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
-from layoutrl.runs import resume
+from layoutrl.runs.folder import resume
 from layoutrl.runs.commands import command
 from layoutrl.runs.folder import differences, write_json
 from layoutrl.runs.machine import device_of, machine
 
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
+SEEDLESS = ("rules", "oracle")  # columns that draw nothing but the starts, which are always the same
 TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
 IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1"))  # of what is packed; IoU in 1/65535
 
@@ -43,6 +44,9 @@ IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1
 def fill(config: CellConfig) -> None:
     """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells."""
     folder, name = folder_of(config), name_of(config)
+    if config.column in SEEDLESS and config.protocol == "unseen" and config.seed:
+        print(f"{config.table}: {name} left out: {config.column} has one cell, seed 0, since it draws nothing")
+        return
     file, error = folder / f"{name}.json", folder / f"{name}.error"
     if file.exists():
         error.unlink(missing_ok=True)
@@ -151,10 +155,12 @@ def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[
 
 
 def in_turn(columns: str) -> list[str]:
-    """The columns in one sweep or two: those that are trained for as long as the agent come after it."""
-    timed = [column for column in columns.split(",") if column in TIMED]
-    others = [column for column in columns.split(",") if column not in TIMED]
-    return [",".join(group) for group in (others, timed) if group]
+    """The columns in sweeps: those without a seed, and those that are trained for as long as the agent after it."""
+    given = columns.split(",")
+    seedless = [column for column in given if column in SEEDLESS]
+    timed = [column for column in given if column in TIMED]
+    others = [column for column in given if column not in (*SEEDLESS, *TIMED)]
+    return [",".join(group) for group in (seedless, others, timed) if group]
 
 
 def trains_pictures(chosen: Mapping[str, str]) -> bool:
@@ -162,8 +168,15 @@ def trains_pictures(chosen: Mapping[str, str]) -> bool:
     return torch.cuda.is_available() or "hydra/launcher" in chosen
 
 
-def seeds_of(usual: str, chosen: Mapping[str, str]) -> str:
-    """The seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these."""
+def seeds_of(columns: str, usual: str, chosen: Mapping[str, str]) -> str:
+    """The seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these.
+
+    Columns without a seed have seed 0, and a line says so where others were chosen.
+    """
+    if {*columns.split(",")} <= {*SEEDLESS}:
+        if chosen.get("seed", "0") != "0":
+            print(f"{columns}: seed={chosen['seed']} is left out, since nothing is drawn; one cell each, seed 0")
+        return "0"
     return chosen.get("seed", usual.split(",")[0] if chosen.get("budget") == "smoke" else usual)
 
 

@@ -1,8 +1,8 @@
-"""The decision process and the two networks as diagrams, as in Figures 3 and 5 of Di & Yu 2021.
+"""The README's figures: the decision process and the two networks, as in Figures 3 and 5 of Di & Yu 2021; results.
 
     python experiments/diagrams.py [--out docs/figures]
 
-Widths are read from the networks themselves.
+Widths are read from the networks themselves, results from the cells of Table 1.
 """
 
 from __future__ import annotations
@@ -11,10 +11,14 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from columns import RESULTS
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
+from printing import Table
+from table1 import AGENT, CEILING, PAPER, POINTER, RIVAL, THEIRS, main_table, measured
 from torch import nn
 
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork
@@ -139,14 +143,58 @@ def networks() -> Figure:
     return figure
 
 
+# How the columns of the README's table are drawn: colour, marker, and words.
+LOOKS = {
+    THEIRS: ("black", "D", "Di & Yu, as printed (other rooms; interval not known)"),
+    AGENT: (BLUE, "o", "agent"),
+    POINTER: (ORANGE, "s", "supervised pointer, trained as long as the agent"),
+    RIVAL: (GREEN, "^", "PlanIT, trained as long as the agent"),
+}
+TICKS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1)
+
+
+def results(table: Table) -> Figure:
+    """The README's table: mean IoU and its 95% interval, by room type."""
+    figure = Figure(figsize=(7.6, 4.2))
+    axes = figure.subplots()
+    # By the square root of what is lost: 0.5 and 0.99 both stand apart from what is beside them.
+    axes.set_xscale("function", functions=(lambda iou: 1 - np.sqrt(np.maximum(1 - iou, 0)), lambda x: 1 - (1 - x) ** 2))
+    rooms = list(dict.fromkeys(record["room"] for record in table.records))
+    measured = [record for record in table.records if "mean_iou" in record]
+    for k in range(0, len(rooms), 2):
+        axes.axhspan(k - 0.5, k + 0.5, color="black", alpha=0.05, linewidth=0)
+    for n, (method, (color, marker, words)) in enumerate(LOOKS.items()):
+        found = [record for record in measured if record["method"] == method]
+        y = [rooms.index(record["room"]) + 0.2 * (n - 1.5) for record in found]
+        low, high = ([record.get(end, np.nan) for record in found] for end in ("interval_low", "interval_high"))
+        axes.hlines(y, low, high, color=color, clip_on=False)
+        face = "white" if method == THEIRS else color
+        means = [record["mean_iou"] for record in found]
+        axes.plot(means, y, marker, color=color, markerfacecolor=face, markersize=5, label=words, clip_on=False)
+    for record in measured:
+        if record["method"] == CEILING:
+            k, iou = rooms.index(record["room"]), record["mean_iou"]
+            axes.plot([iou, iou], [k - 0.35, k + 0.35], color="black", clip_on=False)
+    axes.plot([], [], "|", color="black", markersize=8, label=CEILING)
+    axes.set(xlabel="mean IoU in held-out rooms, stretched towards 1, and its 95% interval over rooms")
+    axes.set(xlim=(TICKS[0], 1), xticks=TICKS, xticklabels=[f"{tick:g}" for tick in TICKS])
+    axes.set(ylim=(len(rooms) - 0.5, -0.5), yticks=range(len(rooms)))
+    axes.set_yticklabels([room.replace("_", " ") for room in rooms])
+    axes.grid(axis="x", linewidth=0.4, alpha=0.6)
+    axes.tick_params(axis="y", length=0)
+    figure.legend(loc="outside upper center", ncols=2)
+    return figure
+
+
 @answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("docs/figures"))
     out = parser.parse_args().out
+    table = main_table({room: measured(RESULTS / "default" / "table1", room) for room in PAPER})
     with style.context(STYLE):
-        for name, diagram in (("process", process), ("networks", networks)):
-            for file in save(diagram(), out / name):
+        for name, figure in (("process", process()), ("networks", networks()), ("results", results(table))):
+            for file in save(figure, out / name):
                 print(f"wrote {file}")
 
 

@@ -1,12 +1,14 @@
-"""Tables, from the files of filled cells and from nothing else: as text, Markdown, CSV and LaTeX."""
+"""Tables, from the files of filled cells and from nothing else: Markdown and LaTeX for people, CSV for programs."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -15,9 +17,44 @@ from columns import refuse_other_rooms
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
-from layoutrl.runs.folder import differences
+from layoutrl.runs.folder import differences, write_json
 
 NOT_RUN = "not run"
+Record = Mapping[str, Any]  # one row of a CSV: a number or a name in each column, None where it was not run
+
+# What the columns of the CSV files mean, in the order in which they stand.
+FIELDS = {
+    "room": "room type",
+    "item": "the item that moves",
+    "labels": "snapped: furniture is moved to the wall beside it, test rooms included; raw: as annotated",
+    "trained": "for as many minutes as the agent, or for a fixed number of updates",
+    "method": "what places the item",
+    "trained_on": "which rooms the agent learned from",
+    "told": "what PlanIT is told, and whether the size of the item is its own choice or the true one",
+    "training_rooms": "how many rooms it learned from; a room counts once for each such item in it",
+    "mean_iou": "mean IoU of the final position and the designer's, over n and seeds",
+    "sd": "standard deviation of the IoU over n and seeds; of what is printed by Di & Yu, as they print it",
+    "standard_error": "of the mean, over rooms",
+    "n": "rooms, or starts, that each seed is scored in; the paper does not say how many",
+    "seeds": "training seeds; of a single room, rooms",
+    "se_over_seeds": "standard error of the mean over training seeds",
+    "interval_low": "lower end of the 95% bootstrap interval of the mean, over rooms",
+    "interval_high": "upper end of it",
+    "p_regressor": "p-value of the difference to the supervised regressor, paired permutation test over rooms",
+    "p_pointer": "p-value of the difference to the supervised pointer, the same test",
+    "p_agent": "p-value of the difference to the agent trained on real rooms, the same test",
+    "median_iou": "median IoU over rooms",
+    "share_090": "share of rooms with an IoU of 0.9 or more",
+    "best_of_3_mean_iou": "mean IoU of the best of the first three stopping places, chosen by knowledge of the answer",
+    "best_of_3_sd": "standard deviation of it",
+    "overlap": "share of the item that other furniture covers",
+    "outside": "share of the item that is not indoors",
+    "blocked": "share of rooms in which the item blocks a door or window",
+    "training_minutes": "minutes of training of one seed",
+    "updates": "updates of the network in training, of one seed",
+    "moves": "moves of a greedy episode",
+}
+MEASURED = ("mean_iou", "sd", "n", "seeds")
 
 
 @dataclass(frozen=True)
@@ -33,29 +70,33 @@ class Row:
     def mean(self) -> float:
         return float(self.iou.mean())
 
-    def text(self) -> str:
-        """Mean ± standard deviation over rooms."""
-        return f"{self.mean:.3f} ± {self.iou.std():.3f}"
+    def estimate(self, **more: float | None) -> Estimate:
+        """Mean and standard deviation over rooms and seeds, how many these are, and more to stand beside them."""
+        seeds, n = self.iou.shape
+        return Estimate({"mean_iou": self.mean, "sd": float(self.iou.std()), "n": n, "seeds": seeds, **more}, self)
 
-    def ceiling(self) -> str:
+    def ceiling(self) -> Estimate:
         """The lattice ceiling of its moves, from its starts."""
-        return f"{np.mean([cell['ceiling'] for cell in self.cells.values()]):.3f}"
+        return Estimate({"mean_iou": float(np.mean([cell["ceiling"] for cell in self.cells.values()]))}, self)
 
-    def error_over_seeds(self) -> str:
+    def error_over_seeds(self) -> float | None:
         means = self.iou.mean(1)
-        return f"{means.std(ddof=1) / np.sqrt(len(means)):.4f}" if len(means) > 1 else "-"
+        return float(means.std(ddof=1) / np.sqrt(len(means))) if len(means) > 1 else None
 
-    def interval(self) -> str:
+    @cached_property
+    def interval(self) -> dict[str, float]:
         """95%, of the mean, over rooms."""
         low, high = bootstrap_interval(self.iou.mean(0), self.group, np.random.default_rng(0))
-        return f"{low:.3f} to {high:.3f}"
+        return {"interval_low": low, "interval_high": high}
 
-    def p_value(self, other: Row) -> str:
+    def interval_text(self) -> str:
+        return "{interval_low:.3f} to {interval_high:.3f}".format(**self.interval)
+
+    def p_value(self, other: Row) -> float:
         """Paired. Raises InputError where the rooms are not the same."""
         (ours, *_), (theirs, *_) = self.cells.items(), other.cells.items()
         refuse_other_rooms(f"{ours[0].stem} and {theirs[0].stem}", ours[1]["config"], theirs[1]["config"])
-        p = paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, np.random.default_rng(0))
-        return "< 0.001" if p < 0.001 else f"{p:.3f}"
+        return paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, np.random.default_rng(0))
 
     def number(self, name: str) -> float:
         """Mean over seeds."""
@@ -87,15 +128,32 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
     return Row(iou, group, numbers, cells)
 
 
-def text(found: Row | None, missing: str = NOT_RUN) -> str:
-    return found.text() if found else missing
+@dataclass(frozen=True)
+class Estimate:
+    """A mean IoU and what is known of it, and the row that it is of; what the paper prints is of none."""
+
+    numbers: Record
+    row: Row | None = None
+
+    def text(self) -> str:
+        """Mean ± standard deviation, or with its standard error in brackets."""
+        mean = f"{self.numbers['mean_iou']:.3f}"
+        if (error := self.numbers.get("standard_error")) is not None:
+            return f"{mean} ({error:.3f})"
+        return mean if (sd := self.numbers.get("sd")) is None else f"{mean} ± {sd:.3f}"
 
 
 @dataclass(frozen=True)
 class Table:
+    """The answer to one question: `header` and `lines` for people, `fields` and `records` for programs."""
+
+    name: str  # of its CSV and JSON files
     title: str
     header: Sequence[str]
     lines: Sequence[Sequence[str]]
+    fields: Sequence[str]
+    records: Sequence[Record]
+    rows: Sequence[Row]  # that it is made from
 
     def markdown(self) -> str:
         rule = ["---"] * len(self.header)
@@ -117,26 +175,119 @@ class Table:
         )
 
 
+def estimates(rows: Iterable[Row | None]) -> list[Estimate | None]:
+    return [found.estimate() if found else None for found in rows]
+
+
+def ceiling(found: Row | None) -> Estimate | None:
+    return found.ceiling() if found else None
+
+
+def compared(
+    name: str,
+    title: str,
+    keys: Sequence[str],
+    columns: Sequence[str],
+    lines: Sequence[tuple[Sequence[str], Sequence[Estimate | str | None]]],
+    by: str = "method",
+) -> Table:
+    """A line a setting, a column a method. A line is (the setting: a value for each key; an entry for each column).
+
+    An entry is None where nothing was run. A text is shown and stands in no CSV, which has a row for each setting and
+    method; `by` is the field that says which.
+    """
+    shown, records, rows = [], [], []
+    for setting, entries in lines:
+        texts = (NOT_RUN if entry is None else entry if isinstance(entry, str) else entry.text() for entry in entries)
+        shown.append([*(value.replace("_", " ") for value in setting), *texts])
+        for method, entry in zip(columns, entries, strict=True):
+            if not isinstance(entry, str):
+                numbers = entry.numbers if entry else {}
+                records.append({**dict(zip(keys, setting, strict=True)), by: method, **numbers})
+                rows += [entry.row] if entry and entry.row else []
+    known = {*keys, by, *MEASURED}.union(*records)
+    return Table(name, title, ["", *keys[1:], *columns], shown, [f for f in FIELDS if f in known], records, rows)
+
+
+def listed(name: str, title: str, columns: Mapping[str, str], records: Sequence[Record], rows: Sequence[Row]) -> Table:
+    """A line a record; a column is a template of str.format, with the conversion !p for p-values.
+
+    The CSV has what the templates name, and mean, standard deviation and their number.
+    """
+    named = [field for template in columns.values() for _, field, *_ in Formatter().parse(template) if field]
+    lines = [[Shown().vformat(template, (), record) for template in columns.values()] for record in records]
+    fields = dict.fromkeys([*named, *(field for field in MEASURED if any(field in record for record in records))])
+    return Table(name, title, list(columns), lines, list(fields), records, rows)
+
+
+class Shown(Formatter):
+    """What is None, and what is made of nothing else, is shown as a dash."""
+
+    def vformat(self, template: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> str:
+        named = [field for _, field, *_ in self.parse(template) if field]
+        return super().vformat(template, args, kwargs) if any(kwargs[field] is not None for field in named) else "-"
+
+    def convert_field(self, value: Any, conversion: Any) -> Any:
+        if conversion == "p":
+            return value if value is None else p_text(value)
+        return super().convert_field(value, conversion)
+
+    def format_field(self, value: Any, spec: str) -> str:
+        return "-" if value is None else format(value, spec).replace("_", " ")
+
+
+def p_text(p: float) -> str:
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def show(tables: Sequence[Table]) -> None:
+    """Print the tables, but for those without a line."""
+    for table in tables:
+        if table.lines:
+            print(f"\n{table.markdown()}")
+
+
 def write(tables: Sequence[Table], stem: Path) -> None:
-    """Write the tables as stem.md, .tex and .csv, and print them."""
+    """Write the tables as stem.md and stem.tex, and each as <name>.csv with its provenance in <name>.json beside it."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    markdown = "\n".join(table.markdown() for table in tables)
-    stem.with_suffix(".md").write_text(markdown, encoding="utf-8")
-    stem.with_suffix(".tex").write_text("\n".join(table.latex() for table in tables), encoding="utf-8")
-    with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
-        for table in tables:
-            csv.writer(file).writerows([[table.title], table.header, *table.lines, []])
-    print(f"\n{markdown}\nwrote {stem.with_suffix('.md')}, .tex and .csv")
+    made_from = provenance([found for table in tables for found in table.rows])
+    files = [stem.with_suffix(".md"), stem.with_suffix(".tex")]
+    files[0].write_text("\n".join([*(table.markdown() for table in tables), f"{told(made_from)}\n"]), encoding="utf-8")
+    files[1].write_text("\n".join(table.latex() for table in tables), encoding="utf-8")
+    for table in tables:
+        with (file := stem.with_name(f"{table.name}.csv")).open("w", newline="", encoding="utf-8") as out:
+            writer = csv.DictWriter(out, table.fields, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows([{name: rounded(record.get(name)) for name in table.fields} for record in table.records])
+        columns = {name: FIELDS[name] for name in table.fields}
+        write_json(file.with_suffix(".json"), {"title": table.title, "columns": columns, **provenance(table.rows)})
+        files.append(file)
+    print(f"wrote {', '.join(map(str, files))}")
 
 
-def provenance(rows: Sequence[Row | None]) -> str:
-    """When, where and with which version the cells were filled, and how long was trained for them."""
-    cells = {file: cell for found in rows if found for file, cell in found.cells.items()}.values()
-    machines = [cell["machine"] for cell in cells]
-    dates = sorted({cell["date"] for cell in cells})
-    hardware = sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in machines})
-    versions = sorted({f"layoutrl {machine['layoutrl']}" for machine in machines})
+def rounded(value: str | float | None) -> str | float | None:
+    """To six digits: IoU is kept to fewer."""
+    return round(value, 6) if isinstance(value, float) else value
+
+
+def provenance(rows: Sequence[Row]) -> dict[str, Any]:
+    """When, where and with which versions the cells were filled, which these are, and how long was trained for them."""
+    cells = {file: cell for found in rows for file, cell in found.cells.items()}
+    machines = [cell["machine"] for cell in cells.values()]
     # Cells that share a training, as those of two label sets may, have its seconds to the last digit.
-    trainings = {(c["config"]["column"], c["config"]["seed"], c.get("training_seconds", 0)) for c in cells}
-    minutes = sum(seconds for *_, seconds in trainings) / 60
-    return "; ".join([f"{len(cells)} cells, {minutes:.0f} minutes of training", *dates, *hardware, *versions])
+    trainings = {(c["config"]["column"], c["config"]["seed"], c.get("training_seconds", 0)) for c in cells.values()}
+    versions = {name: sorted({m[name] for m in machines if name in m}) for name in ("layoutrl", "torch", "numpy")}
+    return {
+        "minutes_of_training": round(sum(seconds for *_, seconds in trainings) / 60, 1),
+        "dates": sorted({cell["date"] for cell in cells.values()}),
+        "machines": sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in machines}),
+        "versions": versions,
+        "cells": sorted("/".join(file.parts[-3:]) for file in cells),
+    }
+
+
+def told(made_from: dict[str, Any]) -> str:
+    """A provenance in one line."""
+    versions = [f"layoutrl {version}" for version in made_from["versions"]["layoutrl"]]
+    cells = f"{len(made_from['cells'])} cells, {made_from['minutes_of_training']:.0f} minutes of training"
+    return "; ".join([cells, *made_from["dates"], *made_from["machines"], *versions])

@@ -1,59 +1,66 @@
-"""Real rooms: trained on real rooms, on designed ones alone, and on both; rooms never seen, one random start each.
+"""Real rooms: trained on real rooms, on designed ones alone, and on both; held-out rooms, one random start each.
 
-    python experiments/real_rooms.py floorplans=<folder> designer_rooms=<folder> [budget=smoke] [task=toilet,bed]
+    python experiments/real_rooms.py floorplans=<folder> designer_rooms=<folder> [room=kitchen] [task=toilet,bed]
 
 The folders are what data.root is for each source; a source without one is left out. One fifth of the rooms is held out
-(fold). `labels=snapped` edits the truth, test rooms included: both label sets stand side by side.
+(fold). `labels=snapped` edits the truth, test rooms included: both label sets stand side by side. What is printed is of
+the room types that were asked for; the files have all.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import product
 from pathlib import Path
 
-from cells import asked, cells_of, given, in_turn, multirun, some_of
-from printing import NOT_RUN, Row, Table, provenance, row, text, write
+from cells import asked, cells_of, given, in_turn, multirun, seeds_of, some_of
+from printing import NOT_RUN, Estimate, Row, Table, ceiling, compared, estimates, p_text, row, show, write
 
 from layoutrl.runs.commands import answers_errors
+from layoutrl.rooms.room import MAIN_ITEM
 
 TASKS = {
     "floorplans": {"bathtub": "bathroom", "toilet": "bathroom", "vanity": "bathroom", "counter": "kitchen"},
     "designer_rooms": {"bed": "bedroom", "platform": "tatami"},
 }
 LABELS = {"floorplans": ("snapped", "raw"), "designer_rooms": ("snapped",)}  # designer_rooms has one set only
-# What stands in the table: trained on, column, row of its cells, words.
-COLUMNS = (
-    ("own", "geometric", "agent", "trained on real rooms"),
-    ("designer", "geometric", "agent", "on designed rooms"),
-    ("both", "geometric", "agent", "on both"),
-    ("own", "geometric", "best of 3", "real, best of 3"),
-    ("both", "geometric", "best of 3", "both, best of 3"),
-    ("own", "scorer", "agent", "supervised scorer"),
-    ("own", "rules", "hand rule", "hand rule"),
-    ("own", "rules", "nearest room", "nearest room"),
-    ("own", "rules", "best wall or corner", "best wall or corner"),
-    ("own", "rules", "random start", "random start"),
-)
-HEADER = (
-    "", "labels", "rooms (training)", *(words for *_, words in COLUMNS), "lattice ceiling", "95% interval, real",
-    "p, real against scorer",
-)  # fmt: skip
+# What is measured, by its words in the tables: trained on, column and row of its cells.
+METHODS = {
+    "real rooms": ("own", "geometric", "agent"),
+    "designed rooms": ("designer", "geometric", "agent"),
+    "both": ("both", "geometric", "agent"),
+    "real rooms, best of 3": ("own", "geometric", "best of 3"),
+    "both, best of 3": ("both", "geometric", "best of 3"),
+    "supervised scorer": ("own", "scorer", "agent"),
+    "hand rule": ("own", "rules", "hand rule"),
+    "nearest room": ("own", "rules", "nearest room"),
+    "best wall or corner": ("own", "rules", "best wall or corner"),
+    "random start": ("own", "rules", "random start"),
+}
+TRAINED_ON = ("real rooms", "designed rooms", "both")
+RULES = ("hand rule", "nearest room")
+BOUNDS = ("real rooms, best of 3", "both, best of 3", "best wall or corner", "random start")
+SPREAD = "mean IoU ± standard deviation over rooms"
 
 
 def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """The sweeps of a source, one after the other. Raises InputError for tasks that there are not."""
-    every = [task for tasks in TASKS.values() for task in tasks]
-    tasks = [task for task in some_of("task", chosen, every) if task in TASKS[source]]
+    """The sweeps of a source, one after the other. Raises InputError for tasks and room types that there are not."""
+    rooms = some_of("room", chosen, MAIN_ITEM)
+    named = some_of("task", chosen, [task for tasks in TASKS.values() for task in tasks])
+    tasks = [task for task in named if TASKS[source].get(task) in rooms]
     if not tasks:
         return []
-    common = {name: value for name, value in chosen.items() if name not in TASKS}
+    common = {name: value for name, value in chosen.items() if name not in (*TASKS, "room")}
     common |= {"data.root": str(Path(chosen[source]).absolute()), "task": ",".join(tasks)}
     labels = {"data.labels": ",".join(LABELS[source])}
-    sweeps = [("geometric", {"trained_on": "own,designer,both"}), ("rules,scorer", {"trained_on": "own"})]
+    sweeps = [("rules", "own"), ("geometric", "own,designer,both"), ("scorer", "own")]
     if "column" in chosen:
-        sweeps = [(columns, {}) for columns in in_turn(chosen["column"])]
-    return [labels | trained_on | common | {"column": columns} for columns, trained_on in sweeps]
+        sweeps = [(columns, "own") for columns in in_turn(chosen["column"])]
+    return [
+        labels | {"trained_on": trained_on} | common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
+        for columns, trained_on in sweeps
+    ]
 
 
 @answers_errors()
@@ -65,37 +72,68 @@ def main(arguments: list[str]) -> int:
             continue
         for sweep in stages(source, chosen):
             status = max(status, multirun("real", sweep))
-
     folder = cells_of("real", chosen)
-    lines, every = [], []
-    for source, tasks in TASKS.items():
-        for item, room in tasks.items():
-            for labels in LABELS[source]:
-                name = f"{room}-{item}-{source}-{labels}"
-                rows = [row(folder, f"{name}-{on}-{column}", which) for on, column, which, _ in COLUMNS]
-                lines.append([item, labels if source == "floorplans" else "", *line(item, rows)])
-                every += rows
-    title = f"Real rooms never seen ({provenance(every)}; mean IoU ± standard deviation over rooms)"
-    write([Table(title, HEADER, lines)], folder.with_name("real"))
+    show(tables(folder, some_of("room", chosen, MAIN_ITEM)))
+    write(tables(folder), folder.with_name("real"))
     return status
 
 
-def line(item: str, rows: list[Row | None]) -> list[str]:
-    """Of one item and label set."""
-    found = {(on, column, which): row for (on, column, which, _), row in zip(COLUMNS, rows, strict=True)}
-    own, scorer = found["own", "geometric", "agent"], found["own", "scorer", "agent"]
-    any_own = own or found["own", "rules", "random start"]
-    size = f"{any_own.about('rooms'):.0f} ({any_own.about('training_rooms'):.0f})" if any_own else NOT_RUN
+def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
+    """What the filled cells of a folder say of these room types: a table for each question."""
+    rooms = list(rooms)
+    trained, simpler, bounds = [], [], []
+    for source, tasks in TASKS.items():
+        for item, labels in product((item for item, room in tasks.items() if room in rooms), LABELS[source]):
+            name = f"{tasks[item]}-{item}-{source}-{labels}"
+            rows = {words: row(folder, f"{name}-{on}-{cells}", which) for words, (on, cells, which) in METHODS.items()}
+            setting = [item, labels if source == "floorplans" else ""]
+            trained.append((setting, of_training(rows)))
+            simpler.append((setting, of_simpler(rows, item)))
+            bounds.append((setting, of_bounds(rows)))
+    keys = ("item", "labels")
     return [
-        size,
-        *(
-            text(row, "-" if which == "hand rule" and item != "bathtub" else NOT_RUN)
-            for (*_, which), row in found.items()
+        compared(
+            "real-training", f"Real rooms: what should the agent be trained on? ({SPREAD})", keys,
+            ["rooms (training)", *TRAINED_ON, "95% interval, real rooms"], trained, by="trained_on",
         ),
-        any_own.ceiling() if any_own else NOT_RUN,
-        own.interval() if own else NOT_RUN,
-        own.p_value(scorer) if own and scorer else NOT_RUN,
+        compared(
+            "real-simpler", f"Real rooms: is the agent better than what is simpler? ({SPREAD})", keys,
+            ["agent", "supervised scorer", "p, agent against scorer", *RULES], simpler,
+        ),
+        compared(
+            "real-bounds", f"Real rooms: how good could a choice be that knows the answer? ({SPREAD})", keys,
+            [*BOUNDS, "ceiling of the moves"], bounds,
+        ),
+    ]  # fmt: skip
+
+
+Rows = Mapping[str, Row | None]  # by the words of METHODS
+Entries = list[Estimate | str | None]
+
+
+def of_training(rows: Rows) -> Entries:
+    """How many rooms there are, what the agent is worth by what it was trained on, and how sure that is."""
+    known = rows["real rooms"] or rows["random start"]
+    size = f"{known.about('rooms'):.0f} ({known.about('training_rooms'):.0f})" if known else NOT_RUN
+    agents = [
+        found.estimate(**found.interval, training_rooms=round(found.about("training_rooms") or 0)) if found else None
+        for found in map(rows.get, TRAINED_ON)
     ]
+    return [size, *agents, own.interval_text() if (own := rows["real rooms"]) else NOT_RUN]
+
+
+def of_simpler(rows: Rows, item: str) -> Entries:
+    """The agent, the scorer and the rules; the hand rule is for bathtubs."""
+    own, scorer = rows["real rooms"], rows["supervised scorer"]
+    hand, nearest = estimates(map(rows.get, RULES))
+    if not (own and scorer):
+        return [*estimates([own, scorer]), NOT_RUN, hand if item == "bathtub" else "-", nearest]
+    p = own.p_value(scorer)
+    return [own.estimate(), scorer.estimate(p_agent=p), p_text(p), hand if item == "bathtub" else "-", nearest]
+
+
+def of_bounds(rows: Rows) -> Entries:
+    return [*estimates(map(rows.get, BOUNDS)), ceiling(rows["real rooms"] or rows["random start"])]
 
 
 if __name__ == "__main__":

@@ -1,67 +1,108 @@
-"""Table 1 of Di & Yu 2021, and what it leaves out: eight room types, rooms never seen, one random start each.
+"""Table 1 of Di & Yu 2021, and what it leaves out: eight room types, held-out rooms, one random start each.
 
-    python experiments/table1.py [budget=smoke] [column=paper room=bedroom,tatami] [hydra.launcher.n_jobs=2]
+    python experiments/table1.py [room=kitchen,study] [column=paper] [budget=smoke] [hydra.launcher.n_jobs=2]
 
-Fills the cells that are not filled, side by side, and prints the tables that all filled ones make. Without a GPU the
-paper's network is trained in two types, and with one seed, unless it is asked for; the supervised networks have one
-seed, and so has PlanIT in six types. With budget=smoke everything has one seed.
+Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
+were asked for; the files have all rooms. Without a GPU the paper's network is trained in two types, and with one seed,
+unless it is asked for; the supervised networks have one seed, and so has PlanIT in six types. With budget=smoke
+everything has one seed.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from cells import PLANIT, asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
-from printing import NOT_RUN, Row, Table, provenance, row, text, write
+from printing import Estimate, Row, Table, ceiling, compared, estimates, listed, row, show, write
 
 from layoutrl.runs.commands import answers_errors
 
+
+def printed(mean: float, sd: float) -> Estimate:
+    """A figure of the paper. What its ± means, it does not say."""
+    return Estimate({"mean_iou": mean, "sd": sd})
+
+
 # Of the paper: PlanIT's and its own IoU, as printed there.
 PAPER = {
-    "bathroom": ("0.623 ± 0.008", "0.961 ± 0.014"),
-    "bedroom": ("0.647 ± 0.009", "0.952 ± 0.026"),
-    "study": ("0.619 ± 0.006", "0.957 ± 0.018"),
-    "tatami": ("0.637 ± 0.006", "0.948 ± 0.049"),
-    "living_room": ("0.603 ± 0.006", "0.953 ± 0.037"),
-    "dining_room": ("0.611 ± 0.006", "0.949 ± 0.029"),
-    "kitchen": ("0.636 ± 0.006", "0.953 ± 0.041"),
-    "balcony": ("0.651 ± 0.006", "0.951 ± 0.035"),
+    "bathroom": (printed(0.623, 0.008), printed(0.961, 0.014)),
+    "bedroom": (printed(0.647, 0.009), printed(0.952, 0.026)),
+    "study": (printed(0.619, 0.006), printed(0.957, 0.018)),
+    "tatami": (printed(0.637, 0.006), printed(0.948, 0.049)),
+    "living_room": (printed(0.603, 0.006), printed(0.953, 0.037)),
+    "dining_room": (printed(0.611, 0.006), printed(0.949, 0.029)),
+    "kitchen": (printed(0.636, 0.006), printed(0.953, 0.041)),
+    "balcony": (printed(0.651, 0.006), printed(0.951, 0.035)),
 }
-# What is beside it: the file's column, its row, the words in the table.
-COLUMNS = (
-    ("geometric", "agent", "geometric"),
-    ("paper", "agent", "paper's network and moves"),
-    ("planit", PLANIT, "PlanIT, as long as geometric"),
-    ("planit", "given graph, argmax, true size", "PlanIT, told the relations"),
-    ("regressor", "agent", "supervised regressor"),
-    ("pointer", "agent", "supervised pointer"),
-    ("oracle", "oracle", "perfect Q"),
-    ("rules", "nearest room", "nearest room"),
-    ("rules", "nearest wall", "nearest wall"),
-    ("rules", "random start", "random start"),
-)
-HEADER = (
-    "", "PlanIT (Di & Yu)", "theirs (Di & Yu)", *(words for _, _, words in COLUMNS), "lattice ceiling",
-    "ceiling of the paper's moves",
+# What is measured, by its words in the tables: the column and the row of its cells.
+AGENT, PAPERS, REGRESSOR, POINTER = "agent", "paper's network", "supervised regressor", "supervised pointer"
+MASKED, RIVAL, INFORMED = "paper's network, illegal moves masked", "PlanIT", "PlanIT, told the relations"
+METHODS = {
+    AGENT: ("geometric", "agent"),
+    PAPERS: ("paper", "agent"),
+    MASKED: ("paper", "illegal moves masked"),
+    REGRESSOR: ("regressor", "agent"),
+    POINTER: ("pointer", "agent"),
+    RIVAL: ("planit", PLANIT),
+    INFORMED: ("planit", "given graph, argmax, true size"),
+    "perfect Q": ("oracle", "oracle"),
+    "nearest room": ("rules", "nearest room"),
+    "nearest wall": ("rules", "nearest wall"),
+    "random start": ("rules", "random start"),
+}
+THEIRS, CEILING = "Di & Yu, as printed", "ceiling of the moves"
+MAIN = (AGENT, POINTER, RIVAL)
+LEARNED = (AGENT, PAPERS, REGRESSOR, POINTER, RIVAL, INFORMED)
+BOUNDS = ("random start", "nearest wall", "nearest room", "perfect Q")
+SPREAD = "mean IoU ± standard deviation over rooms"
+# What the mean does not say: the columns of three tables, and where their numbers are kept.
+DETAILED = (AGENT, PAPERS, REGRESSOR, POINTER)
+SUPERVISED = {REGRESSOR: "p_regressor", POINTER: "p_pointer"}
+NUMBERS = ("median_iou", "share_090", "overlap", "outside", "blocked")
+SURE = {
+    "": "{room}",
+    "method": "{method}",
+    "seeds": "{seeds}",
+    "mean IoU": "{mean_iou:.4f}",
+    "s.e. over seeds": "{se_over_seeds:.4f}",
+    "95% interval over rooms": "{interval_low:.3f} to {interval_high:.3f}",
+    "p, against the regressor": "{p_regressor!p}",
+    "p, against the pointer": "{p_pointer!p}",
+}
+PLACES = {
+    "": "{room}",
+    "method": "{method}",
+    "median": "{median_iou:.3f}",
+    ">= 0.9": "{share_090:.1%}",
+    "best of 3": "{best_of_3_mean_iou:.3f} ± {best_of_3_sd:.3f}",
+    "overlap": "{overlap:.4f}",
+    "outside": "{outside:.4f}",
+    "blocked": "{blocked:.1%}",
+}
+COST = {
+    "": "{room}",
+    "method": "{method}",
+    "minutes of training": "{training_minutes:.1f}",
+    "moves": "{moves:.1f}",
+}
+# Of PlanIT: how it is trained, what it is told and whose size the item has, and how it chooses.
+TRAINED = {"planit": "agent's minutes", "planit_long": "fixed updates"}
+TOLD = (
+    ("sampled graph", "own size"), ("given categories", "own size"), ("given categories", "true size"),
+    ("given graph", "own size"), ("given graph", "true size"),
 )  # fmt: skip
-SUPERVISED = ("regressor", "pointer")
-AGENTS = ("geometric", "paper", *SUPERVISED)
-DETAILS = (
-    "", "", "seeds", "mean IoU", "s.e. over seeds", "95% interval over rooms", "median", ">= 0.9", "best of 3",
-    "illegal moves masked", "overlap", "outside", "blocked", "moves", "minutes of training", "p, against the regressor",
-    "p, against the pointer",
-)  # fmt: skip
-PLANIT_ROWS = (
-    "sampled graph, sampled, own size", "sampled graph, argmax, own size", "given categories, sampled, own size",
-    "given categories, argmax, own size", "given categories, sampled, true size", "given categories, argmax, true size",
-    "given graph, sampled, own size", "given graph, argmax, own size", "given graph, sampled, true size",
-    "given graph, argmax, true size",
-)  # fmt: skip
-SEEDLESS = {"rules", "oracle"}  # draw nothing but the starts, which are always the same
+CHOICES = {"argmax": "at the likeliest place", "sampled": "at a sampled place"}
+PLANIT_ROWS = tuple(f"{told}, {choice}, {size}" for told, size in TOLD for choice in CHOICES)
+PLANIT_COST = {
+    "": "{room}",
+    "trained": "{trained}",
+    "seeds": "{seeds}",
+    "minutes of training": "{training_minutes:.1f}",
+    "updates": "{updates:.0f}",
+}
 WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before agents: they design the rooms
@@ -77,10 +118,9 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     rooms = some_of("room", chosen, PAPER)
     sweeps = [*SWEEPS, ("paper", "0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("paper", "0", WITHOUT_GPU)]
     if "column" in chosen:
-        groups = in_turn(chosen["column"])
-        sweeps = [(group, "0" if {*group.split(",")} <= SEEDLESS else "0,1,2", tuple(PAPER)) for group in groups]
+        sweeps = [(group, "0,1,2", tuple(PAPER)) for group in in_turn(chosen["column"])]
     return [
-        chosen | {"column": columns, "seed": seeds_of(seeds, chosen), "room": ",".join(among)}
+        chosen | {"column": columns, "seed": seeds_of(columns, seeds, chosen), "room": ",".join(among)}
         for columns, seeds, types in sweeps
         if (among := [room for room in rooms if room in types])
     ]
@@ -91,79 +131,134 @@ def main(arguments: list[str]) -> int:
     chosen = given(arguments)
     status = max([multirun("table1", sweep) for sweep in stages(chosen)])
     folder = cells_of("table1", chosen)
-
-    def found(room: str, column: str, which: str = "agent") -> Row | None:
-        return row(folder, f"{room}-own-{column}", which)
-
-    lines, details, every = [], [], []
-    for room, (planit, theirs) in PAPER.items():
-        rows = [found(room, column, which) for column, which, _ in COLUMNS]
-        agents = {column: found(room, column) for column in AGENTS}
-        ceilings = [r.ceiling() if r else NOT_RUN for r in (agents["geometric"] or rows[-1], agents["paper"])]
-        lines.append([room.replace("_", " "), planit, theirs, *map(text, rows), *ceilings])
-        every += rows
-        for column, agent in agents.items():
-            if agent:
-                rivals = [None if column in SUPERVISED else agents[rival] for rival in SUPERVISED]
-                others = [found(room, column, which) for which in ("best of 3", "illegal moves masked")]
-                details.append([room.replace("_", " "), column, *detail(agent, others, rivals)])
-    about = f"{provenance(every)}; mean IoU ± standard deviation over rooms, of all seeds"
-    tables = [
-        Table(f"Table 1, rooms never seen ({about})", HEADER, lines),
-        Table("Table 1, how sure and how good", DETAILS, details),
-        *planit_tables(folder),
-    ]
-    write(tables, folder.with_name("table1"))
+    show(tables(folder, some_of("room", chosen, PAPER)))
+    write(tables(folder), folder.with_name("table1"))
     return status
 
 
-def planit_tables(folder: Path) -> list[Table]:
+Rows = Mapping[str, Row | None]  # by the words of METHODS
+
+
+def tables(folder: Path, rooms: Iterable[str] = PAPER) -> list[Table]:
+    """What the filled cells of a folder say of these rooms: a table for each question."""
+    found = {room: measured(folder, room) for room in rooms}
+    return [main_table(found), *comparisons(found), *details(folder, found), *planit_tables(folder, list(found))]
+
+
+def measured(folder: Path, room: str) -> Rows:
+    return {words: row(folder, f"{room}-own-{column}", which) for words, (column, which) in METHODS.items()}
+
+
+def main_table(found: Mapping[str, Rows]) -> Table:
+    """The README's: as a table, and with its intervals as a figure."""
+    lines = [
+        (
+            [room],
+            [
+                PAPER[room][1],
+                *(method.estimate(**method.interval) if method else None for method in map(rows.get, MAIN)),
+                ceiling(rows[AGENT] or rows["random start"]),
+            ],
+        )
+        for room, rows in found.items()
+    ]
+    title = f"Table 1: how good is the agent in held-out rooms? ({SPREAD})"
+    return compared("table1-main", title, ["room"], [THEIRS, *MAIN, CEILING], lines)
+
+
+def comparisons(found: Mapping[str, Rows]) -> list[Table]:
+    """All that is beside it: what else is learned, what needs no learning, what the paper has."""
+    learned, bounds, papers = [], [], []
+    for room, rows in found.items():
+        best = ceiling(rows[AGENT] or rows["random start"])
+        learned.append(([room], estimates(map(rows.get, LEARNED))))
+        bounds.append(([room], [*estimates(map(rows.get, BOUNDS)), best]))
+        papers.append(([room], [*PAPER[room], *estimates([rows[PAPERS], rows[MASKED]]), ceiling(rows[PAPERS])]))
+    return [
+        compared(
+            "table1-learned", f"Table 1: which learned method is best in held-out rooms? ({SPREAD})", ["room"],
+            LEARNED, learned,
+        ),
+        compared(
+            "table1-bounds", f"Table 1: how far do rules come, and how far could the moves? ({SPREAD})", ["room"],
+            [*BOUNDS, CEILING], bounds,
+        ),
+        compared(
+            "table1-paper", f"Table 1: does the paper's network reach the paper's figures? ({SPREAD})", ["room"],
+            ["PlanIT, as printed", THEIRS, PAPERS, MASKED, "ceiling of the paper's moves"], papers,
+        ),
+    ]  # fmt: skip
+
+
+def details(folder: Path, found: Mapping[str, Rows]) -> list[Table]:
+    """What the mean does not say of what is learned."""
+    records, used = [], []
+    for room, rows in found.items():
+        for method in DETAILED:
+            if agent := rows[method]:
+                best = row(folder, f"{room}-own-{METHODS[method][0]}", "best of 3")
+                rivals = {} if method in SUPERVISED else {name: rows[words] for words, name in SUPERVISED.items()}
+                seconds = agent.about("training_seconds")
+                records.append({
+                    "room": room,
+                    "method": method,
+                    **agent.estimate(**agent.interval).numbers,
+                    "se_over_seeds": agent.error_over_seeds(),
+                    **dict.fromkeys(SUPERVISED.values()),
+                    **{name: agent.p_value(rival) for name, rival in rivals.items() if rival},
+                    **{name: agent.number(name) for name in NUMBERS},
+                    "best_of_3_mean_iou": best.mean if best else None,
+                    "best_of_3_sd": float(best.iou.std()) if best else None,
+                    "training_minutes": None if seconds is None else seconds / 60,
+                    "moves": agent.about("moves"),
+                })  # fmt: skip
+                used.append(agent)
+    return [
+        listed("table1-sure", "Table 1: how sure are the means and their differences?", SURE, records, used),
+        listed("table1-places", "Table 1: how good are the final positions?", PLACES, records, used),
+        listed(
+            "table1-cost", "Table 1: how long was the training, how many moves has an episode?", COST, records, used
+        ),
+    ]
+
+
+def planit_tables(folder: Path, rooms: Iterable[str]) -> list[Table]:
     """What PlanIT is worth by how much it is told and how it chooses: one item among the others, and whole rooms."""
-    one, every = [], []
-    for room in PAPER:
-        for column in ("planit", "planit_long"):
+    found = {}
+    for room in rooms:
+        for column, trained in TRAINED.items():
             rows = {words: row(folder, f"{room}-own-{column}", words) for words in PLANIT_ROWS}
-            known = [found for found in rows.values() if found]
-            if not known:
-                continue
-            seconds, updates = known[0].about("training_seconds"), known[0].about("updates")
-            about = [str(len(known[0].cells)), f"{(seconds or 0) / 60:.1f}", f"{updates or 0:.0f}"]
-            name = [room.replace("_", " ") + (", fixed updates" if column == "planit_long" else ""), *about]
-            one.append([*name, *map(text, rows.values())])
-            furnished = [cell["all items"] for cell in known[0].cells.values()]
-            every.append([*name, *(of_all([cell[words] for cell in furnished]) for words in rows)])
-    header = ["", "seeds", "minutes of training", "updates", *PLANIT_ROWS]
-    return [
-        Table("PlanIT, the moving item among all others (mean IoU ± standard deviation over rooms)", header, one),
-        Table("PlanIT, all items of a room placed from nothing (mean IoU, standard error over rooms)", header, every),
-    ]
+            if any(rows.values()):
+                found[room, trained] = rows
+    records, used = [], []
+    for (room, trained), rows in found.items():
+        first = next(known for known in rows.values() if known)
+        about = {"training_minutes": (first.about("training_seconds") or 0) / 60, "updates": first.about("updates")}
+        records.append({"room": room, "trained": trained, "seeds": len(first.cells), **about})
+        used.append(first)
+    made = [listed("planit-training", "PlanIT: for how long was it trained?", PLANIT_COST, records, used)]
+    for choice, where in CHOICES.items():
+        told = {f"{graph}, {size}": f"{graph}, {choice}, {size}" for graph, size in TOLD}
+        one = [(setting, estimates(map(rows.get, told.values()))) for setting, rows in found.items()]
+        every = [(setting, [of_all(rows[words], words) for words in told.values()]) for setting, rows in found.items()]
+        for name, title, lines in (
+            ("item", f"one item among all others, {where} ({SPREAD})", one),
+            ("rooms", f"all items of a room from nothing, {where} (mean IoU, standard error over rooms)", every),
+        ):
+            keys = ("room", "trained")
+            made.append(compared(f"planit-{name}-{choice}", f"PlanIT: {title}", keys, list(told), lines, by="told"))
+    return made
 
 
-def of_all(cells: list[dict[str, Any]]) -> str:
-    """Mean over seeds; the error is that of one."""
-    mean = np.mean([cell["mean_iou"] for cell in cells])
-    errors = [cell["standard_error"] for cell in cells]
-    return f"{mean:.3f}" if None in errors else f"{mean:.3f} ({np.mean(errors):.3f})"
-
-
-def detail(agent: Row, others: Sequence[Row | None], rivals: Sequence[Row | None]) -> list[str]:
-    """What the mean does not say."""
-    moves, seconds = agent.about("moves"), agent.about("training_seconds")
-    return [
-        str(len(agent.cells)),
-        f"{agent.mean:.4f}",
-        agent.error_over_seeds(),
-        agent.interval(),
-        f"{agent.number('median_iou'):.3f}",
-        f"{agent.number('share_090'):.1%}",
-        *(text(other, "-") for other in others),
-        f"{agent.number('overlap'):.4f}",
-        f"{agent.number('outside'):.4f}",
-        f"{agent.number('blocked'):.1%}",
-        "-" if moves is None else f"{moves:.1f}",
-        "-" if seconds is None else f"{seconds / 60:.1f}",
-        *(agent.p_value(rival) if rival else "-" for rival in rivals),
-    ]
+def of_all(found: Row | None, words: str) -> Estimate | None:
+    """Of whole rooms. Mean over seeds; the error is that of one."""
+    if not found:
+        return None
+    every = [cell["all items"][words] for cell in found.cells.values()]
+    errors = [cell["standard_error"] for cell in every]
+    mean = float(np.mean([cell["mean_iou"] for cell in every]))
+    error = None if None in errors else float(np.mean(errors))
+    return Estimate({"mean_iou": mean, "standard_error": error, "seeds": len(every)}, found)
 
 
 if __name__ == "__main__":

@@ -48,14 +48,43 @@ def test_the_scripts_and_pages_that_are_named_are_there() -> None:
     for path, page in PAGES.items():
         for script in re.findall(r"python (experiments/\w+\.py)", page):
             assert (PROJECT / script).is_file()
-        for link in re.findall(r"\]\(([^)#:]+)\)", page):
+        for link, heading in re.findall(r"\]\(([^)#:]+)(?:#([^)]+))?\)", page):
             assert (path.parent / link).exists(), link
+            assert not heading or heading in anchors(path.parent / link), heading
+        for image in re.findall(r'src="([^"]+)"', page):
+            assert (path.parent / image).is_file(), image
+
+
+def anchors(page: Path) -> set[str]:
+    """What GitHub calls the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def tables(text: str) -> list[str]:
+    return re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
+
+
+def test_a_reader_sees_one_animation_one_figure_and_one_narrow_table_first() -> None:
+    first = README.partition("## How it works")[0]
+    assert len(re.findall(r"!\[|<img", first)) == 2
+    (table,) = tables(first)
+    assert table.splitlines()[0].count("|") - 1 <= 6
+    assert re.findall(r"^    make (\w+)", first, flags=re.MULTILINE) == ["train", "test"]
+
+
+def test_no_table_is_wider_than_eight_columns() -> None:
+    for path, page in PAGES.items():
+        for table in tables(page):
+            assert table.splitlines()[0].count("|") - 1 <= 8, (path, table)
+
+
+def test_every_page_is_in_the_index() -> None:
+    index = (PROJECT / "docs" / "README.md").read_text(encoding="utf-8")
+    assert all(f"({page.name}" in index for page in (PROJECT / "docs").glob("*.md") if page.name != "README.md")
 
 
 def test_the_pages_show_every_table_of_the_results_as_it_is() -> None:
-    def tables(text: str) -> list[str]:
-        return re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
-
     folder = PROJECT / "experiments/results"
     results = [path.read_text(encoding="utf-8") for path in folder.glob("default/*.md")]
     results += [ablation.table(json.loads(path.read_text())).markdown() for path in folder.glob("ablation/*.json")]
@@ -63,8 +92,8 @@ def test_the_pages_show_every_table_of_the_results_as_it_is() -> None:
     headers = {table.splitlines()[0] for table in measured}
     shown = [table for page in PAGES.values() for table in tables(page) if table.splitlines()[0] in headers]
     assert sorted(shown) == sorted(measured)
-    (cells,) = (found for text in results for found in re.findall(r"Table 1, .*?(\d+ cells, \d+ minutes)", text))
-    assert cells in README
+    (cells,) = re.findall(r"\d+ cells, \d+ minutes", (folder / "default/table1.md").read_text(encoding="utf-8"))
+    assert cells in PAGES[PROJECT / "docs" / "results.md"]
 
 
 def test_the_tests_that_promises_name_are_there() -> None:

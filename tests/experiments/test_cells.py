@@ -46,6 +46,14 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     assert again["rows"] == json.loads(before)["rows"]
 
 
+def test_what_draws_nothing_is_filled_once_whatever_the_seed(tmp_path, designed, capsys):
+    first, second = (configured(tmp_path, designed, "column=rules", "room=tatami", f"seed={seed}") for seed in (0, 1))
+    for config in (first, second):
+        fill(config)
+    assert [path.name for path in folder_of(first).iterdir()] == ["tatami-own-rules-seed0.json"]
+    assert "tatami-own-rules-seed1 left out: rules has one cell, seed 0" in capsys.readouterr().out
+
+
 def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypatch):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami")
 

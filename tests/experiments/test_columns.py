@@ -151,9 +151,21 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
     monkeypatch.setattr(columns, "seconds_budget", None)  # it is not trained again
     fill(config)
     assert cell(config)["rows"] == json.loads(before)["rows"]
-    one, every = table1.planit_tables(folder_of(config))
-    assert [line[0] for line in one.lines] == ["tatami", "tatami, fixed updates"]
-    assert every.lines[1][3] == "3"
+    trained, *tables = table1.planit_tables(folder_of(config), ["study", "tatami"])
+    assert [line[:3] for line in trained.lines] == [
+        ["tatami", "agent's minutes", "1"],
+        ["tatami", "fixed updates", "1"],
+    ]
+    assert trained.lines[1][-1] == "3"
+    assert [table.name for table in tables] == [
+        f"planit-{what}-{choice}" for choice in ("argmax", "sampled") for what in ("item", "rooms")
+    ]
+    by_told = {
+        record["told"]: record["mean_iou"] for record in tables[2].records if record["trained"] != "fixed updates"
+    }
+    assert by_told["given graph, own size"] == pytest.approx(
+        found["rows"]["given graph, sampled, own size"]["mean_iou"], abs=1e-4
+    )
 
 
 def test_one_scene_is_trained_and_tested_in(tmp_path, designed):

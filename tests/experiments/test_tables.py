@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
+import subprocess
 from dataclasses import replace
 
 import pytest
@@ -13,10 +15,10 @@ import table2
 from cells import stated
 from columns import RESULTS, folder_of, name_of
 
-from layoutrl import InputError
 from layoutrl.runs.config import composed
+from layoutrl import InputError
 from layoutrl.runs.folder import differences
-from tests.experiments.builders import REAL, script
+from tests.experiments.builders import PROJECT, REAL, script
 
 
 def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
@@ -29,8 +31,9 @@ def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, desi
         f"tatami-platform-own-{column}-seed0.json" for column in ("geometric", "rules")
     }
     assert len(list(folder.glob("*.error"))) == 2
-    assert "Table 1" in done.stdout
-    assert (folder.parent / "table1.md").exists()
+    printed = [line.split(" |")[0] for line in done.stdout.splitlines() if line.startswith("| ")]
+    assert {*printed} == {"| ", "| ---", "| tatami", "| kitchen"}  # what was asked for
+    assert "| balcony | 0.951" in (folder.parent / "table1.md").read_text()  # all that there is
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
@@ -42,19 +45,22 @@ def test_real_rooms_are_filled_and_printed_as_they_are_asked_for(tmp_path):
     assert cells_of_platforms == [
         f"tatami-platform-designer_rooms-snapped-own-{column}-seed0.json" for column in ("geometric", "rules", "scorer")
     ]
-    platform = next(line for line in real.stdout.splitlines() if line.startswith("| platform"))
-    assert platform.count("not run") == 3  # trained on designed rooms, on both, and the best of three of these
-    assert "| -" in platform  # the hand rule is for bathtubs
+    platforms = [line for line in real.stdout.splitlines() if line.startswith("| platform")]
+    # Trained on designed rooms and on both; the best of three of these; and the hand rule is for bathtubs.
+    assert [line.count("not run") for line in platforms] == [2, 0, 1]
+    assert "| - |" in platforms[1]
 
 
 def test_table_2_has_a_line_for_each_type_and_lands_beside_table_1(tmp_path, designed):
     scenes = script("table2.py", "column=geometric", "room=tatami,study", "seed=0", designed, cwd=tmp_path)
     assert scenes.returncode == 0, scenes.stderr
-    assert "Table 2, 16 random starts" in scenes.stdout
-    tatami = next(line for line in scenes.stdout.splitlines() if line.startswith("| tatami"))
-    assert tatami.split(" | ")[1] == "0.949 ± 0.009"
-    assert tatami.count("not run") == 5
-    assert (tmp_path / "results" / "smoke" / "table2.md").exists()
+    assert "Table 2 (a)" in scenes.stdout
+    tatami = [line for line in scenes.stdout.splitlines() if line.startswith("| tatami")]
+    assert [line.split(" | ")[1] for line in tatami] == ["0.949 ± 0.009"] * 2
+    assert [line.count("not run") for line in tatami] == [3, 2]
+    assert "| kitchen" not in scenes.stdout
+    scenes_csv = (tmp_path / "results" / "smoke" / "table2-scenes.csv").read_text().splitlines()
+    assert any(line.startswith("study,agent,0.") and line.endswith(",16,1") for line in scenes_csv)  # starts, rooms
 
 
 def test_a_script_says_what_it_expects(tmp_path):
@@ -84,7 +90,7 @@ EVERY = (
     ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
     ({"column": "oracle,rules"}, False, [("oracle,rules", 8, 1)]),
-    ({"column": "rules,geometric"}, False, [("rules,geometric", 8, 3)]),
+    ({"column": "rules,geometric"}, False, [("rules", 8, 1), ("geometric", 8, 3)]),
 ])  # fmt: skip
 def test_the_sweeps_of_table_1_are_those_that_are_asked_for(chosen, gpu, expected, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: gpu)
@@ -110,10 +116,43 @@ def test_a_column_of_real_rooms_is_filled_as_it_is_asked_for(tmp_path):
     chosen = {"floorplans": str(tmp_path), "task": "toilet,bed"}
     usual = real_rooms.stages("floorplans", chosen)
     assert [(sweep["column"], sweep["trained_on"]) for sweep in usual] == [
-        ("geometric", "own,designer,both"), ("rules,scorer", "own")
+        ("rules", "own"), ("geometric", "own,designer,both"), ("scorer", "own")
     ]  # fmt: skip
-    asked = {"data.labels": "snapped,raw", "data.root": str(tmp_path), "task": "toilet"}
-    assert real_rooms.stages("floorplans", chosen | {"column": "rules"}) == [asked | {"column": "rules"}]
+    asked = {"data.labels": "snapped,raw", "data.root": str(tmp_path), "task": "toilet", "seed": "0"}
+    (sweep,) = real_rooms.stages("floorplans", chosen | {"column": "rules"})
+    assert sweep == asked | {"column": "rules", "trained_on": "own"}
+
+
+def test_real_rooms_of_a_type_are_its_tasks(tmp_path):
+    sources = dict.fromkeys(real_rooms.TASKS, str(tmp_path))
+
+    def tasks(**chosen: str) -> list[str]:
+        sweeps = [real_rooms.stages(source, sources | chosen) for source in sources]
+        assert not any("room" in sweep for of_source in sweeps for sweep in of_source)  # each task has its own
+        return [task for of_source in sweeps if of_source for task in of_source[0]["task"].split(",")]
+
+    assert tasks(room="kitchen") == ["counter"]
+    assert tasks(room="kitchen,bedroom") == ["counter", "bed"]
+    assert tasks(room="bathroom", task="toilet,bed") == ["toilet"]
+    assert tasks(room="study") == []
+
+
+@pytest.mark.parametrize("stages", [table1.stages, lambda chosen: real_rooms.stages("floorplans", chosen)])
+def test_what_draws_nothing_has_one_seed_whatever_is_asked_for(stages, capsys):
+    chosen = {"column": "rules,geometric", "seed": "0,1", "floorplans": "anywhere"}
+    assert {sweep["column"]: sweep["seed"] for sweep in stages(chosen)} == {"rules": "0", "geometric": "0,1"}
+    assert "rules: seed=0,1 is left out" in capsys.readouterr().out
+
+
+def test_make_tables_takes_a_type_where_one_is_given():
+    def commands(*arguments: str) -> list[str]:
+        made = subprocess.run(["make", "-n", "tables", *arguments], cwd=PROJECT, capture_output=True, text=True)
+        return re.findall(r"python (experiments/\w+\.py.*?) *\|\|", made.stdout)
+
+    scripts = ["experiments/table1.py", "experiments/table2.py", "experiments/real_rooms.py"]
+    assert [command.split() for command in commands("DATA=/nowhere")] == [[script] for script in scripts]
+    given = commands("DATA=/nowhere", "ROOM=kitchen", "budget=smoke")
+    assert [command.split() for command in given] == [[script, "room=kitchen", "budget=smoke"] for script in scripts]
 
 
 def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):
@@ -139,7 +178,7 @@ def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):
 
 def test_rivals_are_trained_after_the_agent_whose_time_they_get():
     named = {"column": "pointer,geometric,planit,oracle"}
-    assert [sweep["column"] for sweep in table1.stages(named)] == ["geometric,oracle", "pointer,planit"]
+    assert [sweep["column"] for sweep in table1.stages(named)] == ["oracle", "geometric", "pointer,planit"]
 
 
 @pytest.mark.parametrize(("stages", "wrong"), [
@@ -148,6 +187,7 @@ def test_rivals_are_trained_after_the_agent_whose_time_they_get():
     (table2.stages, {"room": "kitchn"}),
     (table2.stages, {"budget": "scene"}),
     (lambda chosen: real_rooms.stages("floorplans", chosen), {"task": "toilt"}),
+    (lambda chosen: real_rooms.stages("floorplans", chosen), {"room": "kitchn"}),
 ])  # fmt: skip
 def test_a_room_task_or_budget_that_a_table_does_not_have_is_answered(stages, wrong):
     name, value = next(iter(wrong.items()))
