@@ -19,7 +19,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 def drawn(svg: Path) -> tuple[list[str], list[float]]:
     """What is drawn, with its numbers apart: their last digits are the machine's. What made it is left out."""
     text = re.sub(r"<metadata>.*?</metadata>", "", svg.read_text(), flags=re.DOTALL)
-    number = r"-?\d+\.\d+"
+    number = r"-?\d+\.\d+(?![^<>]*</text>)"  # what is written stays
     return re.split(number, text), [float(found) for found in re.findall(number, text)]
 
 

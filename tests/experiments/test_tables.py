@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+import shutil
 import subprocess
 from dataclasses import replace
 
@@ -144,6 +145,7 @@ def test_what_draws_nothing_has_one_seed_whatever_is_asked_for(stages, capsys):
     assert "rules: seed=0,1 is left out" in capsys.readouterr().out
 
 
+@pytest.mark.skipif(not shutil.which("make"), reason="make is not installed")
 def test_make_tables_takes_a_type_where_one_is_given():
     def commands(*arguments: str) -> list[str]:
         made = subprocess.run(["make", "-n", "tables", *arguments], cwd=PROJECT, capture_output=True, text=True)
