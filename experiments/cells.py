@@ -30,7 +30,7 @@ from columns import FILLS, RESULTS, CellConfig, folder_of, name_of, setting_of
 from layoutrl import InputError
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
-from layoutrl.runs.folder import resume
+from layoutrl.runs import resume
 from layoutrl.runs.commands import command
 from layoutrl.runs.folder import differences, write_json
 from layoutrl.runs.machine import device_of, machine

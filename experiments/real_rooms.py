@@ -17,8 +17,8 @@ from pathlib import Path
 from cells import asked, cells_of, given, in_turn, multirun, seeds_of, some_of
 from printing import NOT_RUN, Estimate, Row, Table, ceiling, compared, estimates, p_text, row, show, write
 
-from layoutrl.runs.commands import answers_errors
 from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.runs.commands import answers_errors
 
 TASKS = {
     "floorplans": {"bathtub": "bathroom", "toilet": "bathroom", "vanity": "bathroom", "counter": "kitchen"},

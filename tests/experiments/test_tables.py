@@ -16,8 +16,8 @@ import table2
 from cells import stated
 from columns import RESULTS, folder_of, name_of
 
-from layoutrl.runs.config import composed
 from layoutrl import InputError
+from layoutrl.runs.config import composed
 from layoutrl.runs.folder import differences
 from tests.experiments.builders import PROJECT, REAL, script
 
