@@ -5,13 +5,18 @@ NumPy may change its streams of random numbers from one version to another; a te
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import signal
+import threading
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
+
+from tqdm import tqdm
 
 from layoutrl.rooms.designer.balcony import BALCONY
 from layoutrl.rooms.designer.bathroom import BATHROOM
@@ -32,7 +37,9 @@ ROOM_TYPES = {
 Part = Literal["train", "test"]
 PARTS: tuple[Part, ...] = ("train", "test")  # their seeds differ
 NAMED = 3  # reasons named for each template in a summary
-CHUNK = 100  # rooms a process designs at a time
+FEW = 100  # rooms for which starting more processes takes longer than it saves
+TASK = 10  # rooms a process designs at a time, and Ctrl-C waits for
+MOST_PROCESSES = 61  # that Windows can wait for
 
 
 @dataclass
@@ -92,29 +99,59 @@ class Designs:
 
 def design_rooms(room_type: str, part: Part, seed: int, count: int) -> Designs:
     """Rooms 0 to count - 1 of a part, on all cores."""
-    one = partial(_chunk, room_type, part, seed)
-    chunks = [range(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
-    if len(chunks) > 1:
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        with ProcessPoolExecutor(min(cores, len(chunks))) as pool:
-            results = list(pool.map(one, chunks))
-    else:
-        results = [one(chunk) for chunk in chunks]
+    return joined(design_each(room_type, part, seed, range(count)))
+
+
+def joined(parts: Iterable[Designs]) -> Designs:
     whole = Designs()
-    for some in results:
+    for some in parts:
         whole.rooms += some.rooms
-        whole.made += some.made
-        whole.rejected += some.rejected
+        whole.made.update(some.made)
+        whole.rejected.update(some.rejected)
     return whole
 
 
-def _chunk(room_type: str, part: Part, seed: int, indices: Sequence[int]) -> Designs:
-    designs = [design_room(room_type, part, seed, index) for index in indices]
-    return Designs(
-        [design.room for design in designs],
-        Counter(design.template for design in designs),
-        Counter(reason for design in designs for reason in design.rejected),
-    )
+def design_each(room_type: str, part: Part, seed: int, indices: Sequence[int]) -> Generator[Designs, None, None]:
+    """Rooms in the order of their indices, one at a time, designed on all cores. Who wants no more must close it."""
+    one = partial(_one, room_type, part, seed)
+    shown = partial(_shown, f"designing {room_type} rooms, {part}", len(indices))
+    if len(indices) <= FEW:
+        yield from shown(map(one, indices))
+        return
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    pool = ProcessPoolExecutor(min(cores, len(indices) // TASK, MOST_PROCESSES), initializer=_begin_worker)
+    try:
+        yield from shown(pool.map(one, indices, chunksize=TASK))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _shown(what: str, total: int, designed: Iterable[Designs]) -> Iterator[Designs]:
+    with tqdm(
+        desc=what, total=total, unit="room", delay=1, disable=None
+    ) as bar:  # none in under a second, or in a file
+        for one in designed:
+            bar.update()
+            yield one
+
+
+def _begin_worker() -> None:
+    """Ctrl-C, which every process of a terminal gets, is left to the process that wants the rooms."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent is killed would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _one(room_type: str, part: Part, seed: int, index: int) -> Designs:
+    design = design_room(room_type, part, seed, index)
+    return Designs([design.room], Counter([design.template]), Counter(design.rejected))
 
 
 def _room(room_id: str, room_type: str, shell: Shell, places: Sequence[Place]) -> Room:
