@@ -26,10 +26,11 @@ from omegaconf import OmegaConf
 
 import layoutrl
 from layoutrl import InputError
-from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.designer import generator
+from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
-from layoutrl.rooms.sources import designer_rooms, floorplans
+from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans
 from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.folder import load_checkpoint, load_config, save_checkpoint
 from tests.builders import random_room
@@ -256,6 +257,55 @@ def test_a_designers_layout_is_a_room_or_is_left_out(count, tmp_path):
             file.write_bytes(mutated_bytes(content, dice))
         answered(lambda r=room_type: designer_rooms.read(tmp_path, r), InputError, file.read_bytes())
         file.unlink()
+
+
+# The cache of designed rooms -----------------------------------------------------------------------------------------
+
+
+@times(300, 4_000)
+def test_a_cached_file_is_the_rooms_or_is_made_anew(count, tmp_path, monkeypatch):
+    dice = random.Random(count)
+    whole = designer_cache.read(tmp_path, "bedroom", "train", 0, 6)
+    monkeypatch.setattr(generator, "_one", lambda *about: Designs([whole.rooms[about[-1]]]))
+    anew = Designs(whole.rooms)
+    (file,) = tmp_path.iterdir()
+    content = file.read_bytes()
+    document, read = content.partition(b"\n")[2], 0
+    for _ in range(count):
+        kind = dice.random()
+        if kind < 0.4:
+            broken = mutated_bytes(content, dice)
+        else:
+            changed = (
+                mutated_bytes(document, dice)
+                if kind < 0.6
+                else json.dumps(mutated_document(json.loads(document), dice)).encode()
+            )
+            broken = hashlib.sha256(file.name.encode() + b"\n" + changed).hexdigest().encode() + b"\n" + changed
+        file.write_bytes(broken)
+        designs = answered(lambda: designer_cache.read(tmp_path, "bedroom", "train", 0, 6), (), broken)
+        if kind < 0.4:
+            assert designs in (whole, anew)
+        elif designs != anew:  # a file that somebody who can write there made up: rooms all the same
+            read += 1
+            assert len(designs.rooms) == 6
+            answered(lambda designs=designs: [str(designs), repr(designs)], (), broken)
+            answered(lambda designs=designs: [(r.indoor, r.moving.footprint) for r in designs.rooms], (), broken)
+    assert 0.01 * count < read < 0.6 * count
+
+
+def test_a_planted_cache_file_never_runs_code(tmp_path):
+    whole = designer_cache.read(tmp_path, "bedroom", "train", 0, 6)
+    (file,) = tmp_path.iterdir()
+    for name in (file, file.with_suffix(".pickle")):  # which earlier versions read
+        content = pickle.dumps(Evil(tmp_path / "made"))
+        for planted in (
+            content,
+            hashlib.sha256(name.name.encode() + b"\n" + content).hexdigest().encode() + b"\n" + content,
+        ):
+            name.write_bytes(planted)
+            assert designer_cache.read(tmp_path, "bedroom", "train", 0, 6) == whole
+    assert not (tmp_path / "made").exists()
 
 
 # Runs ----------------------------------------------------------------------------------------------------------------
