@@ -11,7 +11,6 @@ import math
 import os
 import pickle
 import random
-import resource
 import shutil
 import signal
 from collections.abc import Callable, Iterator
@@ -35,6 +34,7 @@ from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.folder import load_checkpoint, load_config, save_checkpoint
 from tests.builders import random_room
 
+resource = pytest.importorskip("resource", reason="time and memory are watched as POSIX has it")
 DATA = Path(__file__).parents[2] / "shared" / "data"
 SECONDS = 2.0  # that an input may take
 BYTES = 2**30  # that all of them may take, beyond what was taken before

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import io
 import json
 import os
 import re
 import shutil
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -27,11 +28,12 @@ from layoutrl.runs.config import AnyTraining, Config
 
 CHECKPOINTS = "checkpoints"  # folder of a run
 LOCK = "lock"  # of a run that is trained
+POLL = 0.1  # seconds between two attempts to lock a file, where the system cannot wait for it
 KEPT = 2  # checkpoints, beside the best
 
 
 def wanted_folder(config: AnyTraining) -> Path:
-    """runs/<room>/<name>."""
+    """`runs/<room>/<name>`."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     name = config.name or (
         f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
@@ -94,7 +96,7 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
         raise InputError(f"runs: cannot write {file} ({error.strerror}); expected a folder to write to") from None
     with stream:
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _lock(stream.fileno(), wait)
         except BlockingIOError:
             raise InputError(f"run: {file.parent} is in use by another process; expected it to end first") from None
         except OSError as error:
@@ -104,8 +106,30 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
         yield
 
 
+def _lock(descriptor: int, wait: bool) -> None:
+    """Lock an open file until it is closed.
+
+    Raises BlockingIOError where another has locked it and is not to be waited for, OSError where it cannot be locked.
+    """
+    if sys.platform == "win32":
+        import msvcrt
+
+        while True:
+            try:
+                msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # the first byte, which need not be there
+                return
+            except PermissionError:  # another has it; Windows' own way of waiting gives up after ten seconds
+                if not wait:
+                    raise BlockingIOError from None
+                time.sleep(POLL)
+    else:
+        import fcntl
+
+        fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:
-    """Keep a state (tensors and plain values) as checkpoints/<updates>.pt, whole or not at all.
+    """Keep a state (tensors and plain values) as `checkpoints/<updates>.pt`, whole or not at all.
 
     A mark beside it, written last, has its hash, and the mean IoU in training rooms if it was asked for. The last two
     and the best are kept. Raises InputError where it cannot be written; those before it stay whole.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -40,7 +42,30 @@ def test_what_was_damaged_gives_way_to_what_goes_on_before_it(tmp_path):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 4
 
 
-def test_who_waits_for_a_file_goes_on_when_it_is_let_go_of(tmp_path):
+LK_NBLCK = 2  # of Windows
+
+
+def locking(descriptor: int, mode: int, count: int) -> None:
+    """As Windows locks bytes: what another has is answered at once, by the error of missing rights."""
+    import fcntl
+
+    assert (mode, count) == (LK_NBLCK, 1)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES)) from None
+
+
+@pytest.fixture(params=["this system", "Windows"])
+def system(request, monkeypatch) -> str:
+    """Where files are locked. On Windows nothing is changed; elsewhere its locks are played by those that there are."""
+    if request.param == "Windows" and sys.platform != "win32":
+        monkeypatch.setattr(folder, "sys", SimpleNamespace(platform="win32"))
+        monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(locking=locking, LK_NBLCK=LK_NBLCK))
+    return request.param
+
+
+def test_who_waits_for_a_file_goes_on_when_it_is_let_go_of(system, tmp_path):
     order = []
 
     def second():
@@ -52,15 +77,27 @@ def test_who_waits_for_a_file_goes_on_when_it_is_let_go_of(tmp_path):
         waiting.start()
         waiting.join(0.2)
         order.append("first")
-    waiting.join()
+    waiting.join(10)
     assert order == ["first", "second"]
 
 
-def test_a_file_system_without_locks_is_answered(tmp_path, monkeypatch):
-    def flock(*_):
+def test_who_does_not_wait_for_a_file_is_answered(system, tmp_path):
+    with (
+        locked(tmp_path / "lock", wait=False),
+        pytest.raises(InputError, match="is in use by another process; expected it to end first"),
+        locked(tmp_path / "lock", wait=False),
+    ):
+        pass
+    with locked(tmp_path / "lock", wait=False):
+        pass
+
+
+def test_a_file_system_without_locks_is_answered(system, tmp_path, monkeypatch):
+    def no_locks(*_):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr("layoutrl.runs.folder.fcntl.flock", flock)
+    on_windows = system == "Windows" or sys.platform == "win32"
+    monkeypatch.setattr("msvcrt.locking" if on_windows else "fcntl.flock", no_locks)
     with (
         pytest.raises(InputError, match="expected a folder on a file system with locks"),
         locked(tmp_path / "lock", wait=True),

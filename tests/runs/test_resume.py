@@ -8,7 +8,6 @@ import json
 import multiprocessing
 import os
 import random
-import resource
 import shutil
 import signal
 import time
@@ -34,6 +33,9 @@ from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
 from tests.test_command_line import layoutrl as command
 
+resource = pytest.importorskip(
+    "resource", reason="lives are begun by a fork server and ended by signals, as POSIX has it"
+)
 CPU = torch.device("cpu")
 UPDATES = 240
 SHORT = (
