@@ -1,8 +1,10 @@
 .DEFAULT_GOAL := help
-PYTHON ?= python3
+# On Windows make is to be called from Git Bash.
+WINDOWS := $(filter Windows_NT,$(OS))
+PYTHON ?= $(if $(WINDOWS),python,python3)
 ROOM ?= bedroom
 ARGS ?=
-BIN := .venv/bin
+BIN := .venv/$(if $(WINDOWS),Scripts,bin)
 DATA ?= data
 REAL = $(foreach source,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(source)),$(source)=$(DATA)/$(source)))
 OPTIONS = $(if $(budget),budget=$(budget)) $(ARGS)
@@ -45,10 +47,13 @@ tables: setup  ## the paper's tables, and real rooms: make tables ROOM=kitchen b
 notebooks: setup  ## run the notebooks, and keep what they show
 	$(BIN)/python notebooks/run.py
 
+docs: setup  ## build the API reference into docs/api
+	$(BIN)/python -W error docs/reference.py
+
 board: setup  ## TensorBoard on all runs
 	$(BIN)/tensorboard --logdir runs
 
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test fuzz lint bench tables notebooks board clean
+.PHONY: help setup train test fuzz lint bench tables notebooks docs board clean
