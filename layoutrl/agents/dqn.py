@@ -96,6 +96,7 @@ class DQN:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from the state of another."""
         for name in PARTS:
             getattr(self, name).load_state_dict(state[name])
         self.updates, self.target_copies = state["updates"], state["target_copies"]

@@ -17,6 +17,7 @@ class LinearSchedule:
     duration: int
 
     def __call__(self, step: int) -> float:
+        """The value after so many steps."""
         progress = min(step / self.duration, 1.0) if self.duration > 0 else 1.0
         return self.start + progress * (self.end - self.start)
 

@@ -57,6 +57,7 @@ class PaperNetwork(nn.Module):
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, image: Tensor) -> Tensor:
+        """The value of each action (B, A), of pictures uint8 (B, 128, 128, 3)."""
         return self.head(self.features(image.permute(0, 3, 1, 2).float().mul_(1 / 255)))
 
 
@@ -94,6 +95,7 @@ class GeometryNetwork(nn.Module):
         self.head = _head(width, actions, dueling)
 
     def forward(self, elements: Tensor) -> Tensor:
+        """The value of each action (B, A), of elements float32 (B, N, columns), the moving item first."""
         # A row of memory a column: what is worked out below has an inner axis of two to four, and would be slow on it.
         moving, others = elements.movedim(-1, 0).contiguous().tensor_split([1], -1)  # (columns, B, 1), (columns, B, N)
         gap = _gaps(moving, others)

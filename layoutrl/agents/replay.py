@@ -50,6 +50,7 @@ class Replay:
 
     @property
     def bytes_per_transition(self) -> int:
+        """Memory that one transition takes."""
         return sum(column[0].numel() * column.element_size() for column in self._columns)
 
     def add(self, transitions: Transitions) -> None:

@@ -45,11 +45,13 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
+        """Count what passes inside as seconds of a stage."""
         start = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
     def read(self) -> dict[str, float]:
+        """Seconds of each stage since this was last asked."""
         seconds, self.seconds = self.seconds, {}
         return seconds
 

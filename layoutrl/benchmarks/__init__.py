@@ -1,0 +1,1 @@
+"""What `layoutrl.bench` measures: simulation, learning, curves."""

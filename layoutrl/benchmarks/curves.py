@@ -46,6 +46,7 @@ class Curve:
     _resumed: float = field(default_factory=lambda: time.perf_counter())
 
     def add(self, updates: int, policy: Greedy) -> Point:
+        """Note and print how good a policy is after so many updates. The clock stands still meanwhile."""
         self._seconds += time.perf_counter() - self._resumed
         point = Point(updates, self._seconds, self.probe(policy)[0])
         self.points.append(point)
@@ -190,6 +191,7 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
 def held_out_probe(
     config: BenchConfig, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> Probe:
+    """Mean IoU of a policy in rooms held out."""
     simulator = Simulator(held_out, config.method.moves, config.reward.weights)
     observe = observation_of(config.method.observation, held_out, device, categories_of(training))
     return Probe(simulator, observe, np.random.default_rng(config.seed), device)

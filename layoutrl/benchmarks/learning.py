@@ -49,6 +49,7 @@ def fill(learner: Learner) -> None:
 
 
 def sample(learner: Learner, count: int) -> Transitions:
+    """Transitions of its replay: the same every time."""
     return learner.replay.sample(count, torch.Generator(learner.simulator.device).manual_seed(0))
 
 
@@ -149,6 +150,7 @@ def memory(
 
 
 def train_with_full_replay(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
+    """Bytes a transition, and the peak of this process, which trains with a full replay."""
     keep_freed_memory()  # in this process, too
     method = replace(config.method, replay_capacity=config.transitions)
     learner = untrained(replace(config, method=method), rooms, device)

@@ -80,6 +80,7 @@ def plot(measured: dict[str, Any]) -> Figure:
 
 
 def moves_a_second(config: BenchConfig, simulator: BatchSimulator, episodes: int) -> float:
+    """How many moves so many parallel episodes make in a second."""
     play = random_moves(simulator, episodes, config.method.max_moves, np.random.SeedSequence(config.seed))
     return episodes / seconds_of(partial(next, play), config.seconds)
 

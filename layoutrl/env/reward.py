@@ -22,6 +22,7 @@ class RewardTerms(NamedTuple, Generic[Array]):
 
     @property
     def total(self) -> Array:
+        """r1 + r2 + r3, clipped to the paper's range."""
         return (self.r1 + self.r2 + self.r3).clip(*REWARD_RANGE)
 
 

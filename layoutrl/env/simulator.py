@@ -48,6 +48,7 @@ class Moves:
 
     @property
     def count(self) -> int:
+        """How many actions there are."""
         return 4 * (len(self.steps) + self.slide)
 
     def lengths(self, room: Room) -> tuple[float, ...]:

@@ -29,6 +29,7 @@ class Score:
     blocked: float  # share of positions that block a door or window: `blocks_openings`
 
     def as_dict(self) -> dict[str, float | None]:
+        """Plain numbers by name, ready for JSON."""
         return asdict(self)
 
 

@@ -144,7 +144,7 @@ def rgb(color: tuple[int, int, int]) -> tuple[float, float, float]:
 
 
 def save(figure: Figure, path: Path, dpi: float = 150) -> list[Path]:
-    """Write <path>.png and <path>.svg, the same every time, and return them.
+    """Write `<path>.png` and `<path>.svg`, the same every time, and return them.
 
     Raises InputError where they cannot be written.
     """

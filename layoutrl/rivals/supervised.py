@@ -100,6 +100,7 @@ class PointingNetwork(nn.Module):
         self.head = nn.Linear(width, 2 * ANCHORS * 2)
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
+        """Log weights and centres, (B, 2, elements x ANCHORS) each, of elements (B, elements, columns)."""
         middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
         present = elements[..., PRESENT, None]
         state = self.embed(torch.cat([elements, (middle - half)[..., 0], (middle + half)[..., 0]], -1))

@@ -61,6 +61,7 @@ class Opening:
 
     @cached_property
     def shape(self) -> Polygon:
+        """The polygon, for shapely."""
         return Polygon(self.polygon)
 
 
@@ -130,10 +131,12 @@ class Room:
 
     @property
     def doors(self) -> tuple[Opening, ...]:
+        """The openings that are doors."""
         return tuple(o for o in self.openings if o.kind == "door")
 
     @property
     def windows(self) -> tuple[Opening, ...]:
+        """The openings that are windows."""
         return tuple(o for o in self.openings if o.kind == "window")
 
     @cached_property
@@ -143,6 +146,7 @@ class Room:
 
     @cached_property
     def wall_shapes(self) -> tuple[Polygon, ...]:
+        """The walls, for shapely."""
         return tuple(Polygon(wall) for wall in self.walls)
 
     @cached_property

@@ -53,6 +53,7 @@ def with_items(partial: Partial, categories: Sequence[int], edges: Sequence[Rela
 
 
 def mlp(inputs: int, outputs: int) -> nn.Sequential:
+    """Two linear layers with a leaky ReLU between them."""
     return nn.Sequential(nn.Linear(inputs, HIDDEN), nn.LeakyReLU(), nn.Linear(HIDDEN, outputs))
 
 
@@ -106,6 +107,7 @@ class GraphNetwork(nn.Module):
 
     @property
     def device(self) -> torch.device:
+        """Where the weights are."""
         return next(self.parameters()).device
 
     def next_node(self, graphs: Sequence[Partial]) -> Tensor:

@@ -47,6 +47,7 @@ class Relation(NamedTuple):
 
 
 def edge_type(way: int, distance: int) -> int:
+    """The number of an edge's kind: where it leads, and how far."""
     return 3 * way + distance
 
 
@@ -68,6 +69,7 @@ class Scene:
 
     @property
     def items(self) -> range:
+        """The nodes that are furniture."""
         return range(self.fixed, len(self.category))
 
     def without(self, item: int) -> Scene:

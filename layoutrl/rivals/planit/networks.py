@@ -34,6 +34,7 @@ class Residual(nn.Module):
         self.shortcut = nn.Identity() if same else nn.Conv2d(before, after, 1, stride, bias=False)
 
     def forward(self, x: Tensor) -> Tensor:
+        """(B, before, height, width) to (B, after, ...), smaller by the stride."""
         return leaky_relu(self.body(x) + self.shortcut(x))
 
 
@@ -48,6 +49,7 @@ class Upwards(nn.Module):
         self.film = nn.Linear(EMBEDDING, 2 * after)
 
     def forward(self, x: Tensor, edge: Tensor) -> Tensor:
+        """Features (B, before, side, side), embedded edges (B, EMBEDDING) to (B, after, 2 side, 2 side)."""
         x = interpolate(x, scale_factor=2, mode="nearest")
         if self.coordinates:  # x, y and the distance from the middle (CoordConv)
             axis = torch.linspace(-1, 1, x.shape[-1], device=x.device)
@@ -85,6 +87,7 @@ class LocationNetwork(nn.Module):
         self.classes = nn.Conv2d(UP_WIDTHS[-1], 1 + categories, 1)
 
     def forward(self, picture: Tensor, edge: Tensor) -> Tensor:
+        """Logits of each pixel's class (B, 1 + categories, height, width), of pictures and the types (B,) of edges."""
         x, embedded = self.inwards(picture), self.embedding(edge)
         for block in self.upwards:
             x = block(x, embedded)
@@ -105,6 +108,7 @@ class PictureNetwork(nn.Module):
         self.head = nn.Sequential(nn.Linear(64 * 16 + categories, 64), nn.LeakyReLU(), nn.Linear(64, outputs))
 
     def forward(self, picture: Tensor, category: Tensor) -> Tensor:
+        """Outputs (B, outputs), of pictures (B, channels, 64, 64) and categories as one-hot (B, C)."""
         return self.head(torch.cat([self.features(picture), category], 1))
 
 

@@ -42,6 +42,7 @@ SHELLS = Shells(
 
 
 def toilet(dice: Dice) -> Piece:
+    """As much room on its left as on its right, counted from its axis."""
     width = dice.between(38, 42, 2)
     side = TOILET_AXIS - width // 2
     return Piece("toilet", width, dice.between(65, 75, 5), front=60, sides=((side, side),))
@@ -57,14 +58,17 @@ def shower(dice: Dice, widest: int) -> Piece:
 
 
 def bathtub(dice: Dice, length: int) -> Piece:
+    """So many centimetres long."""
     return Piece("bathtub", length, dice.between(70, 80, 5))
 
 
 def washing_machine(dice: Dice) -> Piece:
+    """60 centimetres wide."""
     return Piece("washing_machine", 60, dice.pick({55: 40, 60: 60}), front=60)
 
 
 def vanity(dice: Dice, lowest: int, highest: int) -> Piece:
+    """`lowest` to `highest` centimetres wide, but within 60 to 120."""
     low = min(max(60, -(-lowest // 5) * 5), 120)
     width = dice.between(low, max(low, min(120, highest)), 5)
     return Piece("vanity", width, dice.pick({45: 30, 50: 50, 55: 20}), front=60)
@@ -169,6 +173,7 @@ def square(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def is_squarish(shell: Shell) -> bool:
+    """Nearly square, and large."""
     return shell.short >= 165 and shell.long - shell.short <= 80 and shell.area >= 33000
 
 

@@ -46,10 +46,12 @@ SHELLS = Shells(
 
 
 def is_roomy(shell: Shell) -> bool:
+    """At least 3 m wide."""
     return shell.short >= 300
 
 
 def longest_solid_wall(shell: Shell) -> int:
+    """The length in centimetres of the longest wall without an opening; 0 where there is none."""
     pierced = {gap.wall for gap in (*shell.doors, *shell.windows)}
     return max((wall.length for wall in shell.walls if wall not in pierced), default=0)
 

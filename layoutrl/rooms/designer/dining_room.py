@@ -120,6 +120,7 @@ def round_table(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def small(shell: Shell) -> bool:
+    """Below 8.5 square metres."""
     return shell.area < 85000
 
 

@@ -60,19 +60,23 @@ def widest(shell: Shell) -> int:
 
 
 def fridge(dice: Dice, shell: Shell) -> Piece:
+    """Deeper where the aisle allows it."""
     depth = 65 if shell.short >= 65 + AISLE else 60
     return Piece("fridge", dice.between(60, widest(shell), 5), depth, front=AISLE, tall=True)
 
 
 def sink(dice: Dice, shell: Shell) -> Piece:
+    """As wide as the kitchen allows."""
     return Piece("sink", dice.between(60, widest(shell), 10), DEPTH, front=AISLE)
 
 
 def cooktop(dice: Dice, shell: Shell, highest: int = 90) -> Piece:
+    """60 to `highest` centimetres wide, as the kitchen allows."""
     return Piece("cooktop", dice.between(60, min(highest, widest(shell)), 5), DEPTH, front=AISLE)
 
 
 def counter(least: int) -> Piece:
+    """At least so many centimetres wide."""
     return Piece("counter", least, DEPTH)
 
 
@@ -133,10 +137,12 @@ def past_sink(preparation: int) -> Where:
 
 
 def off_window(plan: Plan, place: Place) -> int:
+    """Well away from any window."""
     return YES if not plan.shell.windows or far_from("window")(plan, place) >= OFF_WINDOW else NO
 
 
 def on_window_wall(plan: Plan, place: Place) -> int:
+    """Its back to a wall with a window."""
     return YES if any(window.wall == place.wall for window in plan.shell.windows) else NO
 
 
@@ -253,6 +259,7 @@ def suits_u(shell: Shell) -> bool:
 
 
 def suits_two_line(shell: Shell) -> bool:
+    """Wide enough for two lines and the aisle between them."""
     return shell.short >= 65 + AISLE + DEPTH
 
 

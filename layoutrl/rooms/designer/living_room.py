@@ -179,6 +179,7 @@ def next_armchair(plan: Plan, piece: Piece) -> Iterator[Place]:
 
 
 def moved(box: Box, direction: int, by: int) -> Box:
+    """The box, moved by so many centimetres."""
     dx, dy = ((by, 0), (0, by), (-by, 0), (0, -by))[direction]
     return Box(box.x0 + dx, box.y0 + dy, box.x1 + dx, box.y1 + dy)
 
@@ -196,6 +197,7 @@ def sofa(dice: Dice, shell: Shell) -> Piece:
 
 
 def coffee_table(dice: Dice) -> Piece:
+    """Round or rectangular."""
     if dice.chance(20):
         size = dice.between(70, 90, 10)  # unsourced
         return Piece("coffee_table", size, size, circle=True)
@@ -203,10 +205,12 @@ def coffee_table(dice: Dice) -> Piece:
 
 
 def television(dice: Dice) -> Piece:
+    """A low unit with a screen above it."""
     return Piece("tv_unit", dice.between(150, 220, 10), dice.pick({35: 25, 40: 45, 45: 30}), front=75, tall=True)
 
 
 def side_table(dice: Dice) -> Piece:
+    """Round or square."""
     size = dice.pick({45: 50, 50: 50})
     return Piece("side_table", size, size, circle=dice.chance(60))
 
@@ -284,6 +288,7 @@ def deep(shell: Shell) -> bool:
 
 
 def across(shell: Shell) -> bool:
+    """Not deep."""
     return not deep(shell)
 
 

@@ -73,6 +73,7 @@ class Place:
         return tuple(self.box.beyond(direction, depth) for direction, depth in strips if depth)
 
     def iou(self, other: Place) -> float:
+        """Intersection over union of the two boxes."""
         shared = self.box.shared(other.box)
         return shared / (self.box.area + other.box.area - shared)
 
@@ -97,6 +98,7 @@ class Plan:
         raise KeyError(category)
 
     def all(self, category: str) -> list[Place]:
+        """The placed pieces of a category."""
         return [place for place in self.places if place.piece.category == category]
 
     def fits(self, place: Place) -> bool:
@@ -153,6 +155,7 @@ class Choice:
 
     @property
     def is_tie(self) -> bool:
+        """Whether another place was as good, but for what no designer would decide by."""
         return self.margin is not None and self.margin < TIE
 
 

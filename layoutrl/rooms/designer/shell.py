@@ -35,9 +35,11 @@ class Box(NamedTuple):
 
     @property
     def area(self) -> int:
+        """Square centimetres."""
         return (self.x1 - self.x0) * (self.y1 - self.y0)
 
     def overlaps(self, other: Box) -> bool:
+        """Whether they have more in common than a border."""
         return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
     def shared(self, other: Box) -> int:
@@ -81,6 +83,7 @@ class Wall(NamedTuple):
 
     @property
     def length(self) -> int:
+        """Centimetres."""
         return self.hi - self.lo
 
     def box(self, lo: int, hi: int, depth: int) -> Box:
@@ -99,6 +102,7 @@ class Gap(NamedTuple):
 
     @property
     def width(self) -> int:
+        """Centimetres."""
         return self.hi - self.lo
 
     def strip(self, depth: int) -> Box:
@@ -134,6 +138,7 @@ class Shell:
 
     @cached_property
     def walls(self) -> tuple[Wall, ...]:
+        """The sides of the outline, in its order."""
         corners = self.outline
         count = len(corners)
         directions = [_direction(corners[k], corners[(k + 1) % count]) for k in range(count)]
@@ -163,6 +168,7 @@ class Shell:
 
     @cached_property
     def swings(self) -> tuple[Box, ...]:
+        """What the doors' leaves sweep."""
         return tuple(door.swing for door in self.doors)
 
     @cached_property
@@ -172,6 +178,7 @@ class Shell:
 
     @property
     def entrance(self) -> Gap:
+        """The first door."""
         return self.doors[0]
 
     @property
@@ -216,6 +223,7 @@ class Dice:
         raise AssertionError("weights are above zero")
 
     def chance(self, percent: int) -> bool:
+        """True so often in a hundred."""
         return int(self._rng.integers(100)) < percent
 
     def spread(self, lowest: int, p10: int, median: int, p90: int, highest: int) -> int:
@@ -245,6 +253,7 @@ class Shells:
     window_wall: Mapping[str, int] = field(default_factory=lambda: {"opposite": 50, "beside": 50})
 
     def draw(self, dice: Dice) -> Shell:
+        """A bare room, drawn anew until all of it fits."""
         while True:
             shell = self._outline(dice)
             if not self.area[0] <= shell.area / 10000 <= self.area[1]:

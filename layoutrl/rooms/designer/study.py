@@ -48,6 +48,7 @@ def desk(width: int, depth: int, front: int = SEAT) -> Piece:
 
 
 def bookcase(width: int) -> Piece:
+    """So many centimetres wide."""
     return Piece("bookcase", width, BOOKS, front=60, tall=True)
 
 

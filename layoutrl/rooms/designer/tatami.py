@@ -102,17 +102,20 @@ def beside_wardrobe(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def suits_l_shape(shell: Shell) -> bool:
+    """Wardrobe and platform fit beside the door."""
     _, across = extents(shell)
     door = shell.entrance
     return 260 <= across <= 340 and max(door.lo, across - door.hi) >= 160
 
 
 def suits_across(shell: Shell) -> bool:
+    """Not too deep for a platform and the strip before it."""
     deep, _ = extents(shell)
     return 260 <= deep <= 340
 
 
 def suits_beside_wardrobe(shell: Shell) -> bool:
+    """Two mats and a wardrobe fit along the wall."""
     _, across = extents(shell)
     return suits_across(shell) and across >= 180 + 90
 

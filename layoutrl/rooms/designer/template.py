@@ -10,6 +10,7 @@ from layoutrl.rooms.designer.shell import Dice, Shell
 
 
 def any_shell(shell: Shell) -> bool:
+    """A template that suits every shell."""
     return True
 
 

@@ -51,6 +51,7 @@ def read(root: Path | None, room_type: str, part: Part, seed: int, count: int) -
 
 
 def default_cache() -> Path:
+    """`layoutrl` below the user's own cache."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "layoutrl"
 
 

@@ -50,7 +50,7 @@ Bounds = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max
 def read(root: Path, room_type: str, labels: Literal["snapped", "raw"] = "snapped") -> Collection:
     """All rooms of `room_type` ("bathroom" or "kitchen") under `root`, in metres, y up.
 
-    Bath rooms, toilet rooms and washing rooms are bathrooms; the id tells which: "<plan>#restroom-1". `labels`
+    Bath rooms, toilet rooms and washing rooms are bathrooms; the id tells which: `<plan>#restroom-1`. `labels`
     says where the furniture stands: "raw" as drawn, "snapped" without the slack of the drawing, which edits the
     truth and has to be said beside every number. Plans that are near copies of each other share a `group`.
 

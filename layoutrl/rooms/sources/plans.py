@@ -63,10 +63,12 @@ class Row(NamedTuple):
 
     @property
     def box(self) -> Polygon:
+        """The upright rectangle that its two corners span, in pixels."""
         return box(min(self.x0, self.x1), min(self.y0, self.y1), max(self.x0, self.x1), max(self.y0, self.y1))
 
     @property
     def line(self) -> LineString:  # keeps the order of the corners, which tells how an oblique wall runs
+        """The line between its two corners, in pixels."""
         return LineString(((self.x0, self.y0), (self.x1, self.y1)))
 
 
@@ -91,6 +93,7 @@ class Plan:
 
     @property
     def half_wall(self) -> float:
+        """Half a wall's thickness, in pixels."""
         return HALF_WALL * self.extent
 
     @cached_property
@@ -179,6 +182,7 @@ def read_plan(file: Path) -> Plan:
 
 
 def kind_of(label: str) -> str:
+    """The kind of room that a label such as `kitchen-2` names."""
     return label.rpartition("-")[0]
 
 
@@ -310,6 +314,7 @@ def icons_in(plan: Plan, face: int) -> list[tuple[str, Row]]:
 
 
 def is_drawn_before(shape: Polygon, others: Iterable[Polygon]) -> bool:
+    """Whether it all but coincides with what was drawn before."""
     return any(shape.intersection(other).area > TWIN * min(shape.area, other.area) for other in others)
 
 
