@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch.utils.tensorboard.summary import scalar
 
 from layoutrl import InputError
 from layoutrl.rivals.budgets import Spent, updates_budget
@@ -177,16 +178,15 @@ def _watched(
             row: dict[str, Any] = {"updates": report.updates}
             for name, value in report.losses.items():
                 row[f"loss_{name}"] = value
-                board.add_scalar(f"loss/{name}", value, report.updates)
+                board(scalar(f"loss/{name}", value), report.updates)
             evaluates = report.updates // evaluate_every > before // evaluate_every or report.updates == updates
             before = report.updates
             if evaluates:
                 networks.eval()
                 for name, placer in placers.items():
                     row[f"iou_{name}"] = probed(placer)
-                    board.add_scalar(f"iou/{name}", row[f"iou_{name}"], report.updates)
+                    board(scalar(f"iou/{name}", row[f"iou_{name}"]), report.updates)
                 networks.train()
-                board.flush()
             rows.writerow(row)
             bar.update(report.updates - bar.n)
             bar.set_postfix({name: f"{value:.3f}" for name, value in row.items() if name != "updates"})

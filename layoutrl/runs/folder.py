@@ -227,11 +227,15 @@ def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "")
 def _write(file: Path, content: bytes) -> None:
     """Write a file whole or not at all, and onto the disk before its name is there."""
     partial = file.with_name(f"{file.name}.partial")
-    with partial.open("wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    partial.replace(file)
+    try:
+        with partial.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(file)
+    except BaseException:  # a full disk has no room for what is of no use
+        partial.unlink(missing_ok=True)
+        raise
 
 
 def load_config(folder: Path, schema: type[Config]) -> Config:

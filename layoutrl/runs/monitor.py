@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Never
 
-from torch.utils.tensorboard import SummaryWriter
-from torch.utils.tensorboard.summary import hparams
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary
+from tensorboard.summary.writer.record_writer import RecordWriter
+from torch.utils.tensorboard.summary import custom_scalars, hparams, image, scalar, text
 from tqdm import tqdm
 
 from layoutrl import InputError
@@ -20,6 +23,7 @@ from layoutrl.evaluation.protocols import Greedy
 
 COLUMNS = [name for name in Progress.__dataclass_fields__ if name != "seconds"]  # of metrics.csv, the first ones
 STAGES = ("act", "simulate", "store", "sample", "learn")
+Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
 # Curves that are read together: charts of TensorBoard's tab of custom scalars.
 LAYOUT = {
@@ -52,7 +56,7 @@ def watched(
     header = [*COLUMNS, *(f"seconds_{stage}" for stage in STAGES), *(f"iou_{name}" for name in probes)]
     with shown(folder, header, made, updates) as (board, rows, bar, before):
         if not made:
-            board.add_custom_scalars(LAYOUT)
+            board(custom_scalars(LAYOUT), 0)
         for progress in training:
             if not math.isfinite(progress.loss):
                 raise InputError(
@@ -62,19 +66,18 @@ def watched(
             row: dict[str, Any] = {name: getattr(progress, name) for name in COLUMNS}
             row |= {f"seconds_{stage}": progress.seconds.get(stage, 0.0) for stage in STAGES}
             for tag, value in row.items():
-                board.add_scalar(tag.replace("seconds_", "seconds/"), value, progress.updates)
+                board(scalar(tag.replace("seconds_", "seconds/"), value), progress.updates)
             evaluates = progress.updates // evaluate_every > before // evaluate_every or progress.updates == updates
             before = progress.updates
             if evaluates:
                 for name, probe in probes.items():
                     iou, pictures = probe(policy)
                     row[f"iou_{name}"] = iou
-                    board.add_scalar(f"iou/{name}", iou, progress.updates)
-                    board.add_scalar(f"lattice_ceiling/{name}", probe.ceiling, progress.updates)
+                    board(scalar(f"iou/{name}", iou), progress.updates)
+                    board(scalar(f"lattice_ceiling/{name}", probe.ceiling), progress.updates)
                     for k, picture in enumerate(pictures):
-                        board.add_image(f"{name}/{k}", picture, progress.updates, dataformats="HWC")
+                        board(image(f"{name}/{k}", picture, dataformats="HWC"), progress.updates)
                 held_out = row["iou_held_out"]
-                board.flush()
             rows.writerow(row)
             bar.update(progress.updates - bar.n)
             bar.set_postfix(
@@ -88,19 +91,39 @@ def watched(
 @contextmanager
 def shown(
     folder: Path, header: Sequence[str], made: int, updates: int
-) -> Iterator[tuple[SummaryWriter, csv.DictWriter[str], tqdm[Never], int]]:
+) -> Iterator[tuple[Board, csv.DictWriter[str], tqdm[Never], int]]:
     """TensorBoard, metrics.csv and the progress bar of a training, and of which update the table's last row is.
 
     What the folder shows of later updates than the `made` ones is dropped.
     """
     with (
-        SummaryWriter(str(folder), purge_step=made + 1) as board,
+        board_of(folder, purged_from=made + 1) as board,
         metrics(folder / "metrics.csv", header, made) as (rows, before),
         tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
     ):
         if not made:
-            board.add_text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```")
+            board(text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```"), 0)
         yield board, rows, bar, before
+
+
+@contextmanager
+def board_of(folder: Path, purged_from: int | None = None) -> Iterator[Board]:
+    """Write a file for TensorBoard, which drops what earlier files of the folder show from an update on.
+
+    Torch's SummaryWriter writes in a thread of its own, where what goes wrong, as on a full disk, ends in a traceback.
+    """
+    with (folder / f"events.out.tfevents.{time.time_ns()}").open("xb") as file:
+        records = RecordWriter(file)
+
+        def written(event: Event) -> None:
+            event.wall_time = time.time()
+            records.write(event.SerializeToString())
+            file.flush()
+
+        written(Event(file_version="brain.Event:2"))
+        if purged_from is not None:
+            written(Event(step=purged_from, session_log=SessionLog(status=SessionLog.START)))
+        yield lambda summary, updates: written(Event(step=updates, summary=summary))
 
 
 @contextmanager
@@ -111,12 +134,15 @@ def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.
         with path.open(newline="", encoding="utf-8") as file:
             kept = [row for row in csv.DictReader(file) if int(row["updates"]) <= made]
     partial = path.with_suffix(".partial")
-    with partial.open("w", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
-        rows = csv.DictWriter(file, header)
-        rows.writeheader()
-        rows.writerows(kept)
-        partial.replace(path)
-        yield rows, int(kept[-1]["updates"]) if kept else 0
+    try:
+        with partial.open("w", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
+            rows = csv.DictWriter(file, header)
+            rows.writeheader()
+            rows.writerows(kept)
+            partial.replace(path)
+            yield rows, int(kept[-1]["updates"]) if kept else 0
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any], updates: int) -> None:
@@ -124,11 +150,11 @@ def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any]
     final = {f"final/{name}": float(result["rows"]["agent"][name]) for name in FINAL}
     final |= {f"final/{name}": float(result[name]) for name in ("lattice_ceiling", "moves", "ms_a_room")}
     shown = {name: value for name, value in flat(settings).items() if isinstance(value, bool | int | float | str)}
-    with SummaryWriter(str(folder)) as board:
+    with board_of(folder) as board:
         for summary in hparams(shown, final):
-            board.file_writer.add_summary(summary)
+            board(summary, 0)
         for tag, value in final.items():
-            board.add_scalar(tag, value, updates)
+            board(scalar(tag, value), updates)
 
 
 def flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:

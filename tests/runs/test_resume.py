@@ -8,10 +8,13 @@ import json
 import multiprocessing
 import os
 import random
+import re
 import shutil
 import signal
+import sys
 import time
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -237,13 +240,30 @@ def test_no_two_processes_train_in_one_folder(whole, tmp_path):
     resumed(folder, run, TrainConfig)
 
 
-def grown_to_the_limit(rooms: Path, folder: Path, limit: int) -> None:
+def grown_to_the_limit(rooms: Path, folder: Path, limit: int, out: Connection) -> None:
     """A life in which no file may have more bytes."""
+    for stream in (1, 2):
+        os.dup2(out.fileno(), stream)  # a pipe has no limit
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
     try:
         life(rooms, folder)
     except InputError as error:
-        (folder / "said.txt").write_text(str(error))
+        print(f"error: {error}", file=sys.stderr)
+
+
+def limited(rooms: Path, folder: Path, limit: int) -> str:
+    """The line that a life ends with in which no file may have more bytes: the only one of errors, as is checked."""
+    said, out = SERVER.Pipe(duplex=False)
+    process = SERVER.Process(target=grown_to_the_limit, args=(rooms, folder, limit, out))
+    process.start()
+    out.close()
+    with open(said.fileno(), closefd=False) as stream:
+        *before, last = stream.read().splitlines()
+    process.join(60)
+    assert process.exitcode == 0
+    assert not any("Traceback" in line or "Exception" in line for line in before), before
+    assert not list(folder.rglob("*.partial"))
+    return last
 
 
 def test_a_run_that_meets_a_full_disk_says_so_in_a_line_and_goes_on_later(rooms, whole, tmp_path):
@@ -251,21 +271,33 @@ def test_a_run_that_meets_a_full_disk_says_so_in_a_line_and_goes_on_later(rooms,
     begun = tmp_path / "tatami" / "one"
     saved = checkpoints(begun)[0].updates
     size = checkpoints(begun)[0].file.stat().st_size
-    process = SERVER.Process(target=grown_to_the_limit, args=(rooms, tmp_path, size // 2))
-    process.start()
-    process.join(60)
-    said = (tmp_path / "said.txt").read_text()
+    said = limited(rooms, tmp_path, size // 2)
     assert f"(File too large); that of {saved} updates is whole" in said
     assert checkpoints(begun)[0].updates == saved
     assert lived(rooms, tmp_path) == 0
     assert outcome(begun)["network"] == outcome(whole)["network"]
 
 
+@pytest.mark.parametrize("limit", [10, 2_000, 5_000])  # too little for config.yaml, for TensorBoard, for its pictures
+def test_a_disk_that_is_full_before_the_first_checkpoint_is_answered_in_a_line(limit, rooms, tmp_path):
+    assert re.match(r"error: .* cannot write to .*tatami/one \(File too large\)", limited(rooms, tmp_path, limit))
+
+
+def test_a_disk_that_is_full_as_a_run_goes_on_is_answered_in_a_line(rooms, whole, tmp_path):
+    folder = copy_of(whole, tmp_path)
+    last = checkpoints(folder)[0]
+    last.file.with_suffix(".json").unlink()
+    kept, table = checkpoints(folder), (folder / "metrics.csv").read_text()
+    assert f"cannot write to {folder} (File too large)" in limited(rooms, tmp_path, 10)
+    assert checkpoints(folder) == kept
+    assert (folder / "metrics.csv").read_text() == table
+
+
 def test_what_cannot_be_shown_of_a_run_is_answered_in_a_line(rooms, tmp_path, monkeypatch):
     def full(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("torch.utils.tensorboard.SummaryWriter.add_image", full)
+    monkeypatch.setattr("layoutrl.runs.monitor.image", full)
     with pytest.raises(InputError, match=r"cannot write to .* \(No space left on device\) after 30 updates"):
         run(configured(rooms, tmp_path))
 
