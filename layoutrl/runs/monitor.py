@@ -24,6 +24,7 @@ from layoutrl.evaluation.protocols import Greedy
 COLUMNS = [name for name in Progress.__dataclass_fields__ if name != "seconds"]  # of metrics.csv, the first ones
 STAGES = ("act", "simulate", "store", "sample", "learn")
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
+LONGEST = 10_000  # characters in a line of metrics.csv
 FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
 # Curves that are read together: charts of TensorBoard's tab of custom scalars.
 LAYOUT = {
@@ -129,20 +130,45 @@ def board_of(folder: Path, purged_from: int | None = None) -> Iterator[Board]:
 @contextmanager
 def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.DictWriter[str], int]]:
     """The table to go on with after `made` updates, and the updates of its last row; what is of later is dropped."""
-    kept: list[dict[str, str]] = []
-    if made and path.exists():
-        with path.open(newline="", encoding="utf-8") as file:
-            kept = [row for row in csv.DictReader(file) if int(row["updates"]) <= made]
-    partial = path.with_suffix(".partial")
+    partial, before = path.with_suffix(".partial"), 0
     try:
         with partial.open("w", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
             rows = csv.DictWriter(file, header)
             rows.writeheader()
-            rows.writerows(kept)
+            for before, line in kept_lines(path, header, made):
+                file.write(line)
             partial.replace(path)
-            yield rows, int(kept[-1]["updates"]) if kept else 0
+            yield rows, before
     finally:
         partial.unlink(missing_ok=True)
+
+
+def kept_lines(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[int, str]]:
+    """The rows of a table up to so many updates, with the updates of each; says where one is damaged, and ends there.
+
+    Not more than a row is in memory at once.
+    """
+    if not made or not path.exists():
+        return
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        damaged = file.readline(LONGEST).rstrip("\r\n") != ",".join(header)
+        number, before = 1, 0
+        while not damaged and (line := file.readline(LONGEST)):
+            number += 1
+            first, *others = line.rstrip("\r\n").split(",")
+            try:
+                updates = int(first)
+                [float(value) for value in others if value]
+            except ValueError:
+                updates = 0
+            if updates > made:
+                return
+            damaged = updates <= before or len(others) != len(header) - 1 or not line.endswith("\n")
+            if not damaged:
+                before = updates
+                yield updates, line
+    if damaged:
+        print(f"{path} is damaged in line {number}; what it says from there on is left out")
 
 
 def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any], updates: int) -> None:
