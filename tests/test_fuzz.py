@@ -316,6 +316,9 @@ def test_a_checkpoint_is_a_state_or_an_error_of_its_own(count, tmp_path, capsys)
     dice = random.Random(count)
     state = {
         "version": layoutrl.__version__,
+        "config": {},
+        "rooms": "",
+        "seconds": 1.0,
         "training": {"weights": torch.ones(50), "updates": 3},
         "categories": ["a"],
     }

@@ -26,10 +26,10 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
-from layoutrl.runs.folder import load_checkpoint
+from layoutrl.runs.folder import load_checkpoint, load_config, taken
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import shown
-from layoutrl.runs.resume import Stopped, carried_out, finish, seeds, session
+from layoutrl.runs.resume import Stopped, carried_out, finish, seeds, session, stated
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,9 @@ def train(
 def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:
     """PlanIT as a training on these rooms left it in its folder, in the held-out rooms."""
     model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
-    model.networks.load_state_dict(load_checkpoint(folder, device)["training"]["networks"])
+    state = load_checkpoint(folder, device, config=stated(load_config(folder, PlanitConfig)))
+    with taken(folder):
+        model.networks.load_state_dict(state["training"]["networks"])
     return Placer(model, held_out.rooms, held_out.scenes)
 
 

@@ -30,6 +30,8 @@ CHECKPOINTS = "checkpoints"  # folder of a run
 LOCK = "lock"  # of a run that is trained
 POLL = 0.1  # seconds between two attempts to lock a file, where the system cannot wait for it
 KEPT = 2  # checkpoints, beside the best
+FORMAT = 1  # of checkpoints: those of another cannot be read. Those of layoutrl 0.1.0 do not say theirs, which is 1.
+STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
 
 
 def wanted_folder(config: AnyTraining) -> Path:
@@ -135,7 +137,7 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
     and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
     """
     buffer = io.BytesIO()
-    torch.save(state, buffer)
+    torch.save({"format": FORMAT} | state, buffer)
     content = buffer.getvalue()
     file = folder / CHECKPOINTS / f"{updates:08d}.pt"
     mark = {"sha256": hashlib.sha256(content).hexdigest(), "updates": updates, "iou": iou}
@@ -184,10 +186,16 @@ def best(found: list[Checkpoint]) -> Checkpoint:
     return max(found, key=lambda checkpoint: -1.0 if checkpoint.iou is None else checkpoint.iou)
 
 
-def load_checkpoint(folder: Path, device: torch.device, which: Literal["last", "best"] = "last") -> dict[str, Any]:
+def load_checkpoint(
+    folder: Path,
+    device: torch.device,
+    which: Literal["last", "best"] = "last",
+    config: dict[str, Any] | None = None,
+) -> dict[str, Any]:
     """The last whole state that was saved, or the best; says where one is damaged and the last but it is taken.
 
-    Nothing in a file is run. Raises InputError where none is whole, or where it is of another version.
+    Nothing in a file is run. Raises InputError where none is whole, where it is of another format, or of another
+    configuration than the run's, if that is given.
     """
     found = checkpoints(folder)
     if which == "best" and found:
@@ -197,19 +205,43 @@ def load_checkpoint(folder: Path, device: torch.device, which: Literal["last", "
             content = checkpoint.file.read_bytes()
             if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
                 raise ValueError("its hash is another")
-            state: dict[str, Any] = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
-        except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
+            state = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
+            if not isinstance(state, dict):
+                raise ValueError("it is no state of a training")
+            if (theirs := state.get("format", 1)) != FORMAT:
+                raise InputError(
+                    f"run: {checkpoint.file} is of format {theirs}, of layoutrl {state.get('version')}; "
+                    f"expected {FORMAT}, of layoutrl {layoutrl.__version__}"
+                )
+            if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
+                raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")
+        except (InputError, MemoryError, torch.OutOfMemoryError):  # says nothing of the one before
             raise
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             print(f"{checkpoint.file} is damaged ({reason}); the one before it is taken")
             continue
-        if state["version"] != layoutrl.__version__:
+        if config and (others := differences(state["config"], config)):
             raise InputError(
-                f"run: {checkpoint.file} is of layoutrl {state['version']}; expected {layoutrl.__version__}, as here"
+                f"run: {checkpoint.file} is of another {', '.join(others)}; expected the same as in config.yaml"
             )
         return state
     raise InputError(f"run: {folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
+
+
+@contextmanager
+def taken(folder: Path) -> Iterator[None]:
+    """Answer a checkpoint that holds something else than what takes it: torch meets that in many ways."""
+    try:
+        yield
+    except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"run: the checkpoint of {folder} does not fit ({type(error).__name__}: {reason:.200}); "
+            "expected what a training as in config.yaml leaves"
+        ) from None
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:

@@ -135,8 +135,9 @@ def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.
         with partial.open("w", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
             rows = csv.DictWriter(file, header)
             rows.writeheader()
-            for before, line in kept_lines(path, header, made):
+            for updates, line in kept_lines(path, header, made):
                 file.write(line)
+                before = updates
             partial.replace(path)
             yield rows, before
     finally:

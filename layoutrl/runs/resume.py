@@ -36,6 +36,7 @@ from layoutrl.runs.folder import (
     locked,
     new_folder,
     save_checkpoint,
+    taken,
     wanted_folder,
     write_json,
 )
@@ -112,7 +113,8 @@ def session(
     begun, folder = folder is not None, folder or new_folder(config)
     with locked(folder / LOCK, wait=False):
         if begun and (state := last_state(folder, identity, device)):
-            training.load_state_dict(state["training"])
+            with taken(folder):
+                training.load_state_dict(state["training"])
             print(f"going on after {training.updates} updates")
             seconds_before = state["seconds"]
         kept = Session(training, folder, identity | about, seconds_before)
@@ -222,9 +224,7 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
     if not found:
         print(f"{folder} has no checkpoint yet: it begins anew")
         return None
-    state = load_checkpoint(folder, device)
-    if others := differences(state["config"], identity["config"]):
-        raise InputError(f"resume: the checkpoint of {folder} is of another {', '.join(others)}; expected the same")
+    state = load_checkpoint(folder, device, config=identity["config"])
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
     ours = identity["device"]  # another's generators would draw otherwise

@@ -18,19 +18,31 @@ from layoutrl.evaluation.protocols import Greedy, greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, read_parts
 from layoutrl.runs.config import RunConfig, TrainConfig
-from layoutrl.runs.folder import load_checkpoint, load_config, located
+from layoutrl.runs.folder import load_checkpoint, load_config, located, taken
 from layoutrl.runs.machine import device_of
-from layoutrl.runs.resume import digest
+from layoutrl.runs.resume import digest, stated
 
 
 def trained_agent(
     folder: Path, method: Method, device: torch.device, which: Literal["last", "best"] = "last"
 ) -> tuple[DQN, list[str]]:
-    """The agent of a run's folder, and the furniture categories that it knows."""
-    checkpoint = load_checkpoint(folder, device, which)
-    trained = untrained(method, checkpoint["categories"], 1, np.random.SeedSequence(0), device)
-    trained.network.load_state_dict(checkpoint["training"]["agent"]["network"])
-    return trained, checkpoint["categories"]
+    """The agent of a run's folder, and the furniture categories that it knows.
+
+    Raises InputError where its checkpoint is not of its configuration.
+    """
+    agent, categories, _ = _loaded(folder, method, device, which)
+    return agent, categories
+
+
+def _loaded(
+    folder: Path, method: Method, device: torch.device, which: Literal["last", "best"]
+) -> tuple[DQN, list[str], str]:
+    """The agent, the categories that it knows, and the digest of the rooms that it was trained on."""
+    state = load_checkpoint(folder, device, which, stated(load_config(folder, TrainConfig)))
+    with taken(folder):
+        trained = untrained(method, state["categories"], 1, np.random.SeedSequence(0), device)
+        trained.network.load_state_dict(state["training"]["agent"]["network"])
+    return trained, state["categories"], state["rooms"]
 
 
 @dataclass(frozen=True)
@@ -68,7 +80,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     trained = load_config(folder, TrainConfig)
     own, data = trained.data, located(config.data)
     device = device_of(config.device)
-    agent, categories = trained_agent(folder, trained.method, device, config.checkpoint)
+    agent, categories, rooms = _loaded(folder, trained.method, device, config.checkpoint)
 
     if data.source is None:  # the run's own, but for what is given
         given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}
@@ -79,6 +91,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
         data = replace(data, train_rooms=own.train_rooms)  # the agent was trained on no more of them
     parts = read_parts(trained.room.type, trained.room.item, own, trained.fold)
     training = parts[0]
+    if digest(training) != rooms:
+        print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
     if data != own:
         parts = read_parts(trained.room.type, trained.room.item, data, trained.fold)
     part = config.part or ("held_out" if same or data.source == "designer" else "all")

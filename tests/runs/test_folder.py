@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import hashlib
+import json
 import os
 import sys
 import threading
@@ -19,11 +21,12 @@ from layoutrl.runs import folder
 from layoutrl.runs.folder import checkpoints, load_checkpoint, locked, save_checkpoint
 
 CPU = torch.device("cpu")
+STATE = {"version": layoutrl.__version__, "config": {"seed": 3}, "rooms": "", "seconds": 1.0, "training": {}}
 
 
 def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):
     for updates, iou in ((10, 0.5), (20, 0.9), (30, 0.7), (40, 0.6), (50, None)):
-        save_checkpoint(tmp_path, {"version": layoutrl.__version__, "updates": updates}, updates, iou)
+        save_checkpoint(tmp_path, STATE | {"updates": updates}, updates, iou)
     assert [(checkpoint.updates, checkpoint.iou) for checkpoint in checkpoints(tmp_path)] == [
         (50, None), (40, 0.6), (20, 0.9),
     ]  # fmt: skip
@@ -34,10 +37,10 @@ def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):
 
 def test_what_was_damaged_gives_way_to_what_goes_on_before_it(tmp_path):
     for updates, iou in ((10, 0.9), (20, 0.4), (30, 0.5)):
-        save_checkpoint(tmp_path, {"version": layoutrl.__version__}, updates, iou)
+        save_checkpoint(tmp_path, STATE, updates, iou)
     for checkpoint in checkpoints(tmp_path)[:2]:
         checkpoint.file.write_bytes(b"")
-    save_checkpoint(tmp_path, {"version": layoutrl.__version__}, 15)
+    save_checkpoint(tmp_path, STATE, 15)
     assert [checkpoint.updates for checkpoint in checkpoints(tmp_path)] == [15, 10]
     assert len(list((tmp_path / "checkpoints").iterdir())) == 4
 
@@ -108,7 +111,7 @@ def test_a_file_system_without_locks_is_answered(system, tmp_path, monkeypatch):
 @pytest.mark.parametrize("step", ["write", "fsync", "replace"])
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.ENOENT])
 def test_what_cannot_be_written_is_answered_and_the_last_checkpoint_stays_whole(step, code, tmp_path, monkeypatch):
-    state = {"version": layoutrl.__version__, "updates": 10}
+    state = STATE | {"updates": 10}
     save_checkpoint(tmp_path, state, 10)
 
     def fails(*_: Any) -> Any:
@@ -126,3 +129,40 @@ def test_what_cannot_be_written_is_answered_and_the_last_checkpoint_stays_whole(
     monkeypatch.undo()
     assert f"00000020.pt ({os.strerror(code)}); that of 10 updates is whole" in str(caught.value)
     assert load_checkpoint(tmp_path, CPU)["updates"] == 10
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_checkpoint_of_a_later_format_is_refused_and_one_that_says_none_is_read(tmp_path):
+    save_checkpoint(tmp_path, STATE, 10)
+    save_checkpoint(tmp_path, {"format": 2, "version": "9.9.9"}, 20)
+    with pytest.raises(InputError, match=rf"is of format 2, of layoutrl 9\.9\.9; expected 1, of {layoutrl.__name__}"):
+        load_checkpoint(tmp_path, CPU)
+    written(tmp_path, 20, STATE | {"version": "0.1.0"})
+    assert load_checkpoint(tmp_path, CPU)["version"] == "0.1.0"
+
+
+def test_a_checkpoint_of_another_configuration_is_refused_with_the_difference(tmp_path):
+    save_checkpoint(tmp_path, STATE, 10)
+    assert load_checkpoint(tmp_path, CPU, config={"seed": 3}) == STATE | {"format": 1}
+    with pytest.raises(InputError, match=r"00000010\.pt is of another seed; expected the same as in config\.yaml"):
+        load_checkpoint(tmp_path, CPU, config={"seed": 4})
+
+
+@pytest.mark.parametrize("name", [None, *folder.STATE])
+@pytest.mark.parametrize("value", [None, [], 3, torch.ones(2)])
+def test_whatever_is_saved_under_a_right_hash_a_state_of_a_training_is_taken(name, value, tmp_path, capsys):
+    save_checkpoint(tmp_path, STATE, 10)
+    written(tmp_path, 20, value if name is None else STATE | {name: value})
+    assert load_checkpoint(tmp_path, CPU) == STATE | {"format": 1}
+    assert f"00000020.pt is damaged (it is no state of a training{': it lacks ' + name if name else ''})" in (
+        capsys.readouterr().out
+    )
+
+
+def written(folder: Path, updates: int, content: Any) -> None:
+    """Write a checkpoint of whatever content, under a right mark."""
+    save_checkpoint(folder, {}, updates)
+    file = folder / "checkpoints" / f"{updates:08d}.pt"
+    torch.save(content, file)
+    mark = {"updates": updates, "iou": None, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
+    file.with_suffix(".json").write_text(json.dumps(mark))

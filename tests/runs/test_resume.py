@@ -22,7 +22,6 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-import layoutrl
 from layoutrl import InputError
 from layoutrl.agents.training import Training
 from layoutrl.rooms.designer.generator import design_rooms
@@ -210,9 +209,7 @@ def test_where_no_checkpoint_is_whole_it_is_said(whole, tmp_path):
         resumed(folder, run, TrainConfig)
 
 
-def test_a_checkpoint_of_other_settings_rooms_or_version_is_refused_with_the_difference(
-    rooms, whole, tmp_path, monkeypatch
-):
+def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_the_difference(rooms, whole, tmp_path):
     folder = copy_of(whole, tmp_path)
     config = (folder / "config.yaml").read_text()
     (folder / "config.yaml").write_text(config.replace("batch: 16", "batch: 32").replace("theta2: -100", "theta2: -50"))
@@ -228,8 +225,11 @@ def test_a_checkpoint_of_other_settings_rooms_or_version_is_refused_with_the_dif
     save_checkpoint(folder, state | {"device": "cuda"}, UPDATES)
     with pytest.raises(InputError, match="is of cuda; expected to go on there, got cpu"):
         resumed(folder, run, TrainConfig)
-    monkeypatch.setattr(layoutrl, "__version__", "9.9.9")
-    with pytest.raises(InputError, match=r"is of layoutrl 0\.1\.0; expected 9\.9\.9"):
+    save_checkpoint(folder, state | {"training": state["training"] | {"agent": {}}}, UPDATES)
+    with pytest.raises(InputError, match=r"the checkpoint of .* does not fit \(KeyError"):
+        resumed(folder, run, TrainConfig)
+    save_checkpoint(folder, state | {"format": 2}, UPDATES)
+    with pytest.raises(InputError, match="is of format 2"):
         resumed(folder, run, TrainConfig)
 
 

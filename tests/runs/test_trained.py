@@ -1,0 +1,123 @@
+"""What a run left is taken as what its configuration says, or refused in a line."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from layoutrl import InputError
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
+from layoutrl.runs.folder import checkpoints, load_checkpoint, save_checkpoint
+from layoutrl.runs.resume import resumed
+from layoutrl.runs.trained import trained_run
+from layoutrl.train import run
+from tests.runs.test_resume import SHORT
+
+CPU = torch.device("cpu")
+UPDATES = 4
+
+
+def trained(folder: Path, room_type: str) -> Path:
+    rooms = folder / f"{room_type}.jsonl"
+    designed = design_rooms(room_type, "train", 0, 12).rooms
+    rooms.write_text("\n".join(json.dumps(room_to_dict(room)) for room in designed))
+    given = (f"room={room_type}", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
+    few = (f"method.updates.smoke={UPDATES}", "budget.evaluations=2", "budget.reports=2")
+    return run(part(composed("train", *given, *SHORT, *few), TrainConfig))
+
+
+@pytest.fixture(scope="module")
+def tatami(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return trained(tmp_path_factory.mktemp("tatami"), "tatami")
+
+
+@pytest.fixture
+def copy(tatami: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(tatami, tmp_path / "tatami" / "one"))
+
+
+def changed(folder: Path, before: str, after: str) -> None:
+    text = (folder / "config.yaml").read_text()
+    assert before in text
+    (folder / "config.yaml").write_text(text.replace(before, after))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "name"),
+    [
+        ("slide: true", "slide: false", "method.slide"),
+        ("type: tatami", "type: kitchen", "room.type"),
+        ("observation: geometry", "observation: image", "method.observation"),
+        ("theta2: -100", "theta2: -50", "reward.theta2"),
+    ],
+)
+def test_a_configuration_that_was_changed_after_the_training_is_refused(
+    before: str, after: str, name: str, copy: Path
+) -> None:
+    changed(copy, before, after)
+    last = checkpoints(copy)[0].file
+    with pytest.raises(InputError, match=rf"^run: {last} is of another {name}; expected the same as in config\.yaml$"):
+        trained_run(RunConfig(str(copy)))
+
+
+def test_a_checkpoint_of_another_run_is_refused(copy: Path, tmp_path: Path) -> None:
+    other = trained(tmp_path, "kitchen")
+    shutil.rmtree(copy / "checkpoints")
+    shutil.copytree(other / "checkpoints", copy / "checkpoints")
+    with pytest.raises(InputError, match=r"is of another .*room\.type, room\.updates; expected the same"):
+        trained_run(RunConfig(str(copy)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"training": {}},
+        {"training": {"agent": []}},
+        {"training": {"agent": {"network": {"x": torch.ones(3)}}}},
+        {"categories": 3},
+        {"categories": ["bed"]},
+    ],
+)
+def test_a_checkpoint_that_says_what_it_is_not_is_refused(content: dict[str, Any], copy: Path) -> None:
+    save_checkpoint(copy, load_checkpoint(copy, CPU) | content, UPDATES)
+    with pytest.raises(InputError, match=rf"^run: the checkpoint of {copy} does not fit \(.*\); expected .*$"):
+        trained_run(RunConfig(str(copy)))
+
+
+def test_rooms_that_changed_since_the_training_are_told(
+    copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trained_run(RunConfig(str(copy)))
+    assert "other rooms" not in capsys.readouterr().out
+    file = tmp_path / "more.jsonl"
+    more = design_rooms("tatami", "test", 0, 12).rooms
+    file.write_text("\n".join(json.dumps(room_to_dict(room)) for room in more))
+    text = (copy / "config.yaml").read_text()
+    (root,) = (line for line in text.splitlines() if line.strip().startswith("root:"))
+    changed(copy, root, f"  root: {file}")
+    trained_run(RunConfig(str(copy)))
+    assert f"{copy} was trained on other rooms than there are now" in capsys.readouterr().out
+
+
+def test_a_checkpoint_of_the_first_version_is_scored_and_gone_on_with(copy: Path) -> None:
+    state = load_checkpoint(copy, CPU)
+    for of_later in ("format", "device"):
+        del state[of_later]
+    state["version"] = "0.1.0"
+    last = checkpoints(copy)[0].file
+    torch.save(state, last)
+    mark = json.loads(last.with_suffix(".json").read_text())
+    last.with_suffix(".json").write_text(json.dumps(mark | {"sha256": hashlib.sha256(last.read_bytes()).hexdigest()}))
+    assert trained_run(RunConfig(str(copy))).simulator.rooms
+    evaluation = json.loads((copy / "evaluation.json").read_text())
+    (copy / "evaluation.json").unlink()
+    resumed(copy, run, TrainConfig)
+    assert json.loads((copy / "evaluation.json").read_text())["rows"] == evaluation["rows"]
