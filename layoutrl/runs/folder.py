@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import torch
+import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 import layoutrl
 from layoutrl import InputError
@@ -30,6 +30,7 @@ CHECKPOINTS = "checkpoints"  # folder of a run
 LOCK = "lock"  # of a run that is trained
 POLL = 0.1  # seconds between two attempts to lock a file, where the system cannot wait for it
 KEPT = 2  # checkpoints, beside the best
+LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml; those that are written have 1,300 and 4
 FORMAT = 1  # of checkpoints: those of another cannot be read. Those of layoutrl 0.1.0 do not say theirs, which is 1.
 STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
 
@@ -274,10 +275,29 @@ def load_config(folder: Path, schema: type[Config]) -> Config:
     """The resolved configuration of a run. Raises InputError where there is none, or one of another kind of run."""
     path = folder / "config.yaml"
     try:
-        return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(path)))  # type: ignore[return-value]
-    except (OSError, OmegaConfBaseException, YAMLError, ValueError, TypeError, RecursionError) as error:
+        with path.open("rb") as file:
+            text = file.read(LARGEST + 1).decode()
+        _refuse_what_grows(text)
+        return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(io.StringIO(text))))  # type: ignore[return-value]
+    except (OSError, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None
+
+
+def _refuse_what_grows(text: str) -> None:
+    """Raise ValueError for what a resolved configuration never holds, and that says more than stands there."""
+    if len(text) > LARGEST:
+        raise ValueError(f"it is larger than {LARGEST} bytes")
+    depth = 0
+    for event in yaml.parse(text):
+        line = f"line {event.start_mark.line + 1}"
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            raise ValueError(f"{line} is nested deeper than {DEEPEST} levels")
+        if getattr(event, "anchor", None):
+            raise ValueError(f"{line} has an anchor or an alias, {event.anchor}")
+        if "${" in getattr(event, "value", ""):
+            raise ValueError(f"{line} has an interpolation, {event.value}")
 
 
 def write_json(path: Path, content: Any) -> None:

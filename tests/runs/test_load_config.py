@@ -1,0 +1,75 @@
+"""The configuration of a run is read as it was written, or refused in a line."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from layoutrl import InputError
+from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, part
+from layoutrl.runs.folder import LARGEST, load_config, new_folder
+from tests.test_fuzz import answered, times
+
+WHOLE = OmegaConf.to_yaml(OmegaConf.structured(part(composed("train", "room=bedroom"), TrainConfig)))
+LAUGHS = "\n".join(["a0: &a0 [x, x]", *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12))])
+
+
+def read(folder: Path, text: str) -> TrainConfig:
+    (folder / "config.yaml").write_text(text)
+    return load_config(folder, TrainConfig)
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_what_is_written_is_resolved_and_read_again(room_type: str, tmp_path: Path) -> None:
+    for method in ("geometric", "paper"):
+        config = part(composed("train", f"room={room_type}", f"method={method}", f"runs={tmp_path}"), TrainConfig)
+        folder = new_folder(config)
+        text = (folder / "config.yaml").read_text()
+        assert "${" not in text
+        assert len(text) < LARGEST / 5
+        assert load_config(folder, TrainConfig) == config
+    rival = part(composed("planit", f"room={room_type}", f"runs={tmp_path}"), PlanitConfig)
+    assert load_config(new_folder(rival), PlanitConfig) == rival
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (LAUGHS, "line 1 has an anchor or an alias, a0"),
+        (WHOLE.replace("seed: 0", "seed: &s 0", 1), "has an anchor or an alias, s"),
+        (WHOLE + "name: *s\n", "has an anchor or an alias, s"),
+        (WHOLE.replace("name: null", "name: ${oc.env:HOME}"), r"has an interpolation, \$\{oc\.env:HOME\}"),
+        (WHOLE.replace("name: null", 'name: "\\x24{seed}"'), r"has an interpolation, \$\{seed\}"),
+        (WHOLE.replace("name: null", "name: a${budget.name}b"), "has an interpolation"),
+        (WHOLE + "# " + "x" * LARGEST, f"is larger than {LARGEST} bytes"),
+        ("{a: " * 11, "line 1 is nested deeper than 10 levels"),
+        ("[" * 9_000, "line 1 is nested deeper than 10 levels"),
+        (WHOLE + "colour: red\n", "Key 'colour' not in 'TrainConfig'"),
+        (WHOLE.replace("  discount:", "  discuont:"), "Key 'discuont' not in 'Method'"),
+    ],
+)
+def test_what_no_run_writes_is_refused_in_a_line_and_soon(text: str, said: str, tmp_path: Path) -> None:
+    def reader() -> None:
+        with pytest.raises(InputError, match=rf"^run: {tmp_path}/config\.yaml cannot be read \(.*{said}.*\); expected"):
+            read(tmp_path, text)
+
+    assert text != WHOLE
+    answered(reader, (), text)
+
+
+def test_a_file_without_end_is_not_read_to_its_end(tmp_path: Path) -> None:
+    (tmp_path / "config.yaml").symlink_to("/dev/zero")
+    with pytest.raises(InputError, match="larger than"):
+        answered(lambda: load_config(tmp_path, TrainConfig), (), "zeros")
+
+
+@times(30, 1_000)
+def test_lines_of_a_configuration_in_any_order_are_one_or_an_error(count: int, tmp_path: Path) -> None:
+    dice, pieces = random.Random(count), [*WHOLE.splitlines(), *LAUGHS.splitlines(), "x: ${x}", "? [", "- {", "!!set"]
+    for _ in range(count):
+        text = "\n".join(dice.choices(pieces, k=dice.choice((3, 40, 150))))
+        answered(lambda text=text: read(tmp_path, text), InputError, text)
