@@ -24,7 +24,7 @@ from layoutrl.runs.config import TrainCommand, TrainConfig, part
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import record_result, watched
 from layoutrl.runs.report import evaluate, table
-from layoutrl.runs.resume import Stopped, carried_out, finish, seeds, session
+from layoutrl.runs.resume import Stopped, carried_out, ending, finish, seeds, session
 
 
 @dataclass(frozen=True)
@@ -47,24 +47,25 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             f"stopped after {learner.agent.updates} of {learner.updates} updates; "
             f"go on with: python -m layoutrl.train resume={folder}"
         )
-    result = evaluate(
-        greedy(learner.agent, config.method),
-        Simulator(held_out, config.method.moves, config.reward.weights),
-        observation_of(config.method.observation, held_out, device, learner.categories),
-        training,
-        starts_a_room=1,
-        seed=seeds(config)[3],
-    )
-    record_result(folder, asdict(config), result, learner.agent.updates)
-    finish(
-        folder,
-        config,
-        result,
-        table(result),
-        device=device,
-        updates=learner.agent.updates,
-        seconds=trained.seconds,
-    )
+    with ending(folder, "layoutrl.train"):
+        result = evaluate(
+            greedy(learner.agent, config.method),
+            Simulator(held_out, config.method.moves, config.reward.weights),
+            observation_of(config.method.observation, held_out, device, learner.categories),
+            training,
+            starts_a_room=1,
+            seed=seeds(config)[3],
+        )
+        record_result(folder, asdict(config), result, learner.agent.updates)
+        finish(
+            folder,
+            config,
+            result,
+            table(result),
+            device=device,
+            updates=learner.agent.updates,
+            seconds=trained.seconds,
+        )
     return folder
 
 

@@ -29,7 +29,7 @@ from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
 from layoutrl.runs.folder import load_checkpoint, load_config, taken
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import shown
-from layoutrl.runs.resume import Stopped, carried_out, finish, seeds, session, stated
+from layoutrl.runs.resume import Stopped, carried_out, ending, finish, seeds, session, stated
 
 
 @dataclass(frozen=True)
@@ -63,16 +63,17 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
             f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates; "
             f"go on with: python -m layoutrl.planit.train resume={folder}"
         )
-    result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
-    finish(
-        folder,
-        config,
-        result,
-        table(result),
-        device=device,
-        updates=trained.updates,
-        seconds=trained.seconds,
-    )
+    with ending(folder, "layoutrl.planit.train"):
+        result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
+        finish(
+            folder,
+            config,
+            result,
+            table(result),
+            device=device,
+            updates=trained.updates,
+            seconds=trained.seconds,
+        )
     return folder
 
 

@@ -343,6 +343,28 @@ def reloaded(folder: Path) -> EventAccumulator:
     return board
 
 
+@pytest.mark.parametrize(
+    ("stop", "said"),
+    [
+        (KeyboardInterrupt(), r"^stopped in its evaluation; go on with: python -m layoutrl\.train resume=.*/one$"),
+        (OSError(errno.ENOSPC, "No space left on device"), r"cannot write to .*/one \(No space .*\); .* resume=.*/one$"),
+    ],
+)
+def test_an_evaluation_that_is_stopped_is_done_later(stop, said, whole, tmp_path, monkeypatch):
+    folder = copy_of(whole, tmp_path)
+
+    def stopped(*_: Any, **__: Any) -> None:
+        with pytest.raises(InputError, match="in use by another process"), locked(folder / LOCK, wait=False):
+            pass
+        raise stop
+
+    with monkeypatch.context() as patch:
+        patch.setattr("layoutrl.train.evaluate", stopped)
+        with pytest.raises(InputError, match=said):
+            resumed(folder, run, TrainConfig)
+    assert outcome(resumed(folder, run, TrainConfig)) == outcome(whole)
+
+
 def test_nothing_is_given_beside_the_run_to_go_on_with(whole, tmp_path):
     done = command("train", f"resume={whole}", "seed=3", cwd=tmp_path)
     assert done.returncode != 0
