@@ -344,7 +344,7 @@ class Evil:
         return os.mkdir, (str(self.folder),)
 
 
-def test_a_loaded_checkpoint_never_runs_code(tmp_path):
+def test_a_loaded_checkpoint_never_runs_code(tmp_path, capsys):
     made = tmp_path / "made"
     for content in (pickle.dumps(Evil(made), protocol=2), None):
         folder = tmp_path / str(content is None)
@@ -357,6 +357,9 @@ def test_a_loaded_checkpoint_never_runs_code(tmp_path):
             file.with_suffix(".json").write_text(json.dumps(mark | {"sha256": hashlib.sha256(content).hexdigest()}))
         with pytest.raises(InputError, match="no whole checkpoint"):
             load_checkpoint(folder, torch.device("cpu"))
+        said = capsys.readouterr().out
+        assert "it holds other things than tensors and plain values" in said
+        assert "weights_only" not in said  # torch's advice would run it
     assert not made.exists()
     pickle.loads(pickle.dumps(Evil(made)))
     assert made.exists()  # it would have been

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import os
+import pickle
 import re
 import shutil
 import sys
@@ -220,6 +221,8 @@ def load_checkpoint(
             raise
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            if isinstance(error, pickle.UnpicklingError):  # torch's own words say how to run what is in it
+                reason = "it holds other things than tensors and plain values"
             print(f"{checkpoint.file} is damaged ({reason}); the one before it is taken")
             continue
         if config and (others := differences(state["config"], config)):

@@ -347,7 +347,10 @@ def reloaded(folder: Path) -> EventAccumulator:
     ("stop", "said"),
     [
         (KeyboardInterrupt(), r"^stopped in its evaluation; go on with: python -m layoutrl\.train resume=.*/one$"),
-        (OSError(errno.ENOSPC, "No space left on device"), r"cannot write to .*/one \(No space .*\); .* resume=.*/one$"),
+        (
+            OSError(errno.ENOSPC, "No space left on device"),
+            r"cannot write to .*/one \(No space .*\); .* resume=.*/one$",
+        ),
     ],
 )
 def test_an_evaluation_that_is_stopped_is_done_later(stop, said, whole, tmp_path, monkeypatch):
