@@ -15,7 +15,7 @@ from layoutrl.env.observation import GeometryObservation, X, Y, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
-from layoutrl.evaluation import supervised
+from layoutrl.rivals import supervised
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.supervised import (
     PointingNetwork,
