@@ -1,21 +1,58 @@
-"""Settings of all tests: hypothesis draws the same examples every time under CI, new ones elsewhere."""
+"""Settings of all tests.
+
+The usual run draws the same examples everywhere, so that red means the change. Others are drawn at random with
+--hypothesis-profile=search, ten times as many with =fuzz; what fails is printed as @reproduce_failure(...).
+"""
 
 from __future__ import annotations
 
 import os
+import tempfile
+import time
 
 import pytest
 import torch
-from hypothesis import settings
+from hypothesis import is_hypothesis_test, settings
 
-settings.register_profile("local", deadline=None, max_examples=30)
-settings.register_profile("ci", deadline=None, max_examples=30, derandomize=True)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+settings.register_profile("usual", deadline=None, max_examples=20, derandomize=True)
+settings.register_profile("search", deadline=None, max_examples=20, print_blob=True)
+settings.register_profile("fuzz", deadline=None, max_examples=20, print_blob=True)
+settings.load_profile("usual")
+MANY = 10  # times as many examples, with fuzz
+BEGAN = pytest.StashKey[float]()  # when this run did
 
 torch.set_num_threads(1)  # networks this small only lose by a second thread
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--seconds", type=float, help="begin no test after so many seconds")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give all workers one cache of designed rooms, which ends with them."""
+    config.stash[BEGAN] = time.monotonic()
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        cache = tempfile.TemporaryDirectory(prefix="layoutrl-")
+        os.environ["XDG_CACHE_HOME"] = cache.name
+        config.add_cleanup(cache.cleanup)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--hypothesis-profile") == "fuzz":
+        tests = {item.obj for item in items if isinstance(item, pytest.Function) and is_hypothesis_test(item.obj)}
+        for test in tests:  # also of those that have a number of their own
+            few = test._hypothesis_internal_use_settings
+            test._hypothesis_internal_use_settings = settings(few, max_examples=MANY * few.max_examples)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    seconds = item.config.getoption("--seconds")
+    if seconds is not None and time.monotonic() - item.config.stash[BEGAN] > seconds:
+        pytest.skip(f"the {seconds:g} seconds are over")
+
+
 @pytest.fixture
 def few_tries(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let PlanIT give up early in whole rooms: networks that have learned nothing spend all their tries."""
-    monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 2)
+    """Let PlanIT give up early: networks that have learned nothing spend all their tries."""
+    monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 1)
+    monkeypatch.setattr("layoutrl.rivals.planit.scoring.TRIES", 1)

@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,24 +29,19 @@ from layoutrl.rooms.files import room_from_dict, room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
 from layoutrl.runs.folder import checkpoints, load_config
 from layoutrl.runs.trained import trained_agent, trained_run
+from tests.commands import FRESH, PROJECT, layoutrl
 
 CPU = torch.device("cpu")
-PROJECT = Path(__file__).resolve().parents[1]
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
-CACHE = tempfile.TemporaryDirectory()  # of designed rooms, for all tests here
+LITTLE = (
+    "budget=smoke", "budget.evaluations=1", "method.updates.smoke=8", "method.batch=64", "method.warmup_moves=128",
+    "method.evaluation_moves=5",
+)  # fmt: skip
 TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
 
 
-def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT), "XDG_CACHE_HOME": CACHE.name}
-    return subprocess.run(
-        [sys.executable, "-m", f"layoutrl.{command}", *arguments],
-        cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-
-
 def trained(cwd: Path, *arguments: str) -> Path:
-    done = layoutrl("train", "budget=smoke", *arguments, cwd=cwd)
+    done = layoutrl("train", *LITTLE, *arguments, cwd=cwd)
     assert done.returncode == 0, done.stderr
     return cwd / done.stdout.splitlines()[-1].removeprefix("wrote ")
 
@@ -78,7 +72,7 @@ def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, t
     assert OmegaConf.load(run / "config.yaml").room.type == room
     assert checkpoints(run)[0].file.stat().st_size > 10_000
     rows = metrics(run)
-    assert int(rows[-1]["updates"]) == 40
+    assert int(rows[-1]["updates"]) == 8
     assert 0 <= float(rows[-1]["iou_held_out"]) <= 1
     result = evaluation(run)
     assert result["rooms"] == 8
@@ -89,15 +83,33 @@ def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, t
 
 
 def test_the_papers_method_trains_on_pictures(tmp_path: Path) -> None:
-    run = trained(tmp_path, "room=bathroom", "method=paper", "method.warmup_moves=64", "method.evaluation_moves=5")
+    run = trained(tmp_path, "room=bathroom", "method=paper")
     assert float(metrics(run)[-1]["loss"]) > 0
 
 
+def fresh(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """A new interpreter, as users begin it."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
+    command_line = [sys.executable, "-m", f"layoutrl.{command}", *arguments]
+    return FRESH(command_line, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
+
+
 def test_the_same_seed_gives_the_same_metrics_and_another_seed_others(bedroom_run: Path, tmp_path: Path) -> None:
-    again = trained(tmp_path, "room=bedroom")
+    """Also in a new interpreter."""
+    done = fresh("train", *LITTLE, "room=bedroom", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    again = tmp_path / done.stdout.splitlines()[-1].removeprefix("wrote ")
     assert metrics(again) == metrics(bedroom_run)
     assert evaluation(again) == evaluation(bedroom_run)
     assert metrics(trained(tmp_path, "room=bedroom", "seed=1")) != metrics(bedroom_run)
+
+
+def test_a_new_interpreter_answers_what_a_forked_one_does(tmp_path: Path) -> None:
+    wrong = ("watch", "run=nowhere")
+    new, forked = fresh(*wrong, cwd=tmp_path), layoutrl(*wrong, cwd=tmp_path)
+    assert new.returncode == forked.returncode == 1
+    assert (new.stdout, new.stderr) == (forked.stdout, forked.stderr)
+    assert len(new.stderr.splitlines()) == 1
 
 
 def test_a_second_run_never_overwrites_the_first(tmp_path: Path) -> None:
