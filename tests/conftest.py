@@ -14,6 +14,8 @@ import pytest
 import torch
 from hypothesis import is_hypothesis_test, settings
 
+from tests.commands import PROJECT
+
 settings.register_profile("usual", deadline=None, max_examples=20, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=20, print_blob=True)
 settings.register_profile("fuzz", deadline=None, max_examples=20, print_blob=True)
@@ -29,12 +31,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Give all workers one cache of designed rooms, which ends with them."""
+    """Give all workers one cache of designed rooms, which ends with them; and processes, what tests can import."""
     config.stash[BEGAN] = time.monotonic()
     if "PYTEST_XDIST_WORKER" not in os.environ:
         cache = tempfile.TemporaryDirectory(prefix="layoutrl-")
         os.environ["XDG_CACHE_HOME"] = cache.name
         config.add_cleanup(cache.cleanup)
+        path = PROJECT, PROJECT / "experiments", os.environ.get("PYTHONPATH")
+        os.environ["PYTHONPATH"] = os.pathsep.join(str(folder) for folder in path if folder)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

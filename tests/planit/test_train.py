@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +11,7 @@ import pytest
 import torch
 
 from layoutrl import InputError
-from layoutrl.planit.train import load, run, usable
+from layoutrl.planit.train import load, main, run, usable
 from layoutrl.rivals.planit.training import Training
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.rooms.room import Room
@@ -22,9 +19,9 @@ from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.config import PlanitConfig, composed, part
 from layoutrl.runs.folder import load_checkpoint
 from layoutrl.runs.resume import Stopped, resumed
+from tests.commands import layoutrl
 from tests.rivals.planit.rooms import designed
 
-PROJECT = Path(__file__).resolve().parents[2]
 SHORT = (
     "method.updates={default: 6}",
     "method.batch=4",
@@ -146,23 +143,17 @@ def test_what_it_cannot_score_is_refused_before_it_trains(tmp_path: Path) -> Non
     assert not (tmp_path / "bathroom").exists()
 
 
-def test_the_command_line(tmp_path: Path) -> None:
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT), "XDG_CACHE_HOME": str(tmp_path)}
-
-    def planit(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "layoutrl.planit.train", *arguments]
-        return subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
-
-    few = "budget.evaluation_rooms=1", "data.test_rooms=2", "data.train_rooms=8"
-    done = planit("room=bathroom", "budget=smoke", *few)
-    assert done.returncode == 0, done.stderr
-    folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("wrote ")
+def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    few = "budget.evaluation_rooms=1", "data.test_rooms=2", "data.train_rooms=8", "method.batch=4"
+    monkeypatch.setattr("sys.argv", ["layoutrl.planit.train", "room=bathroom", "budget=smoke", *few])
+    monkeypatch.chdir(tmp_path)
+    main()
+    said = capsys.readouterr().out
+    folder = tmp_path / said.splitlines()[-1].removeprefix("wrote ")
     assert folder == tmp_path / "runs/bathroom/designer-main-planit-smoke-seed0"
-    assert "given graph, argmax, true size" in done.stdout
-    again = planit(f"resume={folder}")
+    assert "given graph, argmax, true size" in said
+    again = layoutrl("planit.train", f"resume={folder}", cwd=tmp_path)
     assert again.stdout.strip() == f"{folder} is finished"
-    wrong = planit("room=attic")
+    wrong = layoutrl("planit.train", "room=attic", cwd=tmp_path)
     assert wrong.returncode != 0
     assert "Traceback" not in wrong.stderr
