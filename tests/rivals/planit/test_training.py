@@ -1,4 +1,4 @@
-"""PlanIT learns: every network overfits eight rooms, from the examples that it is said to; it goes on exactly."""
+"""PlanIT learns: every network overfits three rooms, from the examples that it is said to; it goes on exactly."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from layoutrl.rivals.planit.scoring import given_query
 from layoutrl.rivals.planit.training import DECISIONS, LOSSES, Training
 from tests.rivals.planit.rooms import designed
 
-ROOMS = designed("bathroom", 8)
+ROOMS = designed("bathroom", 3)
 SCENES = [scene_of(room) for room in ROOMS]
 
 
@@ -38,12 +38,12 @@ def training(updates: int, batch: int = 4, report_every: int = 10, seed: int = 0
 
 @pytest.fixture(scope="module")
 def overfitted() -> tuple[PlanIT, list[dict[str, float]]]:
-    run = training(280, batch=8, report_every=40)
+    run = training(130, batch=6, report_every=26)
     reports = [report.losses for report in run]
     return run.model, reports
 
 
-def test_every_network_overfits_eight_rooms(overfitted: tuple[PlanIT, list[dict[str, float]]]) -> None:
+def test_every_network_overfits_three_rooms(overfitted: tuple[PlanIT, list[dict[str, float]]]) -> None:
     _, reports = overfitted
     first, last = reports[0], reports[-1]
     assert set(last) == set(LOSSES)
@@ -65,8 +65,8 @@ def test_the_item_goes_where_it_was_and_as_it_was(overfitted: tuple[PlanIT, list
         away.append(np.linalg.norm(np.subtract(item.center, moving.center)))
         facings += item.rotation == moving.rotation
         errors.append(np.abs(np.subtract(item.size, moving.size)).max())
-    assert np.median(away) < 2 * placer.pixel
-    assert facings >= 7
+    assert np.median(away) < 3 * placer.pixel  # 0.3 m
+    assert facings == 3
     assert np.median(errors) < 0.06  # it draws sizes from a distribution
 
 
