@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import platform
-import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import torch
 
 import layoutrl
 from layoutrl.runs.machine import machine
+from tests import commands
 
 FAULTS = """
 import resource, torch
 from layoutrl.runs.machine import keep_freed_memory
 {keep}
-for _ in range(20):
+for _ in range(5):
     parts = [torch.ones(10_000_000) for _ in range(3)]
     del parts
     faults = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -26,10 +27,12 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - faults)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
-def test_memory_that_was_freed_is_there_when_it_is_asked_for_again() -> None:
+def test_memory_that_was_freed_is_there_when_it_is_asked_for_again(tmp_path: Path) -> None:
+    program = tmp_path / "faults.py"
+
     def page_faults(keep: str) -> int:
-        command = [sys.executable, "-c", FAULTS.format(keep=keep)]
-        return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+        program.write_text(FAULTS.format(keep=keep))
+        return int(commands.run([sys.executable, str(program)]).stdout)
 
     assert 10 * page_faults("keep_freed_memory()") < page_faults("")
 
