@@ -22,7 +22,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import read_parts
 from layoutrl.runs.config import BenchConfig, composed
 from tests.builders import rooms
-from tests.test_command_line import layoutrl
+from tests.commands import layoutrl
 
 LITTLE = (
     "budget=smoke", "seconds=0.01", "batch=64", "images=8", "shapely_batches=[4,8]", "transitions=2000",
