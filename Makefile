@@ -9,6 +9,7 @@ DATA ?= data
 REAL = $(foreach source,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(source)),$(source)=$(DATA)/$(source)))
 OPTIONS = $(if $(budget),budget=$(budget)) $(ARGS)
 TYPES = $(if $(filter file,$(origin ROOM)),,room=$(ROOM))
+PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=worksteal
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -24,10 +25,13 @@ train: setup  ## train and score an agent: make train ROOM=bedroom ARGS="budget=
 	$(BIN)/python -m layoutrl.train room=$(ROOM) $(OPTIONS)
 
 test: setup  ## run the tests, up to four at once
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=loadfile
+	$(PYTEST)
 
-fuzz: setup  ## read 22,000 broken files, in minutes
-	$(BIN)/python -m pytest -m slow
+search: setup  ## try the properties on new random examples: make search seconds=90
+	$(PYTEST) -m hypothesis --hypothesis-profile=search --seconds=$(or $(seconds),90)
+
+fuzz: setup  ## the same on ten times as many, and read 22,000 broken files: half an hour
+	$(PYTEST) -m 'slow or hypothesis' --hypothesis-profile=fuzz
 
 lint: setup  ## ruff (lint and format) and mypy
 	$(BIN)/ruff check .
@@ -56,4 +60,4 @@ board: setup  ## TensorBoard on all runs
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test fuzz lint bench tables notebooks docs board clean
+.PHONY: help setup train test search fuzz lint bench tables notebooks docs board clean
