@@ -10,6 +10,7 @@ import soak
 from tests.experiments.builders import PROJECT
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux says how much memory a process has")
 def test_soak_watches_the_memory_and_files_of_a_training(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
