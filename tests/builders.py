@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate
 from shapely.geometry import Polygon, box
 
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.rooms.room import MAIN_ITEM, WALL_THICKNESS, Item, Opening, Ring, Room, wall_band
 
 
@@ -142,6 +143,14 @@ def _placed(rng: np.random.Generator, item: Item, room: Room) -> Item:
 def _ring(polygon: Polygon) -> Ring:
     ring = tuple((float(x), float(y)) for x, y in polygon.exterior.coords[:-1])
     return ring if polygon.exterior.is_ccw else ring[::-1]
+
+
+def destinations(batch: BatchSimulator, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where every action leads (B, A, 2), and whether it is legal (B, A), like Simulator.destinations."""
+    at = torch.tensor(position)
+    length, legal = batch.reach(torch.tensor(room), at)
+    reached = [batch.moved(at, torch.full((len(room),), a), length[:, a]) for a in range(batch.moves.count)]
+    return torch.stack(reached, 1).numpy(), legal.numpy()
 
 
 def assert_seeded(weights: Callable[[int], torch.Tensor]) -> None:

@@ -40,7 +40,9 @@ class BatchSimulator:
         legal = _shifted(simulator.legal, -origin)
         shapes = _shifted(simulator.shapes, -origin[simulator.room_of_shape])
         self._starts = Starts(legal, self.device)
-        self._borders = Lines(*edges(legal), len(origin), 0.0, like)
+        borders, room = edges(legal)
+        borders = borders.round(12)  # picometres: what is level but for rounding is level
+        self._borders = Lines(borders, room, len(origin), 0.0, like)
         contacts = simulator.contacts - np.tile(origin, 2)[:, None]
         room, k = np.nonzero(~np.isnan(contacts[..., 0]))
         self._contacts = Lines(contacts[room, k], room, len(origin), TOUCHING, like)

@@ -27,10 +27,9 @@ class Lines:
     def __init__(self, segments: np.ndarray, room: np.ndarray, rooms: int, margin: float, like: Tensor):
         """From segments x0, y0, x1, y1 (n, 4) and their rooms (n,); crossed up to `margin` metres beyond their ends."""
         columns, rows = [], []
-        segments = segments.round(9)  # nanometres: what is level but for rounding is level
         for axis in (0, 1):
             u0, v0, u1, v1 = segments[:, [axis, 1 - axis, axis + 2, 3 - axis]].T
-            upright = np.abs(v1 - v0) > (GRID if margin else 0)
+            upright = v0 != v1
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (u1 - u0) / (v1 - v0)
             span = np.minimum(v0, v1) - margin, np.maximum(v0, v1) + margin

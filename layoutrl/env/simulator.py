@@ -21,7 +21,9 @@ from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.rooms.room import Room, envelopes, polygons
 
 DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below, up: the paper's order
-TOUCHING = 1e-4  # metres: a slide ends at the next contact that is further away than this
+# Metres: a slide ends at the next contact that is further away than this. No distance on a decimal grid equals it, so
+# that rounding never decides which contact is.
+TOUCHING = 1e-4 + GRID / 3
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,11 @@ class Simulator:
         left, below, right, up = self.item_bounds[room_of[is_other]].T
         around = shapely.box(x0 - right, y0 - up, x1 - left, y1 - below)
         contacts, region = edges(np.concatenate([inner, around]))
+        # What leans by no more than GRID is level. The tensors take this, and the nanometres, from here: where a wall
+        # leans by micrometres, one nanometre moves the end of a slide by millimetres.
+        contacts = contacts.round(9)
+        start, end = contacts[:, :2], contacts[:, 2:]
+        contacts[:, 2:] = np.where(np.abs(end - start) > GRID, end, start)
         of_room = np.concatenate([every, room_of[is_other]])[region]
         by_room = np.argsort(of_room, kind="stable")
         self.contacts = padded(contacts[by_room], of_room[by_room], len(rooms))  # (rooms, borders, 4)
@@ -186,18 +193,18 @@ class Simulator:
             axis = int(direction[1] != 0)
             along, across = position[:, axis, None], position[:, 1 - axis, None]
             (u0, u1), (v0, v1) = ((x0, x1), (y0, y1)) if axis == 0 else ((y0, y1), (x0, x1))
-            crosses = (np.minimum(v0, v1) - TOUCHING <= across) & (across <= np.maximum(v0, v1) + TOUCHING)
+            crosses = (np.minimum(v0, v1) - TOUCHING <= across) & (across < np.maximum(v0, v1) + TOUCHING)
             with np.errstate(divide="ignore", invalid="ignore"):
                 hit = u0 + np.clip((across - v0) / (v1 - v0), 0, 1) * (u1 - u0)
             distance = (hit - along) * direction[axis]
             # A border along the way is none to stop at. One across it can be as short as twice CONTACT.
-            distance = np.where(crosses & (np.abs(v1 - v0) > GRID) & (distance > TOUCHING), distance, np.inf)
+            distance = np.where(crosses & (v0 != v1) & (distance > TOUCHING), distance, np.inf)
             nearest = distance.min(1, initial=np.inf)
             legal[:, d] = np.isfinite(nearest)
             destinations[:, d, axis] += np.where(legal[:, d], nearest, 0.0) * direction[axis]
-        destinations = snap(destinations)
-        # The next contact may lie beyond the outer walls: in a room with recesses, or behind an item.
+        # The next contact may lie beyond the outer walls: in a room with recesses, or behind an item. It is the contact
+        # that is judged, not the place on the grid next to it.
         b, k = np.nonzero(legal)
         ways = shapely.linestrings(np.stack([position[b], destinations[b, k]], 1))
         legal[b, k] = shapely.covers(self.legal[room[b]], ways)
-        return np.where(legal[..., None], destinations, position[:, None]), legal
+        return np.where(legal[..., None], snap(destinations), position[:, None]), legal

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Polygon
 
-from layoutrl.env.geometry import FIT, fitting_positions
+from layoutrl.env.geometry import CONTACT, FIT, GRID, fitting_positions
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator, pixel_size
 from layoutrl.rooms.room import Item, Room, wall_band
@@ -427,6 +427,14 @@ def test_the_same_slide_again_is_illegal_or_goes_on_to_a_further_contact(seed: i
                 assert loose[r].covers(rooms[r].moving.footprint_at(tuple(end)))
             first = again
         assert not len(of)  # the outline is reached at last
+
+
+@pytest.mark.parametrize(("lean", "end"), [(0.9 * GRID, 3.5), (4 * GRID, 1.5)])
+def test_a_slide_runs_along_a_wall_that_leans_by_less_than_the_grid(lean: float, end: float) -> None:
+    outline = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0 - lean / 2), (0.0, 3.0 + lean / 2))
+    room = replace(rectangular_room(4, 3), outline=outline)
+    y = 2.5 + CONTACT  # a corner of the item, 1 m square, touches the wall in the wall's middle
+    assert slide(room, (0.6, y), RIGHT) == pytest.approx((end, y), abs=1e-5)
 
 
 def test_slides_are_illegal_everywhere_when_the_item_fits_only_over_the_walls() -> None:
