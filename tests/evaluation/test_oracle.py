@@ -1,36 +1,41 @@
-"""The perfect Q's places, against the same decision process solved by brute force with the shapely simulator."""
+"""The perfect Q's places, against the same decision process solved by brute force.
+
+Both ask the batched simulator in double precision: the process to solve is its. What it answers is held to the shapely
+simulator elsewhere, but for discs, which there are polygons of 256 corners: over them the rewards of both differ by
+3e-5, and the values of Q by up to 20 times that where the discount is 0.95.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import GRID
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation import oracle
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.oracle import SLACK, Search, best_rewards, perfect_places
+from layoutrl.evaluation.oracle import SLACK, TOLERANCE, Search, best_rewards, perfect_places
 from layoutrl.rooms.room import Item, Room
-from tests.builders import l_room, random_room, rectangular_room
+from tests.builders import destinations, l_room, random_room, rectangular_room
 
 NEAR = 2e-5  # of IoU: what a few micrometres of grid and fit make
-MERGED = 5e-6  # metres: what is one place here, however slides were rounded
-TIED = 1e-5  # of Q: both simulators agree on areas to a tenth of this
+TIED = 2 * TOLERANCE  # of Q: twice what the search may leave out
 
 
 class Solved:
     """All places that moves reach from a start, and their optimal values, by plain value iteration."""
 
-    def __init__(self, simulator: Simulator, start: np.ndarray, discount: float, most: int = 6000):
+    def __init__(self, simulator: BatchSimulator, start: np.ndarray, discount: float, most: int = 6000):
         self.position, leads_to, known = [tuple(start)], [], {cell(start): 0}
         while len(leads_to) < len(self.position):
             assume(len(self.position) < most)
             front = np.array(self.position[len(leads_to) :])
-            for places, legal in zip(*simulator.destinations(np.zeros(len(front), dtype=int), front), strict=True):
+            for places, legal in zip(*destinations(simulator, np.zeros(len(front), dtype=int), front), strict=True):
                 row = []
                 for place in places[legal]:
                     row.append(known.setdefault(cell(place), len(self.position)))
@@ -38,7 +43,8 @@ class Solved:
                         self.position.append(tuple(place))
                 leads_to.append(row or [len(leads_to)])  # an item that cannot move stays
         places = np.array(self.position)
-        self.reward = reward = simulator.reward(np.zeros(len(places), dtype=int), places).total / 100
+        room = torch.zeros(len(places), dtype=torch.int64)
+        self.reward = reward = simulator.reward(room, torch.tensor(places)).total.numpy() / 100
         self.leads_to = np.array([(row * 16)[:16] for row in leads_to])
         value = np.zeros(len(places))
         for _ in range(int(np.log(1e-8) / np.log(discount))):
@@ -65,12 +71,12 @@ class Solved:
 
 
 def cell(place: np.ndarray) -> tuple[int, ...]:
-    return tuple(np.round(np.asarray(place) / MERGED).astype(int).tolist())
+    return tuple(np.round(np.asarray(place) / GRID).astype(int).tolist())
 
 
 def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> None:
-    solved, room = Solved(simulator, start, discount), np.zeros(1, dtype=int)
     batch_simulator = BatchSimulator(simulator, dtype=torch.float64)
+    solved, room = Solved(batch_simulator, start, discount), np.zeros(1, dtype=int)
     bound = best_rewards(simulator, batch_simulator)
     assert solved.reward.max() <= bound[0] + TIED
     search = Search(simulator, batch_simulator, bound, room, start[None], discount)
@@ -78,7 +84,7 @@ def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> 
     assert best == pytest.approx(solved.q[solved.leads_to[0]].max(), abs=TIED)
     stops = np.array([solved.position[k] for k in solved.loops()])
     place = perfect_places(simulator, room, start[None], discount, torch.float64)[0]
-    assert np.abs(stops - place).max(1).min() < 2 * MERGED
+    assert np.abs(stops - place).max(1).min() < GRID / 2
 
 
 def some_room(rng: np.random.Generator, kind: str) -> Room:
@@ -102,6 +108,7 @@ def some_room(rng: np.random.Generator, kind: str) -> Room:
     st.sampled_from([0.5, 0.7, 0.95]),
     st.integers(0, 2**32 - 1),
 )
+@example("any", Moves((0.5,)), 0.95, 1)  # a round table stands in the way
 @settings(max_examples=25)
 def test_the_place_is_that_of_the_greedy_policy_of_brute_force(kind, moves, discount, seed):
     rng = np.random.default_rng(seed)
