@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 from columns import CellConfig, folder_of, name_of
 
 from layoutrl.runs.config import composed
+from tests import commands
+from tests.commands import PROJECT
 
-PROJECT = Path(__file__).resolve().parents[2]
 REAL = PROJECT.parent / "shared" / "data"
-LITTLE = ("budget=smoke", "data.train_rooms=12", "data.test_rooms=6")
+LITTLE = (
+    "budget=smoke", "data.train_rooms=12", "data.test_rooms=6", "budget.evaluations=1", "budget.evaluation_rooms=1",
+    "method.updates={smoke: 8}", "method.batch=64", "method.warmup_moves=128", "method.evaluation_moves=6",
+)  # fmt: skip
 
 
 def configured(folder: Path, *overrides: str) -> CellConfig:
@@ -29,8 +31,7 @@ def cell(config: CellConfig) -> dict[str, Any]:
 
 
 def script(name: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(PROJECT), "OMP_NUM_THREADS": "1"}
-    return subprocess.run(
-        [sys.executable, str(PROJECT / "experiments" / name), *LITTLE, f"results={cwd / 'results'}", *arguments],
-        cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+    """One of experiments/, on little; its cells one after the other, unless it is told how many at once."""
+    jobs = () if any("launcher" in argument for argument in arguments) else ("hydra.launcher.n_jobs=1",)
+    little = (*LITTLE, *jobs, f"results={cwd / 'results'}")
+    return commands.script(name, *little, *arguments, cwd=cwd)

@@ -9,14 +9,16 @@ from pathlib import Path
 import ablation
 import pytest
 
-SMOKE_WITHOUT_SLIDES = ["budget=smoke", "method.slide=false"]
+from tests import commands
+from tests.experiments.builders import LITTLE
 
 
 def test_ablation_trains_every_change_on_every_seed_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(ablation, "RESULTS", tmp_path / "results")
-    monkeypatch.setattr(ablation, "CHANGES", {"as it is": ["budget=smoke"], "no slides": SMOKE_WITHOUT_SLIDES})
+    monkeypatch.setattr("subprocess.run", commands.run)
+    monkeypatch.setattr(ablation, "CHANGES", {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]})
     arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
     monkeypatch.setattr("sys.argv", arguments)
     ablation.main()

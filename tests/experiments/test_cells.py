@@ -72,7 +72,7 @@ def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypat
 
 
 def test_a_training_that_is_killed_goes_on(tmp_path, designed, monkeypatch):
-    config = configured(tmp_path, designed, "column=geometric", "room=tatami", "method.updates={smoke: 8}")
+    config = configured(tmp_path, designed, "column=geometric", "room=tatami", "budget.evaluations=2")
     fill(config)
     whole = cell(config)
 

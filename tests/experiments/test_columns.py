@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import cells
 import columns
@@ -17,6 +19,20 @@ from columns import folder_of, name_of
 from layoutrl import InputError
 from layoutrl.rivals.budgets import updates_budget
 from tests.experiments.builders import REAL, cell, configured
+
+
+@pytest.fixture(scope="module")
+def agent_folder(designed: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where an agent was trained in one type, and its cell filled."""
+    folder = tmp_path_factory.mktemp("agent")
+    fill(configured(folder, designed, "column=geometric", "room=tatami"))
+    return folder
+
+
+@pytest.fixture
+def filled(agent_folder: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(agent_folder, tmp_path / "filled"))
 
 
 def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_places(tmp_path, designed, capsys):
@@ -50,8 +66,9 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
 
 
 def test_what_the_rule_costs_that_an_illegal_move_ends_a_test(tmp_path, designed):
+    longer = ("method.updates={smoke: 24}", "method.batch=128", "method.evaluation_moves=30")  # else no move is illegal
     masking, stopping = (
-        configured(tmp_path / rule, designed, "column=geometric", "room=tatami", f"method.on_illegal={rule}")
+        configured(tmp_path / rule, designed, "column=geometric", "room=tatami", f"method.on_illegal={rule}", *longer)
         for rule in ("mask", "stop")
     )
     for config in (masking, stopping):
@@ -63,9 +80,8 @@ def test_what_the_rule_costs_that_an_illegal_move_ends_a_test(tmp_path, designed
 
 
 @pytest.mark.parametrize("column", ["regressor", "pointer", "scorer"])
-def test_the_supervised_are_trained_for_as_long_as_the_agent(column, tmp_path, designed, monkeypatch):
-    fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
-    config = configured(tmp_path, designed, f"column={column}", "room=tatami")
+def test_the_supervised_are_trained_for_as_long_as_the_agent(column, filled, designed, monkeypatch):
+    config = configured(filled, designed, f"column={column}", "room=tatami")
     asked, made = [], []
 
     def budget(seconds, clock):
@@ -82,12 +98,12 @@ def test_the_supervised_are_trained_for_as_long_as_the_agent(column, tmp_path, d
     assert made == [0, 1, 2, 3]
 
 
-def test_the_regressor_is_refused_without_the_agent_whose_time_it_gets(tmp_path, designed):
+def test_the_regressor_is_refused_without_the_agent_whose_time_it_gets(agent_folder, tmp_path, designed):
     config = configured(tmp_path, designed, "column=regressor", "room=tatami")
     error = folder_of(config) / f"{name_of(config)}.error"
     fill(config)
     assert "as long as geometric" in error.read_text()
-    fill(configured(tmp_path, designed, "column=geometric", "room=tatami"))
+    shutil.copytree(agent_folder, tmp_path, dirs_exist_ok=True)
     fill(configured(tmp_path, designed, "column=regressor", "room=tatami", "data.test_rooms=5"))
     assert "cells of different data.test_rooms cannot be compared" in error.read_text()
     agent = folder_of(config) / "tatami-own-geometric-seed0.json"

@@ -17,7 +17,7 @@ def test_room_statistics_draws_designed_beside_real_rooms(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(room_statistics, "RESULTS", tmp_path)
-    monkeypatch.setattr("sys.argv", ["room_statistics.py", str(ROOMS), "--rooms", "20"])
+    monkeypatch.setattr("sys.argv", ["room_statistics.py", str(ROOMS), "--rooms", "5"])
     room_statistics.main()
     assert (tmp_path / "room_statistics.png").stat().st_size > 10_000
     assert capsys.readouterr().out.count("designed") == 2 + 10

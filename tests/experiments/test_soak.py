@@ -15,15 +15,14 @@ def test_soak_watches_the_memory_and_files_of_a_training(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(PROJECT))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     little = ["room=tatami", "data.train_rooms=8", "data.test_rooms=2", "method.batch=8", "method.warmup_moves=64"]
-    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=0.2", f"--runs={tmp_path / 'soak'}", *little])
+    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=0.15", f"--runs={tmp_path / 'soak'}", *little])
     soak.main()
     rows = (tmp_path / "soak" / "soak.csv").read_text().splitlines()
     assert rows[0] == "minutes,memory_mb,checkpoints_mb,other_files_mb"
-    assert 100 < float(rows[-1].split(",")[1]) < 4000
+    assert 10 < float(rows[-1].split(",")[1]) < 4000
     assert (tmp_path / "soak" / "soak.svg").stat().st_size > 1000
     assert "memory: " in capsys.readouterr().out
-    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=0.2", f"--runs={tmp_path / 'wrong'}", "room=attic"])
+    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=5", f"--runs={tmp_path / 'wrong'}", "room=attic"])
     with pytest.raises(SystemExit, match="soak: the training ended after"):
         soak.main()

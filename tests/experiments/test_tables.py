@@ -24,7 +24,7 @@ from tests.experiments.builders import PROJECT, REAL, script
 
 def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
     both = ("room=tatami,kitchen", "seed=0", designed, "room.item=platform")  # no kitchen has one
-    done = script("table1.py", "column=geometric,rules", *both, cwd=tmp_path)
+    done = script("table1.py", "column=geometric,rules", *both, "hydra.launcher.n_jobs=2", cwd=tmp_path)
     assert done.returncode == 1
     assert "kitchen-platform-own-geometric-seed0 failed: error: room.item" in done.stderr
     folder = tmp_path / "results" / "smoke" / "table1"
