@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import errno
 import json
-import multiprocessing
 import os
 import random
 import re
@@ -33,7 +32,8 @@ from layoutrl.runs.folder import LOCK, checkpoints, load_checkpoint, locked, sav
 from layoutrl.runs.resume import Stopped, resumed
 from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
-from tests.test_command_line import layoutrl as command
+from tests.commands import SERVER
+from tests.commands import layoutrl as command
 
 resource = pytest.importorskip(
     "resource", reason="lives are begun by a fork server and ended by signals, as POSIX has it"
@@ -45,10 +45,6 @@ SHORT = (
     "method.warmup_moves=100", "method.replay_capacity=500", "method.evaluation_moves=4", "budget.reports=24",
     "budget.evaluations=8", "budget.evaluation_rooms=1", "device=cpu",
 )  # fmt: skip
-SERVER = multiprocessing.get_context("forkserver")
-SERVER.set_forkserver_preload(
-    ["layoutrl.train", "tests.runs.test_resume"]
-)  # else every life would begin with its imports
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +94,7 @@ def life(rooms: Path, folder: Path) -> None:
         (folder / "said.txt").write_text(str(stopped))
 
 
-def lived(rooms: Path, folder: Path, seconds: float = 60, number: int = signal.SIGKILL) -> int:
+def lived(rooms: Path, folder: Path, seconds: float = 300, number: int = signal.SIGKILL) -> int:
     """The exit status of a life that is ended by a signal after some time, or by itself.
 
     What can be answered (not SIGKILL) is sent only when a training has begun to save.
