@@ -11,8 +11,12 @@ from nbclient import NotebookClient
 NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
 SHORT = {
     "01_rooms": "SPACING = 0.2",
-    "02_train": "SPACING, OPTIONS = 0.3, ['budget=smoke', f'runs={FIGURES}']",
-    "04_random_starts": "UPDATES = 20",
+    "02_train": """
+SPACING = 0.3
+OPTIONS = ["budget=smoke", "data.train_rooms=8", "method.updates.smoke=8", "method.batch=64", "method.warmup_moves=128"]
+OPTIONS += ["method.evaluation_moves=5", "budget.evaluations=1", f"runs={FIGURES}"]
+""",
+    "04_random_starts": "UPDATES = 3",
 }
 
 
