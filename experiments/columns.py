@@ -304,13 +304,11 @@ def trained_planit(config: CellConfig, setting: Setting) -> tuple[Placer, dict[s
     updates = config.planit.updates[config.budget.name]
     what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
     how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
-    # Time is spent on training alone; what has none to lose leaves checkpoints to go on from.
-    budget = replace(config.budget, evaluations=1) if seconds else config.budget
-    rival = PlanitConfig(**how, budget=budget, method=config.planit)
+    rival = PlanitConfig(**how, budget=config.budget, method=config.planit)
 
     def train(rival: PlanitConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
-        trained = planit_entry.train(rival, training, held_out, spent, setting.device, None if seconds else begun)
+        trained = planit_entry.train(rival, training, held_out, spent, setting.device, begun)
         if trained.stopped:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}

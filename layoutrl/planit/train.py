@@ -116,7 +116,7 @@ def train(
         every = max(1, updates // budget.evaluations)
         for iou in _watched(training, placers, kept.folder, updates, every):
             kept.save(iou)
-    stopped = training.stopping and spent(training.updates) < 1
+    stopped = training.stopping and training.share < 1
     return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)
 
 

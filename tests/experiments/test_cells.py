@@ -19,6 +19,7 @@ from columns import folder_of, name_of
 from hydra import compose, initialize_config_dir
 
 from layoutrl.planit import train as planit_entry
+from layoutrl.rivals.planit.training import Training
 from layoutrl.runs.config import config_directory
 from layoutrl.runs.folder import checkpoints
 from layoutrl.runs.monitor import watched
@@ -138,6 +139,34 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
     fill(again)
     assert not unfinished.exists()
     assert cell(again)["rows"] == whole["rows"]
+
+
+@pytest.mark.usefixtures("few_tries")
+def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
+    few = ("planit.updates={smoke: 6}", "budget.evaluations=3", "budget.reports=6", "budget.evaluation_rooms=1")
+    config = configured(tmp_path, designed, "column=planit", "room=tatami", *few)
+    now, update, train_on = [0.0], Training._update, planit_entry._watched
+
+    def a_second(training: Training) -> None:
+        update(training)
+        now[0] += 1
+
+    def killed(*arguments: Any) -> Any:
+        yield from itertools.islice(train_on(*arguments), 2)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Training, "_update", a_second)
+    monkeypatch.setattr(columns, "agent_seconds", lambda *_: 10.0)
+    monkeypatch.setattr(columns, "clock_of", lambda _: lambda: now[0])
+    with monkeypatch.context() as patch:
+        patch.setattr(planit_entry, "_watched", killed)
+        with pytest.raises(KeyboardInterrupt):
+            fill(config)
+    (unfinished,) = (tmp_path / "runs" / "tatami").glob("*unfinished")
+    assert checkpoints(unfinished)[0].updates == 4
+    fill(config)
+    assert not unfinished.exists()
+    assert cell(config)["updates"] == now[0] == 10
 
 
 def test_jobs_that_died_with_another_begin_again_while_that_helps(tmp_path, monkeypatch):

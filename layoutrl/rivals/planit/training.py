@@ -54,8 +54,8 @@ class Training:
 
     The rate falls linearly with what is left of the budget. Pictures are mirrored half of the time, and the orientation
     network's are turned. Half of the examples place the items in the order of their graph, half place one after all the
-    others, and ask for its edges alone. `state_dict` is all that it needs to go on exactly, where the budget is one of
-    updates.
+    others, and ask for its edges alone. What is done with a report takes no time of the budget. `state_dict` is all
+    that it needs to go on exactly, where the budget is one of updates; of seconds, it goes on with those that are left.
     """
 
     def __init__(
@@ -71,6 +71,7 @@ class Training:
         seed: np.random.SeedSequence,
     ):
         self.model, self.updates, self.stopping = model, 0, False
+        self.share = 0.0  # of the budget, that is spent
         self._rooms, self._scenes, self._spent = rooms, scenes, spent
         self._batch, self._learning_rate, self._report_every = batch, learning_rate, report_every
         drawing, weights, noise = seed.spawn(3)
@@ -90,13 +91,16 @@ class Training:
 
     def __iter__(self) -> Iterator[Report]:
         self.model.networks.train()
-        while not self.stopping and (share := self._spent(self.updates)) < 1:
+        elsewhere = self.share - self._spent(self.updates)  # in a life before: of updates none, they are all counted
+        while not self.stopping and self.share < 1:
             for optimizer in (self._optimizer, self._judging):
                 for group in optimizer.param_groups:
-                    group["lr"] = self._learning_rate * (1 - share)
+                    group["lr"] = self._learning_rate * (1 - self.share)
             self._update()
+            self.share = elsewhere + self._spent(self.updates)
             if self.updates % self._report_every == 0:
                 yield self._report()
+                elsewhere = self.share - self._spent(self.updates)
         if self._recent and not self.stopping:
             yield self._report()
         self.model.networks.eval()
@@ -266,6 +270,7 @@ class Training:
             "rng": self._rng.bit_generator.state,
             "noise": self._noise.get_state(),
             "updates": self.updates,
+            "share": self.share,
             "recent": {name: torch.stack(values) for name, values in self._recent.items()},
         }
 
@@ -278,6 +283,7 @@ class Training:
         self._rng.bit_generator.state = state["rng"]
         self._noise.set_state(state["noise"].cpu())
         self.updates = state["updates"]
+        self.share = state["share"] if "share" in state else self._spent(self.updates)  # 0.1.0 did not keep it
         self._recent = {name: list(values) for name, values in state["recent"].items()}
 
 

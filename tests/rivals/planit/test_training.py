@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from layoutrl.rivals.budgets import updates_budget
+from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit import generator
 from layoutrl.rivals.planit.generator import Decision
 from layoutrl.rivals.planit.graph import scene_of
@@ -88,7 +88,7 @@ def test_a_training_that_goes_on_is_the_one_that_never_stopped() -> None:
 
     begun._spent = spent
     assert list(begun) == []
-    assert begun.updates == 3
+    assert begun.updates == 2
     file = io.BytesIO()
     torch.save(begun.state_dict(), file)
     file.seek(0)
@@ -97,6 +97,38 @@ def test_a_training_that_goes_on_is_the_one_that_never_stopped() -> None:
     assert list(on) == reports
     for name, value in whole.model.networks.state_dict().items():
         assert torch.equal(value, on.model.networks.state_dict()[name]), name
+
+
+def test_a_training_by_time_goes_on_with_what_is_left_and_its_consumer_takes_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now, shares = [50.0], []
+
+    def begun() -> Training:
+        run = training(1, report_every=2)
+        run._spent = seconds_budget(8, lambda: now[0])
+        return run
+
+    def update(run: Training) -> None:
+        shares.append(run.share)
+        run.updates += 1
+        now[0] += 1
+
+    monkeypatch.setattr(Training, "_update", update)
+    monkeypatch.setattr(Training, "_report", lambda run: run.updates)
+    first, reports, state = begun(), [], {}
+    for report in first:
+        reports.append(report)
+        now[0] += 100  # an evaluation
+        state = first.state_dict()
+        if report == 4:
+            break  # a kill
+    now[0] += 1000
+    second = begun()
+    second.load_state_dict(state)
+    assert [*reports, *second] == [2, 4, 6, 8]
+    assert shares == [k / 8 for k in range(8)]
+    assert second.share == 1
 
 
 def test_of_an_item_that_comes_last_only_its_edges_are_asked(monkeypatch: pytest.MonkeyPatch) -> None:
