@@ -5,15 +5,13 @@ or resume=<folder of a run>, which goes on as if it had never stopped.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch.utils.tensorboard.summary import scalar
 
 from layoutrl import InputError
 from layoutrl.rivals.budgets import Spent, updates_budget
@@ -28,7 +26,7 @@ from layoutrl.runs.commands import command
 from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
 from layoutrl.runs.folder import load_checkpoint, load_config, taken
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
-from layoutrl.runs.monitor import shown
+from layoutrl.runs.monitor import reported
 from layoutrl.runs.resume import Stopped, carried_out, ending, finish, seeds, session, stated
 
 
@@ -112,9 +110,17 @@ def train(
     for (name, own), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         few = sorted(np.random.default_rng(seed).permutation(len(own.rooms))[: budget.evaluation_rooms])
         placers[name] = Placer(model, [own.rooms[k] for k in few], [own.scenes[k] for k in few])
+
+    def look(*_: Any) -> dict[str, float]:
+        model.networks.eval()
+        found = {f"iou/{name}": probed(placer) for name, placer in placers.items()}
+        model.networks.train()
+        return found
+
+    curves = ("updates", *(f"loss/{name}" for name in LOSSES))
     with session(training, config, training_rooms.rooms, folder, device, "layoutrl.planit.train") as kept:
         every = max(1, updates // budget.evaluations)
-        for iou in _watched(training, placers, kept.folder, updates, every):
+        for iou in reported(training, curves, look, kept.folder, updates, every):
             kept.save(iou)
     stopped = training.stopping and training.share < 1
     return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)
@@ -155,46 +161,6 @@ def _usable(rooms: Sequence[Room], which: str, known: set[str] | None = None) ->
     if not kept:
         raise InputError(refused[0])
     return Usable([room for room, _ in kept], [scene for _, scene in kept])
-
-
-def _watched(
-    training: Training,
-    placers: dict[str, Placer],
-    folder: Path,
-    updates: int,
-    evaluate_every: int,
-) -> Iterator[float]:
-    """Train and show every report; every `evaluate_every` updates place a few items, and yield the IoU in the first.
-
-    What the folder shows of later updates than the training has made is dropped. Raises InputError when a loss is no
-    number.
-    """
-    made, networks = training.updates, training.model.networks
-    header = ["updates", *(f"loss_{name}" for name in LOSSES), *(f"iou_{name}" for name in placers)]
-    with shown(folder, header, made, updates) as (board, rows, bar, before):
-        for report in training:
-            if not all(map(math.isfinite, report.losses.values())):
-                raise InputError(
-                    f"method: a loss is no number after {report.updates} updates; the last checkpoint is of before; "
-                    "expected a lower method.learning_rate"
-                )
-            row: dict[str, Any] = {"updates": report.updates}
-            for name, value in report.losses.items():
-                row[f"loss_{name}"] = value
-                board(scalar(f"loss/{name}", value), report.updates)
-            evaluates = report.updates // evaluate_every > before // evaluate_every or report.updates == updates
-            before = report.updates
-            if evaluates:
-                networks.eval()
-                for name, placer in placers.items():
-                    row[f"iou_{name}"] = probed(placer)
-                    board(scalar(f"iou/{name}", row[f"iou_{name}"]), report.updates)
-                networks.train()
-            rows.writerow(row)
-            bar.update(report.updates - bar.n)
-            bar.set_postfix({name: f"{value:.3f}" for name, value in row.items() if name != "updates"})
-            if evaluates:
-                yield row["iou_train"]
 
 
 def probed(placer: Placer) -> float:

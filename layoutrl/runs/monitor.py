@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Never
+from typing import Any, Never, Protocol
 
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from tensorboard.compat.proto.summary_pb2 import Summary
@@ -21,8 +21,18 @@ from layoutrl.agents.training import Progress, Training
 from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import Greedy
 
-COLUMNS = [name for name in Progress.__dataclass_fields__ if name != "seconds"]  # of metrics.csv, the first ones
 STAGES = ("act", "simulate", "store", "sample", "learn")
+CURVES = [  # of an agent's training
+    *(name for name in Progress.__dataclass_fields__ if name != "seconds"),
+    *(f"seconds/{stage}" for stage in STAGES),
+]
+BAR = {  # what the progress bar says, beside losses
+    "moves": "moves",
+    "epsilon": "eps",
+    "loss": "loss",
+    "iou/held_out": "held_out",
+    "lattice_ceiling/held_out": "ceiling",
+}
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 LONGEST = 10_000  # characters in a line of metrics.csv
 FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
@@ -38,6 +48,15 @@ LAYOUT = {
 }
 
 
+class Reporting(Protocol):
+    """A training: iterating yields reports, dataclasses of `updates` and other numbers, by name or in a dict each."""
+
+    @property
+    def updates(self) -> int: ...
+
+    def __iter__(self) -> Iterator[Any]: ...
+
+
 def watched(
     training: Training,
     policy: Greedy,
@@ -46,47 +65,61 @@ def watched(
     updates: int,
     evaluate_every: int,
 ) -> Iterator[float]:
-    """Train and show every report; every `evaluate_every` updates and at the end, run the probes and yield.
+    """Train an agent as `reported`, whose probes, "train" and "held_out", are run and show pictures."""
 
-    `probes` are named: "train" and "held_out", whose pictures and IoU are shown; what is yielded is the first's IoU.
-    What the folder shows of later updates than the training has made is dropped. Raises InputError when the loss is no
-    number.
+    def look(board: Board, made: int) -> dict[str, float]:
+        found = {}
+        for name, probe in probes.items():
+            found[f"iou/{name}"], pictures = probe(policy)
+            found[f"lattice_ceiling/{name}"] = probe.ceiling
+            for k, picture in enumerate(pictures):
+                board(image(f"{name}/{k}", picture, dataformats="HWC"), made)
+        return found
+
+    yield from reported(training, CURVES, look, folder, updates, evaluate_every, LAYOUT)
+
+
+def reported(
+    training: Reporting,
+    curves: Sequence[str],
+    look: Callable[[Board, int], dict[str, float]],
+    folder: Path,
+    updates: int,
+    evaluate_every: int,
+    layout: dict[str, Any] | None = None,
+) -> Iterator[float]:
+    """Train and show every report; every `evaluate_every` updates and at the end, evaluate and yield iou/train.
+
+    `curves` are the tags of a report's numbers. `look` evaluates: it returns numbers by tag, iou/train and iou/held_out
+    among them, and may show more on the board. metrics.csv has a column for each of these. What the folder shows of
+    later updates than the training has made is dropped. Raises InputError when a loss is no number.
     """
-    made = training.agent.updates
-    held_out = float("nan")
-    header = [*COLUMNS, *(f"seconds_{stage}" for stage in STAGES), *(f"iou_{name}" for name in probes)]
-    with shown(folder, header, made, updates) as (board, rows, bar, before):
-        if not made:
-            board(custom_scalars(LAYOUT), 0)
-        for progress in training:
-            if not math.isfinite(progress.loss):
-                raise InputError(
-                    f"method: the loss is {progress.loss} after {progress.updates} updates; the last checkpoint is of "
-                    "before; expected a lower method.learning_rate"
-                )
-            row: dict[str, Any] = {name: getattr(progress, name) for name in COLUMNS}
-            row |= {f"seconds_{stage}": progress.seconds.get(stage, 0.0) for stage in STAGES}
-            for tag, value in row.items():
-                board(scalar(tag.replace("seconds_", "seconds/"), value), progress.updates)
-            evaluates = progress.updates // evaluate_every > before // evaluate_every or progress.updates == updates
-            before = progress.updates
+    made = training.updates
+    tags = {tag: tag.replace("/", "_") for tag in (*curves, "iou/train", "iou/held_out")}
+    said: dict[str, float] = {}  # in the progress bar
+    with shown(folder, list(tags.values()), made, updates) as (board, rows, bar, before):
+        if layout and not made:
+            board(custom_scalars(layout), 0)
+        for report in training:
+            found: dict[str, Any] = flat(vars(report), between="/")
+            for tag, value in found.items():
+                if tag.split("/")[0] == "loss" and not math.isfinite(value):
+                    raise InputError(
+                        f"method: the {tag} is {value} after {report.updates} updates; the last checkpoint is of "
+                        "before; expected a lower method.learning_rate"
+                    )
+            evaluates = report.updates // evaluate_every > before // evaluate_every or report.updates == updates
+            before = report.updates
             if evaluates:
-                for name, probe in probes.items():
-                    iou, pictures = probe(policy)
-                    row[f"iou_{name}"] = iou
-                    board(scalar(f"iou/{name}", iou), progress.updates)
-                    board(scalar(f"lattice_ceiling/{name}", probe.ceiling), progress.updates)
-                    for k, picture in enumerate(pictures):
-                        board(image(f"{name}/{k}", picture, dataformats="HWC"), progress.updates)
-                held_out = row["iou_held_out"]
-            rows.writerow(row)
-            bar.update(progress.updates - bar.n)
-            bar.set_postfix(
-                moves=progress.moves, loss=f"{progress.loss:.4f}", eps=f"{progress.epsilon:.2f}",
-                held_out=f"{held_out:.3f}", ceiling=f"{probes['held_out'].ceiling:.3f}",
-            )  # fmt: skip
+                found |= look(board, report.updates)
+            for tag, value in found.items():
+                board(scalar(tag, value), report.updates)
+            rows.writerow({column: found.get(tag, "") for tag, column in tags.items()})
+            bar.update(report.updates - bar.n)
+            said |= {BAR.get(tag, tag): value for tag, value in found.items() if tag in BAR or tag.startswith("loss/")}
+            bar.set_postfix(said)
             if evaluates:
-                yield row["iou_train"]
+                yield found["iou/train"]
 
 
 @contextmanager
@@ -184,12 +217,12 @@ def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any]
             board(scalar(tag, value), updates)
 
 
-def flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings under dotted names; a list as its text."""
+def flat(settings: dict[str, Any], prefix: str = "", between: str = ".") -> dict[str, Any]:
+    """Nested settings under names with dots between; a list as its text."""
     found: dict[str, Any] = {}
     for name, value in settings.items():
         if isinstance(value, dict):
-            found |= flat(value, f"{prefix}{name}.")
+            found |= flat(value, f"{prefix}{name}{between}", between)
         else:
             found[prefix + name] = str(value) if isinstance(value, list) else value
     return found

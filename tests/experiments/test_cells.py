@@ -123,7 +123,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
     few = ("planit.updates={smoke: 4}", "budget.evaluations=2", "budget.reports=4", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami", *few)
     fill(config)
-    whole, train_on = cell(config), planit_entry._watched
+    whole, train_on = cell(config), planit_entry.reported
 
     def killed(*arguments: Any) -> Any:
         yield from itertools.islice(train_on(*arguments), 1)
@@ -131,7 +131,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
 
     again = replace(config, results=str(tmp_path / "again"), runs=str(tmp_path / "again"))
     with monkeypatch.context() as patch:
-        patch.setattr(planit_entry, "_watched", killed)
+        patch.setattr(planit_entry, "reported", killed)
         with pytest.raises(KeyboardInterrupt):
             fill(again)
     (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
@@ -145,7 +145,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
 def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
     few = ("planit.updates={smoke: 6}", "budget.evaluations=3", "budget.reports=6", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit", "room=tatami", *few)
-    now, update, train_on = [0.0], Training._update, planit_entry._watched
+    now, update, train_on = [0.0], Training._update, planit_entry.reported
 
     def a_second(training: Training) -> None:
         update(training)
@@ -159,7 +159,7 @@ def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
     monkeypatch.setattr(columns, "agent_seconds", lambda *_: 10.0)
     monkeypatch.setattr(columns, "clock_of", lambda _: lambda: now[0])
     with monkeypatch.context() as patch:
-        patch.setattr(planit_entry, "_watched", killed)
+        patch.setattr(planit_entry, "reported", killed)
         with pytest.raises(KeyboardInterrupt):
             fill(config)
     (unfinished,) = (tmp_path / "runs" / "tatami").glob("*unfinished")

@@ -72,12 +72,19 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
         update(training)
         training.stopping = training.updates in (3, 4)
 
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
     folder = tmp_path / "stopped" / "bathroom" / "one"
     with monkeypatch.context() as patch:
         patch.setattr(Training, "_update", stopping)
         with pytest.raises(Stopped, match=f"stopped after 3 of 6 updates; go on with: .*resume={folder}"):
             run(configured(rooms, tmp_path / "stopped"))
         with pytest.raises(Stopped, match="stopped after 4 of 6 updates"):
+            resumed(folder, run, PlanitConfig)
+        patch.setattr(Training, "_update", update)
+        patch.setattr("layoutrl.planit.train.evaluated", interrupted)
+        with pytest.raises(Stopped, match=f"stopped in its evaluation; go on with: .*resume={folder}"):
             resumed(folder, run, PlanitConfig)
     assert resumed(folder, run, PlanitConfig) == folder
     assert outcome(folder) == outcome(whole)
@@ -94,7 +101,7 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
 
 
 def test_a_loss_that_is_no_number_ends_the_run(rooms: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"a loss is no number .* expected a lower method\.learning_rate"):
+    with pytest.raises(InputError, match=r"the loss/\w+ is (nan|inf) after .* expected a lower method\.learning_rate"):
         run(configured(rooms, tmp_path, "method.learning_rate=1e30"))
 
 

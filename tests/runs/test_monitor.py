@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import random
 import tracemalloc
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from layoutrl.runs.monitor import metrics
+from layoutrl import InputError
+from layoutrl.runs.monitor import Board, metrics, reported
 from tests.test_fuzz import answered, mutated_bytes, times
 
 HEADER = ["updates", "loss", "iou_train"]
@@ -64,6 +67,45 @@ def test_a_damaged_table_is_cut_where_it_is_damaged(
     assert gone_on(file, 80) == 10 * max(0, line - 2)
     assert read(file) == [*LINES[: max(1, line - 1)], "90,0.5,", ""]
     assert capsys.readouterr().out == f"{file} is damaged in line {line}; what it says from there on is left out\n"
+
+
+@dataclass
+class Report:
+    updates: int
+    loss: dict[str, float]
+
+
+class Reports(list[Report]):
+    updates = 0
+
+
+def test_reports_and_evaluations_are_shown_when_they_are_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "config.yaml").write_text("seed: 0")
+    reports = Reports(Report(k, {"a": 1 / k}) for k in (2, 4, 6, 8, 9))
+
+    def look(_: Board, made: int) -> dict[str, float]:
+        return {"iou/train": made / 10, "iou/held_out": 0.5, "lattice_ceiling/held_out": 1}
+
+    assert list(reported(reports, ["updates", "loss/a"], look, tmp_path, 9, 4)) == [0.4, 0.8, 0.9]
+    assert (tmp_path / "metrics.csv").read_text().split() == [
+        "updates,loss_a,iou_train,iou_held_out", "2,0.5,,", "4,0.25,0.4,0.5",
+        f"6,{1 / 6},,", "8,0.125,0.8,0.5", f"9,{1 / 9},0.9,0.5",
+    ]  # fmt: skip
+    first, *_, last = [bar for bar in capsys.readouterr().err.split("\r") if "loss/a=" in bar]
+    assert "loss/a=0.5]" in first
+    assert "loss/a=0.111, held_out=0.5, ceiling=1]" in last
+    board = EventAccumulator(str(tmp_path)).Reload()
+    assert [(event.step, event.value) for event in board.Scalars("iou/held_out")] == [(4, 0.5), (8, 0.5), (9, 0.5)]
+    assert [event.step for event in board.Scalars("loss/a")] == [2, 4, 6, 8, 9]
+
+
+def test_a_loss_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "config.yaml").write_text("seed: 0")
+    reports = Reports([Report(2, {"a": 0.1}), Report(4, {"a": float("inf")})])
+    with pytest.raises(InputError, match="the loss/a is inf after 4 updates"):
+        list(reported(reports, ["updates", "loss/a"], lambda *_: {}, tmp_path, 9, 9))
 
 
 @times(200, 10_000)

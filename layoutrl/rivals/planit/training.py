@@ -34,7 +34,7 @@ class Report:
     """What happened since the last one: mean losses."""
 
     updates: int  # since the start
-    losses: dict[str, float]  # by name, LOSSES
+    loss: dict[str, float]  # by name, LOSSES
 
 
 class Example(NamedTuple):

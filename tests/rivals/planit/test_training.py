@@ -39,7 +39,7 @@ def training(updates: int, batch: int = 4, report_every: int = 10, seed: int = 0
 @pytest.fixture(scope="module")
 def overfitted() -> tuple[PlanIT, list[dict[str, float]]]:
     run = training(130, batch=6, report_every=26)
-    reports = [report.losses for report in run]
+    reports = [report.loss for report in run]
     return run.model, reports
 
 
