@@ -39,10 +39,14 @@ def run(config: PlaceConfig) -> Path:
     trained, device = load_config(folder, TrainConfig), device_of(config.device)
     agent, categories = trained_agent(folder, trained.method, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)
-    chosen = fitting(choose_missing(collection, item_of(trained, config.item, categories)))
+    chosen = fitting(known(choose_missing(collection, item_of(trained, config.item, categories)), categories))
     print(chosen)
     if not chosen.rooms:
-        raise InputError(f"rooms: {source} has no {trained.room.type} to work on; expected one item without a center")
+        why = "; ".join(line.strip() for line in str(chosen).splitlines()[1:])
+        raise InputError(
+            f"rooms: {source} has no {trained.room.type} to work on: {why or 'it is empty'}; "
+            "expected one item without a center"
+        )
 
     # The simulator is for rooms whose answer is known. Here it is none: any place will do, and nothing looks at it.
     rooms = [placed(room, *room.envelope.centroid.coords) for room in chosen.rooms]
@@ -84,6 +88,17 @@ def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) 
     return asked or moved
 
 
+def known(chosen: Collection, categories: Sequence[str]) -> Collection:
+    """The rooms whose target the agent knows; the others left out. Other furniture that it does not know is no matter:
+    it is observed as of no category."""
+    reasons = {
+        room.id: f"the agent knows no {room.moving.category}, but {', '.join(categories)}"
+        for room in chosen.rooms
+        if room.moving.category not in categories
+    }
+    return _without(chosen, reasons)
+
+
 def fitting(chosen: Collection) -> Collection:
     """The rooms that their target fits into; the others left out, with the reason."""
     rooms = chosen.rooms
@@ -93,8 +108,12 @@ def fitting(chosen: Collection) -> Collection:
         for room, region in zip(rooms, regions, strict=True)
         if region.is_empty
     }
-    fits = [room for room in rooms if room.id not in misfits]
-    return replace(chosen, rooms=fits, left_out=[*chosen.left_out, *misfits.items()])
+    return _without(chosen, misfits)
+
+
+def _without(chosen: Collection, reasons: dict[str, str]) -> Collection:
+    rooms = [room for room in chosen.rooms if room.id not in reasons]
+    return replace(chosen, rooms=rooms, left_out=[*chosen.left_out, *reasons.items()])
 
 
 def placed(room: Room, center: tuple[float, float]) -> Room:

@@ -1,0 +1,71 @@
+"""What an agent cannot place is left out, with the reason."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from layoutrl import InputError
+from layoutrl.place import run
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
+from layoutrl.train import run as train
+from tests.runs.test_resume import SHORT
+
+DOCUMENTS = [room_to_dict(room) for room in design_rooms("bedroom", "test", 3, 3).rooms]
+
+
+@pytest.fixture(scope="module")
+def agent(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That moves every item."""
+    folder = tmp_path_factory.mktemp("agent")
+    rooms = written(folder, [room_to_dict(room) for room in design_rooms("bedroom", "train", 0, 8).rooms])
+    given = ("room=bedroom", "room.item=all", "data=json", f"data.root={rooms}", f"runs={folder}")
+    few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1")
+    return train(part(composed("train", *given, *SHORT, *few), TrainConfig))
+
+
+def written(folder: Path, documents: list[dict[str, Any]]) -> Path:
+    file = folder / "rooms.jsonl"
+    file.write_text("\n".join(map(json.dumps, documents)))
+    return file
+
+
+def without_place(document: dict[str, Any], **changed: Any) -> dict[str, Any]:
+    """The document, its target without a center and changed."""
+    found = json.loads(json.dumps(document))
+    item = found["furniture"][found["target"]]
+    del item["center"]
+    item |= changed
+    return found
+
+
+def test_an_item_that_the_agent_does_not_know_is_left_out_and_other_furniture_is_no_matter(
+    agent: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strange, known, beside = (without_place(document) for document in DOCUMENTS)
+    strange["furniture"][strange["target"]]["category"] = "waterbed"
+    other = next(k for k in range(len(beside["furniture"])) if k != beside["target"])
+    beside["furniture"][other]["category"] = "totem"
+    file = written(tmp_path, [strange, known, beside])
+    placed = run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
+    ids = [json.loads(line)["id"] for line in placed.read_text().splitlines()]
+    assert ids == [known["id"], beside["id"]]
+    said = capsys.readouterr().out
+    assert "left out 1: the agent knows no waterbed, but bed, chair, desk, " in said
+
+
+def test_where_nothing_is_placed_the_last_line_says_why(agent: Path, tmp_path: Path) -> None:
+    whole, strange, large = DOCUMENTS[0], without_place(DOCUMENTS[1]), without_place(DOCUMENTS[2], size=[99, 99])
+    strange["furniture"][strange["target"]]["category"] = "waterbed"
+    file = written(tmp_path, [whole, strange, large])
+    with pytest.raises(InputError, match=rf"^rooms: {file} has no bedroom to work on: .*$") as caught:
+        run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
+    said = str(caught.value)
+    assert f"left out 1: expected one item without a center; got 0 ({whole['id']}); " in said
+    assert "left out 1: the agent knows no waterbed, but " in said
+    assert f"left out 1: the bed does not fit into it ({large['id']}); " in said
