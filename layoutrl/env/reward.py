@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
-from torch import Tensor
 
-Array = TypeVar("Array", np.ndarray, Tensor)
+if TYPE_CHECKING:  # the reference simulator does without torch, which takes seconds to load
+    from torch import Tensor
+
+Array = TypeVar("Array", np.ndarray, "Tensor")
 REWARD_RANGE = (-200.0, 100.0)
 
 
