@@ -39,6 +39,13 @@ def script(name: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess
     return run([sys.executable, str(PROJECT / "experiments" / name), *arguments], cwd=cwd)
 
 
+def fresh(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """python <arguments>, in a folder: a new interpreter, as users begin it."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
+    command = [sys.executable, *arguments]
+    return FRESH(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
+
+
 def run(command: list[str], *, cwd: Path | None = None, stdout: Any = None, **options: Any) -> Any:
     """What subprocess.run does with python ..., but for what it costs; both outputs go to `stdout`, or are captured."""
     if command[0] != sys.executable:

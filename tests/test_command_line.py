@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +26,7 @@ from layoutrl.rooms.files import room_from_dict, room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
 from layoutrl.runs.folder import checkpoints, load_config
 from layoutrl.runs.trained import trained_agent, trained_run
-from tests.commands import FRESH, PROJECT, layoutrl
+from tests.commands import PROJECT, fresh, layoutrl
 
 CPU = torch.device("cpu")
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
@@ -87,16 +84,9 @@ def test_the_papers_method_trains_on_pictures(tmp_path: Path) -> None:
     assert float(metrics(run)[-1]["loss"]) > 0
 
 
-def fresh(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """A new interpreter, as users begin it."""
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
-    command_line = [sys.executable, "-m", f"layoutrl.{command}", *arguments]
-    return FRESH(command_line, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
-
-
 def test_the_same_seed_gives_the_same_metrics_and_another_seed_others(bedroom_run: Path, tmp_path: Path) -> None:
     """Also in a new interpreter."""
-    done = fresh("train", *LITTLE, "room=bedroom", cwd=tmp_path)
+    done = fresh("-m", "layoutrl.train", *LITTLE, "room=bedroom", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     again = tmp_path / done.stdout.splitlines()[-1].removeprefix("wrote ")
     assert metrics(again) == metrics(bedroom_run)
@@ -105,8 +95,10 @@ def test_the_same_seed_gives_the_same_metrics_and_another_seed_others(bedroom_ru
 
 
 def test_a_new_interpreter_answers_what_a_forked_one_does(tmp_path: Path) -> None:
-    wrong = ("watch", "run=nowhere")
-    new, forked = fresh(*wrong, cwd=tmp_path), layoutrl(*wrong, cwd=tmp_path)
+    new, forked = (
+        fresh("-m", "layoutrl.watch", "run=nowhere", cwd=tmp_path),
+        layoutrl("watch", "run=nowhere", cwd=tmp_path),
+    )
     assert new.returncode == forked.returncode == 1
     assert (new.stdout, new.stderr) == (forked.stdout, forked.stderr)
     assert len(new.stderr.splitlines()) == 1

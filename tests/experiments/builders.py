@@ -31,7 +31,5 @@ def cell(config: CellConfig) -> dict[str, Any]:
 
 
 def script(name: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """One of experiments/, on little; its cells one after the other, unless it is told how many at once."""
-    jobs = () if any("launcher" in argument for argument in arguments) else ("hydra.launcher.n_jobs=1",)
-    little = (*LITTLE, *jobs, f"results={cwd / 'results'}")
-    return commands.script(name, *little, *arguments, cwd=cwd)
+    """One of experiments/, on little; its cells one after the other."""
+    return commands.script(name, *LITTLE, f"results={cwd / 'results'}", "hydra.launcher.n_jobs=1", *arguments, cwd=cwd)

@@ -23,7 +23,8 @@ from layoutrl.rivals.planit.training import Training
 from layoutrl.runs.config import config_directory
 from layoutrl.runs.folder import checkpoints
 from layoutrl.runs.monitor import watched
-from tests.experiments.builders import cell, configured, script
+from tests.commands import script
+from tests.experiments.builders import LITTLE, cell, configured
 
 
 def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_path, designed, monkeypatch, capsys):
@@ -193,7 +194,10 @@ def test_the_slurm_launchers_local_executor_fills_cells(tmp_path, designed):
         "hydra.launcher.timeout_min=5",
         "hydra.launcher.submitit_folder=jobs/%j",
     )
-    done = script("cells.py", "table=table1", "column=rules", "room=tatami", designed, *launcher, cwd=tmp_path)
+    where = f"results={tmp_path / 'results'}"
+    done = script(
+        "cells.py", "table=table1", "column=rules", "room=tatami", designed, *launcher, *LITTLE, where, cwd=tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "results" / "smoke" / "table1" / "tatami-own-rules-seed0.json").exists()
 

@@ -19,12 +19,14 @@ from columns import RESULTS, folder_of, name_of
 from layoutrl import InputError
 from layoutrl.runs.config import composed
 from layoutrl.runs.folder import differences
-from tests.experiments.builders import PROJECT, REAL, script
+from tests.commands import PROJECT, fresh
+from tests.experiments.builders import LITTLE, REAL, script
 
 
 def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
     both = ("room=tatami,kitchen", "seed=0", designed, "room.item=platform")  # no kitchen has one
-    done = script("table1.py", "column=geometric,rules", *both, "hydra.launcher.n_jobs=2", cwd=tmp_path)
+    options = (*LITTLE, "column=geometric,rules", *both, f"results={tmp_path / 'results'}")
+    done = fresh(str(PROJECT / "experiments" / "table1.py"), *options, cwd=tmp_path)  # workers cannot be forked
     assert done.returncode == 1
     assert "kitchen-platform-own-geometric-seed0 failed: error: room.item" in done.stderr
     folder = tmp_path / "results" / "smoke" / "table1"
