@@ -51,8 +51,8 @@ def choose_item(collection: Collection, category: str) -> Collection:
         else:
             indices = [k for k, item in enumerate(room.furniture) if category in (item.category, "all")]
         if not indices:
-            what = {"main": "none or several main items", "all": "no furniture"}.get(category, f"no {category}")
-            chosen.left_out.append((room.id, f"holds {what}"))
+            what = {"main": "no main item, or several", "all": "no furniture"}.get(category, f"no {category}")
+            chosen.left_out.append((room.id, f"the room holds {what}"))
         for index in indices:
             item = room.furniture[index]
             if item.center is None:

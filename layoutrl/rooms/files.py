@@ -50,7 +50,7 @@ def read_rooms(path: Path, strict: bool = False) -> Collection:
         try:
             room = parse_room(text)
             if room.id in seen:
-                raise RoomError("id", f"expected a name of its own, but {room.id!r} was read before")
+                raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
         except RoomError as error:
             message = f"{_name_in(text)}{error}"
             if strict:

@@ -36,14 +36,14 @@ def test_the_one_item_of_the_category_becomes_the_target() -> None:
 def test_main_keeps_the_choice_of_the_source() -> None:
     chosen = choose_item(Collection("files", [room("a", CHAIR, BED, target=1), room("b", target=None)]), "main")
     assert [r.moving for r in chosen.rooms] == [BED]
-    assert reasons(chosen) == {"b": "holds none or several main items"}
+    assert reasons(chosen) == {"b": "the room holds no main item, or several"}
 
 
 def test_rooms_without_the_category_are_left_out_and_those_with_several_count_once_for_each() -> None:
     source = Collection("files", [room("none"), room("two", BED, CHAIR, CHAIR), room("one", BED, CHAIR)])
     chosen = choose_item(source, "chair")
     assert [(r.id, r.target) for r in chosen.rooms] == [("two", 1), ("two", 2), ("one", 1)]
-    assert reasons(chosen) == {"none": "holds no chair"}
+    assert reasons(chosen) == {"none": "the room holds no chair"}
     assert "read 3 rooms, kept 2, 3 items to move" in str(chosen)
 
 
@@ -91,13 +91,13 @@ def test_all_gives_a_room_once_for_each_item_that_can_move() -> None:
 
 def test_all_leaves_out_rooms_without_furniture() -> None:
     chosen = choose_item(Collection("files", [replace(room("a"), furniture=(), target=None)]), "all")
-    assert reasons(chosen) == {"a": "holds no furniture"}
+    assert reasons(chosen) == {"a": "the room holds no furniture"}
 
 
 def test_choosing_keeps_what_the_source_left_out_and_does_not_change_the_source() -> None:
     source = Collection("files", [room("a")], [("x", "broken")])
     chosen = choose_item(source, "chair")
-    assert chosen.left_out == [("x", "broken"), ("a", "holds no chair")]
+    assert chosen.left_out == [("x", "broken"), ("a", "the room holds no chair")]
     assert source.left_out == [("x", "broken")]
     assert source.rooms == [room("a")]
 
@@ -158,10 +158,10 @@ def test_about_a_fifth_is_held_out(fold: int) -> None:
 
 
 def test_the_summary_names_counts_reasons_and_three_examples_of_each() -> None:
-    left_out = [(f"r{k}", "holds no bed item") for k in range(4)] + [("odd", "is broken")]
+    left_out = [(f"r{k}", "the room holds no bed") for k in range(4)] + [("odd", "is broken")]
     assert str(Collection("files", [room("a"), room("b")], left_out)).splitlines() == [
         "files: read 7 rooms, kept 2",
-        "  left out 4: holds no bed item (r0, r1, r2, ...)",
+        "  left out 4: the room holds no bed (r0, r1, r2, ...)",
         "  left out 1: is broken (odd)",
     ]
 

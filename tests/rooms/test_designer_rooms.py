@@ -285,7 +285,7 @@ def test_groups_join_through_a_room_of_two_shapes(tmp_path: Path) -> None:
 
 
 def test_other_room_types_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"'kitchen'.*bedroom and tatami"):
+    with pytest.raises(ValueError, match=r"room: expected bedroom or tatami .* got kitchen"):
         read(tmp_path, "kitchen")
 
 

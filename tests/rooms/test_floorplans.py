@@ -278,8 +278,8 @@ def test_a_room_that_cannot_be_used_is_named_with_the_reason(tmp_path: Path, tex
 @pytest.mark.parametrize(
     ("row", "problem"),
     [
-        ("1 2 3 4 wall", "between tabs"),
-        ("1 2 3 4 wall 1 1 1", "between tabs"),
+        ("1 2 3 4 wall", "with tabs between"),
+        ("1 2 3 4 wall 1 1 1", "with tabs between"),
         ("1 2 3 four wall 1 1", "expected numbers"),
         ("1 2 3 nan wall 1 1", "finite"),
         ("1 2 3 4 wall one 1", "expected numbers"),
@@ -294,7 +294,7 @@ def test_a_bad_row_costs_its_plan_and_no_other(tmp_path: Path, row: str, problem
     assert [room.id for room in collection.rooms] == ["aa/bb/cc/0001#washing_room-1"]
     ((where, reason),) = collection.left_out
     assert where.endswith(f"0002.txt:{len(tabs(good).splitlines()) + 1}")
-    assert reason.startswith("plan with a bad row")
+    assert reason.startswith("the plan has a bad row")
     assert problem in reason
 
 
@@ -310,9 +310,9 @@ def test_what_the_user_got_wrong_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no floor plans: expected .* data\.root"):
         read(tmp_path / "nowhere", "bathroom")
     root = write(tmp_path, {"aa/bb/cc/0001": tabs(PLAN)})
-    with pytest.raises(InputError, match="bathroom and kitchen only"):
+    with pytest.raises(InputError, match=r"room: expected bathroom or kitchen .* got bedroom"):
         read(root, "bedroom")
-    with pytest.raises(InputError, match="expected snapped or raw"):
+    with pytest.raises(InputError, match=r"data\.labels: expected snapped or raw; got straight"):
         read(root, "bathroom", "straight")  # type: ignore[arg-type]
     (root / "near_duplicates.tsv").unlink()
     with pytest.raises(InputError, match="no list of near copies"):

@@ -33,6 +33,6 @@ def read_files(
         return designer_rooms.read(root, room_type)
     collection = read_rooms(root, strict)
     others = [room for room in collection.rooms if room.room_type != room_type]
-    collection.left_out += [(room.id, f"is a {room.room_type}, not a {room_type}") for room in others]
+    collection.left_out += [(room.id, f"the room is a {room.room_type}, not a {room_type}") for room in others]
     collection.rooms = [room for room in collection.rooms if room.room_type == room_type]
     return collection

@@ -61,7 +61,7 @@ def read(root: Path, room_type: str) -> Collection:
     Raises InputError for a room type that this source lacks and for a `root` without its files.
     """
     if room_type not in FILES:
-        raise InputError(f"designer_rooms has no rooms of type {room_type!r}: it has {' and '.join(FILES)}")
+        raise InputError(f"room: expected {' or '.join(FILES)} for data=designer_rooms; got {room_type}")
     root = Path(root)
     paths = sorted(root.glob(FILES[room_type]))
     if not paths:

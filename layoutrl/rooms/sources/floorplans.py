@@ -58,9 +58,9 @@ def read(root: Path, room_type: str, labels: Literal["snapped", "raw"] = "snappe
     room type that the source does not have and for a root without its files.
     """
     if room_type not in MAIN_ITEM:
-        raise InputError(f"room_type={room_type}: floorplans has rooms of type {' and '.join(MAIN_ITEM)} only")
+        raise InputError(f"room: expected {' or '.join(MAIN_ITEM)} for data=floorplans; got {room_type}")
     if labels not in ("snapped", "raw"):
-        raise InputError(f"labels={labels}: expected snapped or raw")
+        raise InputError(f"data.labels: expected snapped or raw; got {labels}")
     folder = Path(root) / PLANS
     files = sorted(folder.rglob("*.txt"))
     if not files:
@@ -72,7 +72,7 @@ def read(root: Path, room_type: str, labels: Literal["snapped", "raw"] = "snappe
         try:
             plan = read_plan(file)
         except BadRow as error:
-            collection.left_out.append((f"{file}:{error.line}", f"plan with a bad row: {error}"))
+            collection.left_out.append((f"{file}:{error.line}", f"the plan has a bad row: {error}"))
             continue
         for label in plan.unplaced:
             if TYPE_OF.get(kind_of(label)) == room_type:

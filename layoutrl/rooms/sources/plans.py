@@ -148,7 +148,7 @@ def parse(file: Path) -> dict[str, list[Row]]:
             continue
         fields = text.strip().split("\t")
         if len(fields) not in (6, 7):
-            raise BadRow(number, "expected x_min, y_min, x_max, y_max, category, d1, d2 between tabs")
+            raise BadRow(number, "expected x_min, y_min, x_max, y_max, category, d1, d2 with tabs between them")
         if fields[4] not in CATEGORIES:
             raise BadRow(number, "the category is unknown")
         try:
