@@ -64,7 +64,8 @@ def read_rooms(path: Path, strict: bool = False) -> Collection:
 
 def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
     """Write rooms to a .jsonl file, one a line (or one room to a .json file)."""
-    Path(path).write_text("".join(json.dumps(room_to_dict(room)) + "\n" for room in rooms), encoding="utf-8")
+    lines = "".join(json.dumps(room_to_dict(room)) + "\n" for room in rooms)
+    Path(path).write_text(lines, encoding="utf-8", newline="\n")
 
 
 def room_to_dict(room: Room) -> dict[str, Any]:
@@ -169,7 +170,8 @@ def _documents(path: Path) -> Iterator[tuple[str, bytes]]:
     """(where, text) of every room below `path`."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
-    files = [path] if path.is_file() else sorted(f for f in path.rglob("*") if f.suffix in (".json", ".jsonl"))
+    found = [path] if path.is_file() else [f for f in path.rglob("*") if f.suffix in (".json", ".jsonl")]
+    files = sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
     if not files:
         raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
     for file in files:

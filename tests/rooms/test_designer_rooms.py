@@ -243,12 +243,19 @@ def test_a_bad_layout_is_left_out_with_its_reason(tmp_path: Path, spoil: Any, re
     assert [r.id for r in collection.rooms] == ["bedroom/L-shape/room#0"]
 
 
+def test_a_folder_named_like_a_file_does_not_stop_the_others(tmp_path: Path) -> None:
+    (tmp_path / "bedroom" / "L-shape" / "bad.json_layout0.json").mkdir(parents=True)
+    collection = read_one(tmp_path, bedroom())
+    assert collection.left_out == [("bedroom/L-shape/bad#0", "the file cannot be read as JSON")]
+    assert len(collection.rooms) == 1
+
+
 @pytest.mark.parametrize("text", ["", "{", '{"walls": [}', "\x00"])
 def test_a_malformed_file_does_not_stop_the_folder(tmp_path: Path, text: str) -> None:
     write(tmp_path, "bedroom/L-shape/bad.json_layout0.json")
     (tmp_path / "bedroom/L-shape/bad.json_layout0.json").write_text(text, encoding="utf-8")
     collection = read_one(tmp_path, bedroom())
-    assert collection.left_out == [("bedroom/L-shape/bad#0", "the file is not readable as JSON")]
+    assert collection.left_out == [("bedroom/L-shape/bad#0", "the file cannot be read as JSON")]
     assert len(collection.rooms) == 1
 
 
@@ -258,7 +265,7 @@ def test_what_stands_before_a_broken_end_is_kept(tmp_path: Path) -> None:
         file.write('{"walls": ')
     collection = read(tmp_path, "tatami")
     assert [r.id for r in collection.rooms] == ["tatami/13#0"]
-    assert collection.left_out == [("tatami/13#0.1", "the file is not readable as JSON")]
+    assert collection.left_out == [("tatami/13#0.1", "the file cannot be read as JSON")]
 
 
 def test_no_target_where_two_beds_stand(tmp_path: Path) -> None:

@@ -388,6 +388,14 @@ def test_both_label_sets_hold_the_same_rooms_and_reading_again_gives_the_same(ki
     assert raw.left_out == kitchens.left_out
 
 
+def test_a_folder_named_like_a_plan_costs_no_other(tmp_path: Path) -> None:
+    root = write(tmp_path, {"aa/bb/cc/0001": tabs(PLAN + icon("washing_basin", 0, 0, 0.5, 0.6))})
+    (root / "data" / "floorplan_representation" / "aa" / "bb" / "cc" / "0002.txt").mkdir()
+    collection = read(root, "bathroom")
+    assert len(collection.rooms) == 1
+    assert "cannot be read" in collection.left_out[0][1]
+
+
 @pytest.mark.parametrize("line", ["a b 0.9", "a\tb", "a\tb\t0.9\tc"])
 def test_a_line_of_near_copies_that_is_none_is_named(line: str, tmp_path: Path) -> None:
     file = tmp_path / "near_duplicates.tsv"
@@ -396,3 +404,6 @@ def test_a_line_of_near_copies_that_is_none_is_named(line: str, tmp_path: Path) 
         near_copies(file)
     file.write_text("plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\n")
     assert near_copies(file) == {"a": "a", "b": "a"}
+    file.write_bytes(b"plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\xff\n")
+    with pytest.raises(InputError, match=r"near_duplicates\.tsv: expected plan_a"):
+        near_copies(file)

@@ -63,7 +63,7 @@ def read(root: Path, room_type: str) -> Collection:
     if room_type not in FILES:
         raise InputError(f"room: expected {' or '.join(FILES)} for data=designer_rooms; got {room_type}")
     root = Path(root)
-    paths = sorted(root.glob(FILES[room_type]))
+    paths = sorted(root.glob(FILES[room_type]), key=lambda path: path.parts)  # alike on all systems
     if not paths:
         raise InputError(
             f"no {room_type} layouts in {root.absolute()}: expected files {FILES[room_type]} of the repository "
@@ -101,14 +101,14 @@ def layouts_in(path: Path) -> Iterator[Any]:
             layout, end = json.JSONDecoder().raw_decode(text)
             yield layout
             text = text[end:].lstrip()
-    except (ValueError, RecursionError):
+    except (OSError, ValueError, RecursionError):
         yield None
 
 
 def room_of(layout: Any, room_type: str, label: str, group: str) -> Room:
     """One layout as a room. Raises Unreadable with the reason to leave it out."""
     if layout is None:
-        raise Unreadable("the file is not readable as JSON")
+        raise Unreadable("the file cannot be read as JSON")
     if not layout["functionZones_layout"]:
         raise Unreadable("it has no furniture")
     walls = [rectangle(wall["wallPoints" if "wallPoints" in wall else "points"]) for wall in layout["walls"]]

@@ -62,7 +62,7 @@ def read(root: Path, room_type: str, labels: Literal["snapped", "raw"] = "snappe
     if labels not in ("snapped", "raw"):
         raise InputError(f"data.labels: expected snapped or raw; got {labels}")
     folder = Path(root) / PLANS
-    files = sorted(folder.rglob("*.txt"))
+    files = sorted(folder.rglob("*.txt"), key=lambda file: file.parts)  # alike on all systems
     if not files:
         raise InputError(f"no floor plans: expected .txt files under {folder}; set data.root to the folder above data/")
     group_of = near_copies(Path(root) / NEAR_COPIES)

@@ -118,7 +118,7 @@ def near_copies(file: Path) -> dict[str, str]:
             f"no list of near copies: expected {file}; set data.root to the folder that holds it "
             "(without it, copies of test plans would be trained on)"
         )
-    _, *lines = file.read_text(encoding="utf-8").splitlines() or [""]
+    _, *lines = file.read_text(encoding="utf-8", errors="replace").splitlines() or [""]
     pairs = [line.split("\t") for line in lines if line.strip()]
     if wrong := next((pair for pair in pairs if len(pair) != 3), None):
         raise InputError(f"{file}: expected plan_a, plan_b and wall_cosine, with tabs between them; got {wrong[0]!r}")
@@ -143,7 +143,11 @@ def _components(pairs: Iterable[tuple[T, T]]) -> dict[T, T]:
 def parse(file: Path) -> dict[str, list[Row]]:
     """The rows of a plan file by category, y turned up. Raises BadRow."""
     rows: dict[str, list[Row]] = defaultdict(list)
-    for number, text in enumerate(file.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    try:
+        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise BadRow(1, f"the file cannot be read ({error.strerror})") from None
+    for number, text in enumerate(lines, start=1):
         if not text.strip():
             continue
         fields = text.strip().split("\t")
