@@ -51,14 +51,14 @@ def trained(room_type: str, name: str, overrides: list[str], runs: Path) -> dict
         arguments = [f"room={room_type}", f"data.seed={DATA_SEED}", f"runs={runs}", f"name={name}", *overrides]
         if folder:
             arguments = [f"resume={folder}"]
-        with log.open("w") as file:
+        with log.open("w", encoding="utf-8") as file:
             command = [sys.executable, "-m", "layoutrl.train", *arguments]
             environment = os.environ | {"OMP_NUM_THREADS": "1"}
             done = subprocess.run(command, env=environment, stdout=file, stderr=subprocess.STDOUT, check=False)
         folder = begun(wanted)
         if done.returncode or not folder:
             raise InputError(f"{wanted}: was not trained; {log} says why")
-    return json.loads((folder / EVALUATION).read_text())
+    return json.loads((folder / EVALUATION).read_text(encoding="utf-8"))
 
 
 def begun(wanted: Path) -> Path | None:
@@ -108,7 +108,7 @@ def main() -> None:
     about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates, "seeds": arguments.seeds}
     file = RESULTS / f"{arguments.room_type}.json"
     if file.exists():
-        kept = json.loads(file.read_text())
+        kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept[name] != value]:
             raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
     for folder in (arguments.runs, RESULTS):

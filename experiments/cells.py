@@ -50,21 +50,22 @@ def fill(config: CellConfig) -> None:
     file, error = folder / f"{name}.json", folder / f"{name}.error"
     if file.exists():
         error.unlink(missing_ok=True)
-        if others := differences(json.loads(file.read_text())["config"], stated(config)):
+        if others := differences(json.loads(file.read_text(encoding="utf-8"))["config"], stated(config)):
             what = f"filled with another {', '.join(others)}; expected a new folder (results=...), or delete the cell"
-            error.write_text(f"error: {name} is {what}\n")
+            error.write_text(f"error: {name} is {what}\n", encoding="utf-8")
             print(f"{config.table}: {name} is {what}", flush=True)
         return
     log = Path(config.runs) / config.table / f"{config.budget.name}-{name}.log"
     for needed in (folder, log.parent):
         needed.mkdir(parents=True, exist_ok=True)
     print(f"{config.table}: {name} begins", flush=True)
-    error.write_text(f"{name} began and did not end: it was killed, or is running\n")
+    error.write_text(f"{name} began and did not end: it was killed, or is running\n", encoding="utf-8")
     try:
-        with log.open("w") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+        with log.open("w", encoding="utf-8") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
             result = filled(config)
     except Exception as problem:  # whatever it is: the other cells shall not suffer
-        error.write_text(f"error: {problem}\n" if isinstance(problem, InputError) else traceback.format_exc())
+        reason = f"error: {problem}\n" if isinstance(problem, InputError) else traceback.format_exc()
+        error.write_text(reason, encoding="utf-8")
         print(f"{config.table}: {name} failed ({problem}); see {error}", flush=True)
         return
     write_json(file, result)
@@ -141,7 +142,7 @@ def multirun(table: str, chosen: Mapping[str, str]) -> int:
             break
     failed = [error for error in sorted(folder.glob("*.error")) if error.stat().st_mtime >= began]
     for error in failed:
-        print(f"{error.stem} failed: {error.read_text().splitlines()[-1]}", file=sys.stderr)
+        print(f"{error.stem} failed: {error.read_text(encoding='utf-8').splitlines()[-1]}", file=sys.stderr)
     return status or int(bool(failed))
 
 

@@ -207,7 +207,7 @@ def trained_once(
             made.rename(folder)
             for left in folders_of(wanted_folder(training)):  # killed, and not gone on with
                 shutil.rmtree(left)
-    return folder, json.loads((folder / "trained.json").read_text())
+    return folder, json.loads((folder / "trained.json").read_text(encoding="utf-8"))
 
 
 def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:
@@ -254,7 +254,7 @@ def agent_seconds(config: CellConfig, setting: Setting) -> float:
     """
     name = name_of(replace(config, column="geometric")).removesuffix(f"seed{config.seed}")
     files = sorted(folder_of(config).glob(f"{name}seed*"))
-    agents = [json.loads(file.read_text()) for file in files if file.suffix == ".json"]
+    agents = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.suffix == ".json"]
     if not agents or len(agents) < len(files):  # one that runs or has failed has a file that says so
         raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
     for agent in agents:

@@ -113,7 +113,7 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
 
     Raises InputError for cells of one name that were filled with different configurations.
     """
-    cells = {file: json.loads(file.read_text()) for file in sorted(folder.glob(f"{name}-seed*.json"))}
+    cells = {file: json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob(f"{name}-seed*.json"))}
     cells = {file: cell for file, cell in cells.items() if which in cell["rows"]}
     if not cells:
         return None

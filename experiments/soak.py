@@ -43,7 +43,10 @@ def watched(command: list[str], folder: Path, minutes: float, every: float) -> l
     """(minutes, MB of memory, of checkpoints, of all other files), every so many seconds, until the time is over."""
     seen, began = [], time.monotonic()
     resident(os.getpid())  # asked before anything begins
-    with (folder / "soak.log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
+    with (
+        (folder / "soak.log").open("w", encoding="utf-8") as log,
+        subprocess.Popen(command, stdout=log, stderr=log) as process,
+    ):
         while (passed := (time.monotonic() - began) / 60) < minutes and process.poll() is None:
             files = [(file, file.stat().st_size / 1e6) for file in folder.rglob("*") if file.is_file()]
             saved = sum(size for file, size in files if file.parent.name == "checkpoints")
@@ -66,7 +69,7 @@ def main() -> None:
     given = [f"runs={options.runs}", f"method.updates.default={UPDATES}", *often]
     command = [sys.executable, "-m", "layoutrl.train", *given, *overrides]
     seen = watched(command, options.runs, options.minutes, every=max(1.0, options.minutes / 5))
-    with (options.runs / "soak.csv").open("w", newline="") as file:
+    with (options.runs / "soak.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("minutes", "memory_mb", "checkpoints_mb", "other_files_mb"), *seen])
     minutes, memory, saved, other = np.array(seen).T
     settled = minutes > minutes[-1] / 10

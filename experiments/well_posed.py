@@ -89,7 +89,7 @@ def main() -> None:
     result["yardsticks"] = yardsticks(training.rooms, held_out.rooms, options.seed)
     print(json.dumps(result["yardsticks"], indent=1))
     RESULTS.mkdir(parents=True, exist_ok=True)
-    (RESULTS / f"{options.room_type}.json").write_text(json.dumps(result, indent=1) + "\n")
+    (RESULTS / f"{options.room_type}.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

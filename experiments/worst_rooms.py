@@ -99,7 +99,7 @@ def main() -> None:
     file = folder / options.table / f"{options.cell}.json"
     if not file.exists():
         raise InputError(f"{options.cell}: no such cell; expected one of {file.parent}")
-    cell: dict[str, Any] = json.loads(file.read_text())
+    cell: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     if "knew_better" not in cell:
         raise InputError(f"{options.cell}: expected the cell of an agent; got {cell['config']['fill']}")
     # Of its configuration what an agent has: what cells have beside it grew while they were filled.

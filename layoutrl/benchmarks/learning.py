@@ -175,7 +175,7 @@ def training_pace(learner: Learner, seconds: float) -> float:
 def peak_bytes() -> int:
     """Peak resident memory of this process, on Linux. Not `ru_maxrss`, which begins at that of the parent process."""
     try:
-        status = Path("/proc/self/status").read_text()
+        status = Path("/proc/self/status").read_text(encoding="utf-8")
     except OSError:
         raise InputError("parts: memory expects Linux, which says how much a process had at most") from None
     peak = re.search(r"VmHWM:\s+(\d+) kB", status)

@@ -130,7 +130,10 @@ def room_from_dict(document: Any) -> Room:
         *(Opening("door", ring) for ring in _polygons(document["doors"], "doors")),
         *(Opening("window", ring) for ring in _polygons(document["windows"], "windows")),
     )
-    walls = _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
+    try:
+        walls = _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
+    except shapely.errors.GEOSException:  # of an outline that leans by micrometres, a few in a hundred thousand
+        raise RoomError("walls", "cannot be drawn around this outline; expected them to be given") from None
     furniture = tuple(
         _item(entry, f"furniture[{k}]") for k, entry in enumerate(_list(document["furniture"], "furniture"))
     )

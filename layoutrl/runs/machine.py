@@ -58,7 +58,7 @@ def keep_freed_memory() -> None:
 def machine(device: torch.device) -> dict[str, Any]:
     """What it was measured on, and with which versions."""
     cpuinfo = Path("/proc/cpuinfo")
-    name = re.search(r"model name\s*: (.*)", cpuinfo.read_text()) if cpuinfo.exists() else None
+    name = re.search(r"model name\s*: (.*)", cpuinfo.read_text(encoding="utf-8")) if cpuinfo.exists() else None
     package = Path(layoutrl.__file__).resolve().parent
     describe = ["git", "-C", str(package), "describe", "--always", "--dirty", "--exclude=*"]
     checkout = (package.parent / ".git").exists() and shutil.which("git")

@@ -165,16 +165,16 @@ def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.
     """The table to go on with after `made` updates, and the updates of its last row; what is of later is dropped."""
     partial, before = path.with_suffix(".partial"), 0
     try:
-        with partial.open("w", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
-            rows = csv.DictWriter(file, header)
-            rows.writeheader()
+        with partial.open("w", newline="", encoding="utf-8") as file:
+            csv.DictWriter(file, header).writeheader()
             for updates, line in kept_lines(path, header, made):
                 file.write(line)
                 before = updates
-            partial.replace(path)
-            yield rows, before
+        partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+    with path.open("a", newline="", encoding="utf-8", buffering=1) as file:  # a line at a time
+        yield csv.DictWriter(file, header), before
 
 
 def kept_lines(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[int, str]]:

@@ -397,3 +397,11 @@ def test_an_opening_that_reaches_beyond_the_walls_is_refused() -> None:
 def test_a_room_in_millimetres_is_refused() -> None:
     with pytest.raises(RoomError, match="metres"):
         room_from_dict(document(outline=[[0, 0], [3600, 0], [3600, 4200], [0, 4200]]))
+
+
+@pytest.mark.filterwarnings("ignore:.*encountered in:RuntimeWarning")  # GEOS's own
+def test_an_outline_around_which_no_walls_can_be_drawn_is_answered() -> None:
+    leaning = [[0, -3e-06], [4, 0], [4.000001, 2], [2.000003, 2.000001], [1.999997, 4.000003], [2e-06, 4]]
+    document = {"id": "a", "room_type": "study", "outline": leaning, "doors": [], "windows": [], "furniture": []}
+    with pytest.raises(RoomError, match="walls: cannot be drawn around this outline; expected them to be given"):
+        room_from_dict(document)
