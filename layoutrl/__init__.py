@@ -4,7 +4,8 @@ import signal
 import sys
 from itertools import pairwise
 
-if any(flag == "-m" and name.startswith("layoutrl.") for flag, name in pairwise(sys.orig_argv)):
+_asked = any(flag == "-m" and name.startswith("layoutrl.") for flag, name in pairwise(sys.orig_argv))
+if _asked and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     # A command: while it imports what it needs, which takes seconds, Ctrl-C ends it without a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 

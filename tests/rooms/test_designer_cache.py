@@ -29,9 +29,10 @@ from layoutrl.rooms.sources import designer_cache
 
 PROJECT = Path(__file__).parents[2]
 DESIGN = """
-import multiprocessing, sys
+import multiprocessing, signal, sys
 from pathlib import Path
 from layoutrl.rooms.sources import designer_cache
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which what begins in the background of a shell lacks
 multiprocessing.set_start_method(sys.argv[1])
 designer_cache.BLOCK = 20
 designer_cache.read(Path(sys.argv[2]), "balcony", "train", 0, 100_000)
