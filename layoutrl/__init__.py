@@ -9,7 +9,7 @@ if _asked and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     # A command: while it imports what it needs, which takes seconds, Ctrl-C ends it without a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-import gymnasium
+import gymnasium  # noqa: E402
 
 __version__ = "0.2.0"
 
