@@ -23,11 +23,11 @@ import numpy as np
 
 from layoutrl.rooms import designer, room
 from layoutrl.rooms.designer.generator import Designs, Part, design_each, joined
+from layoutrl.rooms.files import LARGEST
 from layoutrl.rooms.room import Item, Opening, Ring, Room
 
 BLOCK = 100  # rooms a file
 LARGEST_FILE = 2**20  # bytes; 100 rooms take less than a fifth of it
-LARGEST = 1000.0  # of any number in a room, metres or degrees
 
 
 def read(root: Path | None, room_type: str, part: Part, seed: int, count: int) -> Designs:
