@@ -42,7 +42,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts
 from layoutrl.runs import resume
 from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
-from layoutrl.runs.folder import differences, folders_of, locked, wanted_folder, write_json
+from layoutrl.runs.folder import differences, folders_of, load_config, locked, wanted_folder, write_json
 from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 from layoutrl.runs.trained import trained_agent as load_agent
 
@@ -180,7 +180,7 @@ def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[st
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
-    agent, categories = load_agent(folder, config.method, setting.device)
+    agent, categories, _ = load_agent(folder, load_config(folder, TrainConfig), setting.device)
     return greedy(agent, config.method), categories, about
 
 

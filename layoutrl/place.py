@@ -37,7 +37,7 @@ def run(config: PlaceConfig) -> Path:
         what = "is there already" if out.exists() else "is no .jsonl file"
         raise InputError(f"out: {out} {what}; expected the name of a new .jsonl file, as out=<file>")
     trained, device = load_config(folder, TrainConfig), device_of(config.device)
-    agent, categories = trained_agent(folder, trained.method, device, config.checkpoint)
+    agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)
     chosen = fitting(known(choose_missing(collection, item_of(trained, config.item, categories)), categories))
     print(chosen)

@@ -179,13 +179,14 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     assert "expected one bed without a center; got 0" in done.stdout  # in the fourth
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
     policy = trained_run(RunConfig(str(bedroom_run))).policy
-    method = load_config(bedroom_run, TrainConfig).method
+    kept = load_config(bedroom_run, TrainConfig)
+    method = kept.method
     assert "the bed does not fit into it" in done.stdout
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written, beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     index = np.arange(3)
     starts = simulator.starts(index, np.random.default_rng(0))
-    observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, method, CPU)[1])
+    observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, kept, CPU)[1])
     expected = policy.rollout(BatchSimulator(simulator, CPU), observe, index, starts).final
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
     for before, after, bed in zip(documents, written, beds, strict=False):

@@ -11,7 +11,7 @@ import torch
 
 from layoutrl import InputError
 from layoutrl.agents.dqn import DQN, Observe
-from layoutrl.agents.learner import Method, untrained
+from layoutrl.agents.learner import untrained
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.protocols import Greedy, greedy
@@ -24,23 +24,15 @@ from layoutrl.runs.resume import digest, stated
 
 
 def trained_agent(
-    folder: Path, method: Method, device: torch.device, which: Literal["last", "best"] = "last"
-) -> tuple[DQN, list[str]]:
-    """The agent of a run's folder, and the furniture categories that it knows.
-
-    Raises InputError where its checkpoint is not of its configuration.
-    """
-    agent, categories, _ = _loaded(folder, method, device, which)
-    return agent, categories
-
-
-def _loaded(
-    folder: Path, method: Method, device: torch.device, which: Literal["last", "best"]
+    folder: Path, config: TrainConfig, device: torch.device, which: Literal["last", "best"] = "last"
 ) -> tuple[DQN, list[str], str]:
-    """The agent, the categories that it knows, and the digest of the rooms that it was trained on."""
-    state = load_checkpoint(folder, device, which, stated(load_config(folder, TrainConfig)))
+    """The agent of a run, the furniture categories that it knows, and the digest of the rooms that it was trained on.
+
+    Raises InputError where its checkpoint is not of the configuration.
+    """
+    state = load_checkpoint(folder, device, which, stated(config))
     with taken(folder):
-        trained = untrained(method, state["categories"], 1, np.random.SeedSequence(0), device)
+        trained = untrained(config.method, state["categories"], 1, np.random.SeedSequence(0), device)
         trained.network.load_state_dict(state["training"]["agent"]["network"])
     return trained, state["categories"], state["rooms"]
 
@@ -80,7 +72,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     trained = load_config(folder, TrainConfig)
     own, data = trained.data, located(config.data)
     device = device_of(config.device)
-    agent, categories, rooms = _loaded(folder, trained.method, device, config.checkpoint)
+    agent, categories, rooms = trained_agent(folder, trained, device, config.checkpoint)
 
     if data.source is None:  # the run's own, but for what is given
         given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}
