@@ -9,7 +9,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
 import hydra
@@ -34,10 +34,10 @@ def command(name: str, schema: type, run: Callable[[Any], object]) -> Callable[[
     def job(config: DictConfig) -> None:
         if HydraConfig.get().mode != RunMode.MULTIRUN:
             with answers_errors():  # here: what Hydra were to see raised, it would say something about
-                run(checked(config))
+                run(checked(config, schema))
             return
         try:
-            run(checked(config))
+            run(checked(config, schema))
         except (InputError, OmegaConfBaseException, OSError) as error:
             said = f"error: {' '.join(HydraConfig.get().overrides.task)}: {in_a_line(error)}"
             if isinstance(error, Stopped):
@@ -53,7 +53,7 @@ def command(name: str, schema: type, run: Callable[[Any], object]) -> Callable[[
             try:
                 job()
             except HydraException as error:
-                raise InputError(explained(error, name)) from None
+                raise InputError(explained(error, schema)) from None
 
     return main
 
@@ -93,33 +93,31 @@ def in_a_line(error: Exception) -> str:
     return str(error)
 
 
-def checked(config: DictConfig) -> Any:
+def checked(config: DictConfig, schema: type) -> Any:
     """The configuration as objects. Raises InputError for what is unknown in it, missing, or out of range."""
-    for key in unknown_keys(config):
-        raise InputError(f"{key}: unknown; {nearest(key, known_keys(config))}")
+    for key in unknown_keys(config, schema):
+        raise InputError(f"{key}: unknown; {nearest(key, [*options(schema)])}")
     for key in sorted(OmegaConf.missing_keys(config)):
         raise InputError(f"{key}: expected a value, as {key}=<{key}>; --help shows all options")
     return OmegaConf.to_object(config)
 
 
-def unknown_keys(config: DictConfig, prefix: str = "") -> Iterator[str]:
+def options(schema: type, prefix: str = "") -> dict[str, Any]:
+    """The types of all options, by their dotted names."""
+    found: dict[str, Any] = {}
+    for name, kind in get_type_hints(schema).items():
+        found |= options(kind, f"{prefix}{name}.") if is_dataclass(kind) else {prefix + name: kind}  # type: ignore[arg-type]
+    return found
+
+
+def unknown_keys(config: DictConfig, schema: type, prefix: str = "") -> Iterator[str]:
     """The dotted names that were added to a configuration (as `+name=value`) and that its schema does not have."""
-    schema = OmegaConf.get_type(config)
-    known = {field.name for field in fields(schema)} if is_dataclass(schema) else {*config}
+    kinds = get_type_hints(schema)
     for name in map(str, config):
-        if name not in known:
+        if name not in kinds:
             yield prefix + name
-        elif not OmegaConf.is_missing(config, name) and isinstance(config[name], DictConfig):
-            yield from unknown_keys(config[name], f"{prefix}{name}.")
-
-
-def known_keys(config: DictConfig, prefix: str = "") -> list[str]:
-    """The dotted names of all options."""
-    unknown, names = {*unknown_keys(config)}, []
-    for name in map(str, config):
-        nested = not OmegaConf.is_missing(config, name) and isinstance(config[name], DictConfig)
-        names += known_keys(config[name], f"{prefix}{name}.") if nested else [prefix + name]
-    return [name for name in names if name.removeprefix(prefix) not in unknown]
+        elif is_dataclass(kinds[name]) and not OmegaConf.is_missing(config, name):
+            yield from unknown_keys(config[name], kinds[name], f"{prefix}{name}.")
 
 
 def nearest(key: str, known: list[str]) -> str:
@@ -134,17 +132,16 @@ def nearest(key: str, known: list[str]) -> str:
     return f"expected the name of an option, of which {max(known, key=likeness)} is nearest"
 
 
-def explained(error: HydraException, name: str) -> str:
+def explained(error: HydraException, schema: type) -> str:
     """What Hydra finds wrong with a command line, as one line."""
     text = str(error)
     if found := re.search(r"Could not find '(.+)/([^']+)'", text):
-        options = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
-        return f"{found[1]}: expected one of {', '.join(options)}; got {found[2]}"
+        offered = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
+        return f"{found[1]}: expected one of {', '.join(offered)}; got {found[2]}"
     if isinstance(error.__cause__, ConfigAttributeError | ConfigKeyError) and (
         found := re.match(r"Could not (?:override|append to|find) '([^']+)'", text)
     ):
-        with hydra.initialize_config_dir(str(config_directory()), version_base="1.3"):
-            return f"{found[1]}: unknown; {nearest(found[1], known_keys(hydra.compose(name)))}"
+        return f"{found[1]}: unknown; {nearest(found[1], [*options(schema)])}"
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("See https")]
     if isinstance(error.__cause__, OmegaConfBaseException):
         lines.append(str(error.__cause__).splitlines()[0])
@@ -156,7 +153,8 @@ def as_written(arguments: list[str], schema: type) -> list[str]:
 
     In a sweep commas part values; a comma within a text is quoted by the user there.
     """
-    texts, sweeps = {*text_options(schema)}, {"-m", "--multirun"} & {*arguments}
+    texts = {name for name, kind in options(schema).items() if kind in (str, str | None)}
+    sweeps = {"-m", "--multirun"} & {*arguments}
 
     def quoted(argument: str) -> str:
         key, equals, value = argument.partition("=")
@@ -168,12 +166,3 @@ def as_written(arguments: list[str], schema: type) -> list[str]:
         return f"{key}='{escaped}'"
 
     return [quoted(argument) for argument in arguments]
-
-
-def text_options(schema: type, prefix: str = "") -> Iterator[str]:
-    """The dotted names of options that take a text."""
-    for name, kind in get_type_hints(schema).items():
-        if is_dataclass(kind):
-            yield from text_options(kind, f"{prefix}{name}.")  # type: ignore[arg-type]
-        elif kind in (str, str | None):
-            yield prefix + name
