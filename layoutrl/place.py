@@ -15,9 +15,10 @@ from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import blocks_openings
 from layoutrl.evaluation.protocols import greedy
+from layoutrl.rooms.brief import facings
 from layoutrl.rooms.collection import Collection, choose_missing
 from layoutrl.rooms.files import write_rooms
-from layoutrl.rooms.room import Room, envelopes
+from layoutrl.rooms.room import Item, Room, envelopes
 from layoutrl.rooms.sources import main_item, read_files
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import PlaceConfig, TrainConfig
@@ -39,7 +40,8 @@ def run(config: PlaceConfig) -> Path:
     trained, device = load_config(folder, TrainConfig), device_of(config.device)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)
-    chosen = fitting(known(choose_missing(collection, item_of(trained, config.item, categories)), categories))
+    asked = known(choose_missing(collection, item_of(trained, config.item, categories)), categories)
+    chosen = fitting(facing_all_ways(asked))
     print(chosen)
     if not chosen.rooms:
         why = "; ".join(line.strip() for line in str(chosen).splitlines()[1:])
@@ -58,19 +60,23 @@ def run(config: PlaceConfig) -> Path:
         index,
         simulator.starts(index, np.random.default_rng(config.seed)),
     )
-    place = episodes.final
+    index = best_facings(rooms, episodes.value[episodes.moves, index])
+    place = episodes.final[index]
     overlap, outside = simulator.overlap_and_outside(index, place)
     blocks = blocks_openings(simulator, index, place)
-    for k, room in enumerate(rooms):
-        x, y = place[k]
+    for n, k in enumerate(index):
+        (x, y), item = place[n], rooms[k].moving
         print(
-            f"{room.id}: {room.moving.category} at {x:.3f}, {y:.3f} after {episodes.moves[k]} moves; "
-            f"{overlap[k]:.1%} over other items, {outside[k]:.1%} outside{', blocks an opening' if blocks[k] else ''}"
+            f"{rooms[k].id}: {item.category} at {x:.3f}, {y:.3f}, rotation {item.degrees:g}, after {episodes.moves[k]} "
+            f"moves; {overlap[n]:.1%} over other items, {outside[n]:.1%} outside"
+            f"{', blocks an opening' if blocks[n] else ''}"
         )
     target = {room.id: room.target for room in collection.rooms}  # as it was read
     out.parent.mkdir(parents=True, exist_ok=True)
     centers = [(round(x, 4), round(y, 4)) for x, y in place.tolist()]
-    done = [replace(placed(room, c), target=target[room.id]) for room, c in zip(rooms, centers, strict=True)]
+    done = [
+        replace(placed(rooms[k], center), target=target[rooms[k].id]) for k, center in zip(index, centers, strict=True)
+    ]
     write_rooms(out, done)
     print(f"wrote {out}")
     return out
@@ -99,16 +105,33 @@ def known(chosen: Collection, categories: Sequence[str]) -> Collection:
     return _without(chosen, reasons)
 
 
+def facing_all_ways(chosen: Collection) -> Collection:
+    """Each room whose target has no rotation four times, once for each way that it can face."""
+    rooms = []
+    for room in chosen.rooms:
+        ways = facings(room) if room.moving.rotation is None else (room.moving.rotation,)
+        rooms += [with_target(room, replace(room.moving, rotation=degrees)) for degrees in ways]
+    return replace(chosen, rooms=rooms)
+
+
 def fitting(chosen: Collection) -> Collection:
-    """The rooms that their target fits into; the others left out, with the reason."""
+    """The rooms that their target fits into as it faces; those into which it fits in no way left out."""
     rooms = chosen.rooms
     regions = fitting_positions(envelopes(rooms), np.array([room.moving.template for room in rooms]))
-    misfits = {
-        room.id: f"the {room.moving.category} does not fit into it"
-        for room, region in zip(rooms, regions, strict=True)
-        if region.is_empty
-    }
-    return _without(chosen, misfits)
+    fits = [room for room, region in zip(rooms, regions, strict=True) if not region.is_empty]
+    misfits = {room.id: f"the {room.moving.category} does not fit into it" for room in rooms}
+    for room in fits:
+        misfits.pop(room.id, None)
+    return _without(replace(chosen, rooms=fits), misfits)
+
+
+def best_facings(rooms: Sequence[Room], value: np.ndarray) -> np.ndarray:
+    """Of the entries (B,) of each room the one that ended at the highest value (B,), by the order of the rooms."""
+    best: dict[str, int] = {}
+    for k, room in enumerate(rooms):
+        if room.id not in best or value[k] > value[best[room.id]]:
+            best[room.id] = k
+    return np.array(list(best.values()))
 
 
 def _without(chosen: Collection, reasons: dict[str, str]) -> Collection:
@@ -118,9 +141,14 @@ def _without(chosen: Collection, reasons: dict[str, str]) -> Collection:
 
 def placed(room: Room, center: tuple[float, float]) -> Room:
     """The room with its target there."""
+    return with_target(room, replace(room.moving, center=center))
+
+
+def with_target(room: Room, item: Item) -> Room:
+    """The room with another target."""
     furniture = list(room.furniture)
     assert room.target is not None
-    furniture[room.target] = replace(room.moving, center=center)
+    furniture[room.target] = item
     return replace(room, furniture=tuple(furniture))
 
 

@@ -6,9 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import layoutrl.place
 from layoutrl import InputError
+from layoutrl.evaluation.protocols import Greedy, Rollout, greedy
 from layoutrl.place import run
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
@@ -57,6 +60,31 @@ def test_an_item_that_the_agent_does_not_know_is_left_out_and_other_furniture_is
     assert ids == [known["id"], beside["id"]]
     said = capsys.readouterr().out
     assert "left out 1: the agent knows no waterbed, but bed, chair, desk, " in said
+
+
+def test_an_item_without_rotation_faces_where_its_value_is_highest(
+    agent: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    document = without_place(DOCUMENTS[0])
+    del document["furniture"][document["target"]]["rotation"]
+    given = without_place(DOCUMENTS[1], rotation=180)
+    written(tmp_path, [document, given])
+
+    def rotations(facing: int) -> list[float]:
+        class Best(Greedy):
+            def rollout(self, *args: Any) -> Rollout:
+                found = super().rollout(*args)
+                assert len(found.room) == 5  # four ways, and the one that is given
+                found.value[found.moves, np.arange(5)] = np.arange(5) == facing
+                return found
+
+        monkeypatch.setattr(layoutrl.place, "greedy", lambda agent, method: Best(**vars(greedy(agent, method))))
+        out = tmp_path / f"{facing}.jsonl"
+        run(PlaceConfig(run=str(agent), rooms=str(tmp_path / "rooms.jsonl"), out=str(out), device="cpu"))
+        rooms = [json.loads(line) for line in out.read_text().splitlines()]
+        return [room["furniture"][room["target"]]["rotation"] for room in rooms]
+
+    assert [rotations(facing) for facing in range(4)] == [[90.0 * facing, 180.0] for facing in range(4)]
 
 
 def test_where_nothing_is_placed_the_last_line_says_why(agent: Path, tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ class ImageObservation:
             item = room.moving
             if item.form == "circle":  # a disc as large as the polygon that the reference paints
                 radius[k] = view.scale * math.sqrt(item.template.area / math.pi)
-            elif item.rotation % 90 == 0:
+            elif item.degrees % 90 == 0:
                 half[k] = view.scale * np.array(item.template.bounds[2:])
             else:
                 corners[k] = np.array(item.template.exterior.coords[:-1]) * (view.scale, -view.scale)
@@ -157,9 +157,7 @@ def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) 
     items = [item for _, _, item in moving + others]
     sides = np.diff(corners[:, :3], axis=1)
     size = np.concatenate([np.hypot(*np.moveaxis(sides, 2, 0)), np.array([item.size for item in items])])
-    degrees = np.concatenate(
-        [np.rad2deg(np.arctan2(sides[:, 0, 1], sides[:, 0, 0])), [item.rotation for item in items]]
-    )
+    degrees = np.concatenate([np.rad2deg(np.arctan2(sides[:, 0, 1], sides[:, 0, 0])), [item.degrees for item in items]])
     # The one description of a rectangle whose rotation lies above -45 and up to 45 degrees.
     quarters = np.ceil((degrees - 45) / 90 - 1e-9).astype(int)
     size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])

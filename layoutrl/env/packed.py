@@ -91,7 +91,7 @@ class Shapes:
         self, shapes: np.ndarray, room: np.ndarray, is_circle: np.ndarray, items: Sequence[Item], like: Tensor
     ):
         disc = np.array([item.form == "circle" for item in items])
-        degrees = np.array([item.rotation for item in items])
+        degrees = np.array([item.degrees for item in items])
         turn = np.deg2rad(np.where(disc | (degrees % 90 == 0), 0, -degrees))
         turns = np.stack([np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)], 1).reshape(-1, 2, 2)
         on_its_side = ~disc & (degrees % 180 == 90)

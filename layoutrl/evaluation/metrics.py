@@ -98,7 +98,7 @@ def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) 
         anchors = np.concatenate([anchors, contacts], 1)
     off = (anchors - designer[:, None]) % step  # displacements from the designer's place: (B, anchors, 2)
     off = np.concatenate([off, off - step], 1)
-    upright = all(room.moving.form == "circle" or room.moving.rotation % 90 == 0 for room in simulator.rooms)
+    upright = all(room.moving.form == "circle" or room.moving.degrees % 90 == 0 for room in simulator.rooms)
     order = np.argsort(np.abs(off), axis=1)[:, : 3 if upright else 15]  # NaN last
     off = np.take_along_axis(off, order, 1)
     best = np.zeros(len(room))

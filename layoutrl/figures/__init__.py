@@ -65,7 +65,7 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
     axes.add_patch(outline)
     if item.form == "circle" or not outline.get_fill():
         return [outline]
-    angle = np.deg2rad(item.rotation)
+    angle = np.deg2rad(item.degrees)
     front = np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
     return [outline, *axes.plot(*front.T, color="black", linewidth=0.8, alpha=looks.get("alpha"))]
 

@@ -9,8 +9,9 @@
                    {"category": "stool", "shape": "circle", "center": [3, 3], "size": [0.4, 0.4]}],
      "target": 0}
 
-May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed),
-`rotation`, `shape` and `tucked`, `target` where the type's main item is there once, and `group`.
+May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
+item that stands it is 0; of one to be placed it is to be chosen), `shape` and `tucked`, `target` where the type's main
+item is there once, and `group`.
 What is wrong is answered with the file, the line, the room, the field and what is expected.
 """
 
@@ -77,7 +78,9 @@ def room_to_dict(room: Room) -> dict[str, Any]:
             entry["shape"] = "circle"
         if item.center is not None:
             entry["center"] = list(item.center)
-        entry |= {"size": list(item.size), "rotation": item.rotation}
+        entry["size"] = list(item.size)
+        if item.rotation is not None:
+            entry["rotation"] = item.rotation
         furniture.append(entry | {"tucked": True} if item.tucked else entry)
     document: dict[str, Any] = {"id": room.id, "room_type": room.room_type, "outline": _lists(room.outline)}
     if room.holes:
@@ -236,12 +239,14 @@ def _item(entry: Any, field: str) -> Item:
     tucked = entry.get("tucked", False)
     if not isinstance(tucked, bool):
         raise RoomError(f"{field}.tucked", f"expected true or false; got {_show(tucked)}")
-    center = entry.get("center")
+    center, rotation = entry.get("center"), entry.get("rotation")
+    if center is not None and rotation is None:
+        rotation = 0.0
     return Item(
         category=_text(entry["category"], f"{field}.category"),
         size=(width, depth),
         center=None if center is None else _pair(center, f"{field}.center"),
-        rotation=_number(entry.get("rotation", 0.0), f"{field}.rotation"),
+        rotation=None if rotation is None else _number(rotation, f"{field}.rotation"),
         form=form,
         tucked=tucked,
     )

@@ -70,7 +70,8 @@ class Item:
     """One piece of furniture.
 
     `size` is (width, depth) in metres along the item's own x and y axis; `rotation` turns these
-    axes, in degrees counter-clockwise. `center` is None for an item that is still to be placed.
+    axes, in degrees counter-clockwise. It faces along its x axis. `center` is None for an item that is still to be
+    placed, `rotation` too for one whose facing is then to be chosen.
     A circle's width and depth are both its diameter. A `tucked` item (a chair) stands partly under
     another by intent.
     """
@@ -78,7 +79,7 @@ class Item:
     category: str
     size: tuple[float, float]
     center: Point | None = None
-    rotation: float = 0.0
+    rotation: float | None = 0.0
     form: Literal["rectangle", "circle"] = "rectangle"
     tucked: bool = False
 
@@ -86,16 +87,23 @@ class Item:
         """The item's outline when its centre stands at `center`."""
         return translate(self.template, *center)
 
+    @property
+    def degrees(self) -> float:
+        """The rotation. Raises ValueError where it is still to be chosen."""
+        if self.rotation is None:
+            raise ValueError(f"{self.category} has no rotation: its facing is still to be chosen")
+        return self.rotation
+
     @cached_property
     def template(self) -> Polygon:
-        """The footprint around the origin, rotated."""
+        """The footprint around the origin, rotated. Raises ValueError where the facing is still to be chosen."""
         width, depth = self.size
         if self.form == "circle":
             return shapely.Point(0, 0).buffer(width / 2, quad_segs=CIRCLE_SEGMENTS)
         rectangle = box(-width / 2, -depth / 2, width / 2, depth / 2)
-        if self.rotation % 90 == 0:  # exact, where sines of multiples of 90 degrees are not
-            return rectangle if self.rotation % 180 == 0 else box(-depth / 2, -width / 2, depth / 2, width / 2)
-        return rotate(rectangle, self.rotation, origin=(0, 0))
+        if self.degrees % 90 == 0:  # exact, where sines of multiples of 90 degrees are not
+            return rectangle if self.degrees % 180 == 0 else box(-depth / 2, -width / 2, depth / 2, width / 2)
+        return rotate(rectangle, self.degrees, origin=(0, 0))
 
     @cached_property
     def footprint(self) -> Polygon:
@@ -181,6 +189,9 @@ class Room:
             x, y = point
             return (a * x + b * y, c * x + d * y)
 
+        def turn(rotation: float) -> float:
+            return ((180 - rotation if mirror else rotation) + 90 * quarters) % 360
+
         def ring(points: Ring) -> Ring:
             moved = tuple(move(p) for p in points)
             return moved[::-1] if mirror else moved
@@ -196,7 +207,7 @@ class Room:
                 replace(
                     item,
                     center=None if item.center is None else move(item.center),
-                    rotation=((180 - item.rotation if mirror else item.rotation) + 90 * quarters) % 360,
+                    rotation=None if item.rotation is None else turn(item.rotation),
                 )
                 for item in self.furniture
             ),

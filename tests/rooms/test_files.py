@@ -106,9 +106,18 @@ def test_holes_bound_the_indoor_area_and_may_be_left_out() -> None:
     assert room_from_dict(document(holes=[hole[::-1]])) == room
 
 
-def test_an_item_without_rotation_shape_and_centre_is_an_upright_rectangle_to_be_placed() -> None:
-    room = room_from_dict(document(furniture=[{"category": "bed", "size": [2, 1]}]))
-    assert room.furniture == (Item("bed", (2.0, 1.0), None, 0.0, "rectangle"),)
+def test_an_item_without_rotation_shape_and_centre_is_a_rectangle_to_be_placed_and_turned() -> None:
+    bed = {"category": "bed", "size": [2, 1]}
+    room = room_from_dict(document(furniture=[bed]))
+    assert room.furniture == (Item("bed", (2.0, 1.0), None, None, "rectangle"),)
+    assert room_from_dict(room_to_dict(room)) == room
+    turned = room_from_dict(document(furniture=[bed | {"rotation": 90}]))
+    assert turned.furniture == (Item("bed", (2.0, 1.0), None, 90.0),)
+
+
+def test_an_item_that_stands_and_has_no_rotation_is_not_turned() -> None:
+    room = room_from_dict(document(furniture=[{"category": "bed", "size": [2, 1], "center": [1.5, 1.5]}]))
+    assert room.furniture[0].rotation == 0
 
 
 @pytest.mark.parametrize("room_type", list(MAIN_ITEM))

@@ -36,7 +36,7 @@ class Canvas:
     def furniture(self, items: Sequence[Sequence[Item]]) -> Tensor:
         """Items of B rooms as a table (B, most, 6): box, category, quarters that it faces; of none NaN."""
         rows = [
-            torch.tensor([[*box_of(i), self.categories[i.category], i.rotation // 90] for i in room]).reshape(-1, 6)
+            torch.tensor([[*box_of(i), self.categories[i.category], i.degrees // 90] for i in room]).reshape(-1, 6)
             for room in items
         ]
         return pad_sequence(rows, batch_first=True, padding_value=torch.nan).float().to(self.device)
@@ -103,7 +103,7 @@ def _covered(low: Tensor, high: Tensor, reach: float, side: int) -> Tensor:
 def box_of(item: Item) -> tuple[float, float, float, float]:
     """Where an upright item stands: x0, y0, x1, y1."""
     assert item.center is not None
-    (x, y), (width, depth) = item.center, item.size[:: 1 if item.rotation % 180 == 0 else -1]
+    (x, y), (width, depth) = item.center, item.size[:: 1 if item.degrees % 180 == 0 else -1]
     return x - width / 2, y - depth / 2, x + width / 2, y + depth / 2
 
 

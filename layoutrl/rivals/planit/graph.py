@@ -110,12 +110,12 @@ def scene_of(room: Room) -> Scene:
         if (np.abs(sides).min(1) > TOLERANCE).any():
             raise InputError(f"planit: room {room.id}: a wall or opening stands at an angle; expected an upright room")
     for item in items:
-        if item.form == "rectangle" and item.rotation % 90:
+        if item.form == "rectangle" and item.degrees % 90:
             raise InputError(
                 f"planit: room {room.id}: the {item.category} stands at an angle; expected an upright room"
             )
         boxes.append(np.array(item.footprint.bounds))
-        facing.append(int(item.rotation // 90) % 4)
+        facing.append(int(item.degrees // 90) % 4)
     fixed = len(walls) + len(openings)
     categories = ["wall"] * len(walls) + [opening.kind for opening in openings] + [item.category for item in items]
     circle = [False] * fixed + [item.form == "circle" for item in items]

@@ -250,7 +250,7 @@ class Placer:
         if node < scene.fixed:
             return scene.box[node], int(scene.facing[node])
         item = query.placed[node]
-        return np.array(box_of(item)), int(item.rotation // 90) % 4
+        return np.array(box_of(item)), int(item.degrees // 90) % 4
 
     def _centre(self, heat: np.ndarray, cells: np.ndarray, search: Search) -> np.ndarray:
         """The likeliest cell or one that is drawn; between cells, by the mean of it and its neighbours.

@@ -198,7 +198,7 @@ class Training:
         category = torch.tensor([self._canvas.categories[item.category] for item in items], device=model.device)
         return (
             torch.tensor([item.center for item in items], dtype=torch.float32, device=model.device),
-            torch.tensor([int(item.rotation // 90) % 4 for item in items], device=model.device),
+            torch.tensor([int(item.degrees // 90) % 4 for item in items], device=model.device),
             one_hot(category, len(self._canvas.categories)).float(),
             torch.tensor([item.size for item in items], dtype=torch.float32, device=model.device)
             / (model.statistics.span / 2),

@@ -111,7 +111,7 @@ def _packed(designs: Designs) -> bytes:
         openings = [(opening.kind, corners(opening.polygon)) for opening in r.openings]
         for item in r.furniture:
             assert item.center is not None  # the designer places every item
-            numbers += *item.size, *item.center, item.rotation
+            numbers += *item.size, *item.center, item.degrees
         furniture = [(item.category, item.form, item.tucked) for item in r.furniture]
         rooms.append((r.id, *rings, openings, furniture, r.target))
     rejected = [(*reason, times) for reason, times in designs.rejected.items()]

@@ -1,0 +1,49 @@
+"""Briefs: a room, and the list of the furniture that somebody is to place in it.
+
+A brief is a room of which some items have no center. Those without a rotation face where who furnishes the room
+chooses, along its walls. A layout is the same room, with the same items in the same order, and their poses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+from layoutrl.rooms.room import Point, Room
+
+LEVEL = 1e-3  # degrees by which a wall may lean from the axes and be upright: a millimetre in 57 m
+
+Pose = tuple[Point, float]  # centre in metres, and degrees
+
+
+def brief_of(room: Room) -> Room:
+    """The room without the places and rotations of its furniture, all of which is to be placed.
+
+    The list is in alphabetical order of category, then by size: it tells nothing of the designer's order.
+    """
+    items = sorted(room.furniture, key=lambda item: (item.category, item.size, item.form, item.tucked))
+    return replace(room, furniture=tuple(replace(item, center=None, rotation=None) for item in items), target=None)
+
+
+def missing(room: Room) -> list[int]:
+    """The indices of the items that are to be placed."""
+    return [k for k, item in enumerate(room.furniture) if item.center is None]
+
+
+def facings(room: Room) -> tuple[float, float, float, float]:
+    """The rotations in degrees that an item may be given: along the longest wall, and turned by quarters from there."""
+    outline = room.outline
+    (x0, y0), (x1, y1) = max(pairwise((*outline, outline[0])), key=lambda edge: math.dist(*edge))
+    off = math.degrees(math.atan2(y1 - y0, x1 - x0)) % 90
+    first = 0.0 if min(off, 90 - off) < LEVEL else off
+    return first, first + 90, first + 180, first + 270
+
+
+def furnished(brief: Room, poses: Mapping[int, Pose]) -> Room:
+    """The brief with items at the poses given by their index; the others are left as they are."""
+    items = list(brief.furniture)
+    for k, (center, degrees) in poses.items():
+        items[k] = replace(items[k], center=center, rotation=degrees)
+    return replace(brief, furniture=tuple(items))

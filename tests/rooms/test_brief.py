@@ -1,0 +1,48 @@
+"""Briefs: what who furnishes a room is told, and what not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from layoutrl.rooms.brief import brief_of, facings, furnished, missing
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import MAIN_ITEM, Item
+from tests.builders import rectangular_room
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_a_brief_tells_neither_places_nor_rotations_nor_the_order(room_type: str) -> None:
+    rng = np.random.default_rng(0)
+    for room in design_rooms(room_type, "test", 0, 3).rooms:
+        brief = brief_of(room)
+        assert all(item.center is None and item.rotation is None for item in brief.furniture)
+        assert missing(brief) == list(range(len(room.furniture)))
+        moved = tuple(
+            replace(item, center=tuple(map(float, rng.uniform(0, 1, 2))), rotation=90.0 * rng.integers(4))
+            for item in rng.permutation(np.array(room.furniture, dtype=object))
+        )
+        assert brief_of(replace(room, furniture=moved, target=None)) == brief
+        what = sorted((item.category, item.size, item.form, item.tucked) for item in room.furniture)
+        assert [(item.category, item.size, item.form, item.tucked) for item in brief.furniture] == what
+
+
+def test_items_face_along_the_walls() -> None:
+    room = rectangular_room(3.0, 4.0, Item("bed", (2.0, 1.5), (1.5, 2.0)))
+    assert facings(room) == (0, 90, 180, 270)
+    for degrees in (30, 75, 100):
+        turn = np.exp(1j * math.radians(degrees))
+        corners = [turn * complex(*corner) for corner in room.outline]
+        turned = replace(room, outline=tuple((c.real, c.imag) for c in corners))
+        assert np.sort(np.mod(facings(turned), 90)) == pytest.approx([degrees % 90] * 4)
+        assert np.diff(facings(turned)) == pytest.approx([90] * 3)
+
+
+def test_a_layout_is_the_brief_with_poses() -> None:
+    room = rectangular_room(3.0, 4.0, Item("bed", (2.0, 1.5), (1.0, 2.0), 90.0))
+    brief = brief_of(room)
+    assert replace(furnished(brief, {0: ((1.0, 2.0), 90.0)}), target=room.target) == room
+    assert furnished(brief, {}) == brief
