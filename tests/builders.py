@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,17 @@ def random_room(rng: np.random.Generator, **fields: Any) -> Room:
     placed = tuple(_placed(rng, random_item(rng, category), bare) for category in categories)
     fields = {"id": f"random-{rng.integers(1 << 30)}", "room_type": room_type} | fields
     return room_of(outline, placed[0], placed[1:], holes=holes, openings=openings, walls=bare.walls, **fields)
+
+
+def random_brief(rng: np.random.Generator, room: Room) -> Room:
+    """The room with some of its items to be placed, at least one; of some of these the rotation is given."""
+    to_place = rng.random(len(room.furniture)) < 0.7
+    to_place[rng.integers(len(to_place))] = True
+    items = [
+        replace(item, center=None, rotation=item.rotation if rng.random() < 0.3 else None) if taken else item
+        for item, taken in zip(room.furniture, to_place, strict=True)
+    ]
+    return replace(room, furniture=tuple(items), target=None)
 
 
 def rooms(**fields: Any) -> st.SearchStrategy[Room]:

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from layoutrl.env.geometry import edges, snap
-from layoutrl.env.packed import Lines, Shapes, Starts
+from layoutrl.env.packed import Footprints, Lines, Shapes, Starts
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.simulator import DIRECTIONS, TOUCHING, Simulator
 
@@ -21,6 +21,7 @@ class BatchSimulator:
     """Moves and rewards of B poses at once in the rooms of a `Simulator`: room int64 (B,), position float64 (B, 2).
 
     Positions are metres on the grid, as the simulator has them; areas and lengths are computed in `dtype`.
+    `others`, where they are given, are footprints of what else stands in each room now and could stand elsewhere.
     Discs are true circles, where shapely has polygons of 256 corners.
     """
 
@@ -36,6 +37,7 @@ class BatchSimulator:
         self._directions = torch.tensor(DIRECTIONS, device=device).double()
         self._signs = torch.tensor(DIRECTIONS.sum(1).reshape(2, 2, 1, 1)).to(like)  # (axis, direction, 1, 1)
         self._steps = torch.tensor(simulator.steps).to(like)
+        self._around = torch.tensor(simulator.item_bounds[:, 2:]).to(like)  # half sides of the box around the item
 
         legal = _shifted(simulator.legal, -origin)
         shapes = _shifted(simulator.shapes, -origin[simulator.room_of_shape])
@@ -58,12 +60,15 @@ class BatchSimulator:
         along = self._from_origin(room, position)
         return _inside(self._borders.crossed(room, along.flip(1)), along.T[:, None])[0, 0]
 
-    def reach(self, room: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+    def reach(self, room: Tensor, position: Tensor, others: Footprints | None = None) -> tuple[Tensor, Tensor]:
         """How far every action leads, in metres, and whether it is legal: (B, A) each."""
         along = self._from_origin(room, position)
         across = along.flip(1)
         borders = self._borders.crossed(room, across)
         contacts = self._contacts.crossed(room, across) if self.moves.slide else None
+        if contacts is not None and others is not None:
+            origin, around = self._origin.index_select(0, room), self._around.index_select(0, room)
+            contacts = torch.cat([contacts, others.lines(origin, around, across, TOUCHING)], 1)
         # The batch last from here on: long rows.
         along, steps = along.T.contiguous(), self._steps.index_select(0, room).T
         reached = along[:, None, None] + self._signs * steps  # (axis, direction, steps, B)
@@ -81,10 +86,35 @@ class BatchSimulator:
         """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far."""
         return snap(position + self._directions[action % 4] * length[:, None])
 
-    def reward(self, room: Tensor, position: Tensor) -> RewardTerms[Tensor]:
-        """The reward of standing at `position`: terms of shape (B,)."""
-        off_target = position - self._designer_position.index_select(0, room)
-        return self._reward(*self._shapes.ious(room, position - self._origin.index_select(0, room), off_target))
+    def reward(
+        self,
+        room: Tensor,
+        position: Tensor,
+        others: Footprints | None = None,
+        target_iou: Tensor | None = None,
+    ) -> RewardTerms[Tensor]:
+        """The reward of standing at `position`: terms of shape (B,).
+
+        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own.
+        """
+        if target_iou is None:
+            off_target = position - self._designer_position.index_select(0, room)
+            target_iou = self._shapes.iou_with_itself(room, off_target)
+        at, around = self._from(room, position, others)
+        return self._reward(target_iou, *self._shapes.ious(room, at, around))
+
+    def ious(self, room: Tensor, position: Tensor, footprints: Footprints) -> Tensor:
+        """The item's IoU with each of K footprints: (B, K)."""
+        at, around = self._from(room, position, footprints)
+        assert around is not None
+        return self._shapes.ious_with(room, at, around)
+
+    def _from(self, room: Tensor, position: Tensor, footprints: Footprints | None) -> tuple[Tensor, Footprints | None]:
+        """Both as they lie from the rooms' origins."""
+        origin = self._origin.index_select(0, room)
+        if footprints is not None:
+            footprints = footprints._replace(center=footprints.center - origin[:, None])
+        return position - origin, footprints
 
     def _from_origin(self, room: Tensor, position: Tensor) -> Tensor:
         return (position - self._origin.index_select(0, room)).to(self._steps.dtype)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,6 +20,25 @@ from layoutrl.env.geometry import GRID, edges, padded
 from layoutrl.rooms.room import Item
 
 UPRIGHT = 1e-9  # square metres that a rectangle may lack of its bounding box
+
+
+class Footprints(NamedTuple):
+    """K footprints beside each of B moving items, as state: rectangles and discs, of no area where there is none."""
+
+    center: Tensor  # float64 (B, K, 2), metres
+    half: Tensor  # (B, K, 2): half sides, of a disc its radius
+    bounds: Tensor  # (B, K, 2): half sides of the upright box around it
+    is_disc: Tensor | None  # bool (B, K); None where all are rectangles
+    turn: Tensor | None  # (B, K): radians that a rectangle's sides are turned by; None where all stand upright
+
+    def lines(self, origin: Tensor, around: Tensor, across: Tensor, margin: float) -> Tensor:
+        """Where the line along each axis through `across` (B, axis) meets the sides of these boxes, each grown by half
+        the sides `around` (B, 2) of the moving item's: (axis, 2 K, B), infinity for not. Places count from `origin`."""
+        center = (self.center - origin[:, None]).to(across.dtype)
+        reach = self.bounds + around[:, None]
+        meets = (center - across.flip(1)[:, None]).abs() < (reach + margin).where(self.half > 0, 0.0)
+        sides = torch.cat([center - reach, center + reach], 1)
+        return sides.where(meets.flip(2).repeat(1, 2, 1), torch.inf).permute(2, 1, 0).contiguous()
 
 
 class Lines:
@@ -132,14 +152,9 @@ class Shapes:
         center = bounds.reshape(-1, 2, 2).mean(1)
         self._discs = table(np.column_stack([center, diameter / 2])[is_circle], room[is_circle])
 
-    def ious(self, room: Tensor, position: Tensor, off_target: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """IoU with the designer's footprint and, summed, with all elements; share indoors; IoU with the indoor area.
-
-        From positions (B, 2) and their distances (B, 2) from the designer's place, float64; (B,) each.
-        """
-        item, half = self._item_area.index_select(0, room), self._half.index_select(0, room)
-        at = self._seen(room, position)
-        box = torch.cat([at - half, at + half], 1)
+    def ious(self, room: Tensor, position: Tensor, others: Footprints | None = None) -> tuple[Tensor, Tensor, Tensor]:
+        """IoU, summed, with all elements and others; share indoors; IoU with the indoor area: (B,) each."""
+        item, at, half, box = self._item_at(room, position)
 
         indoor = box_box(box[:, None], _taken(self._indoor_boxes, room)).sum(1)
         shared = box_box(box[:, None], _taken(self._boxes, room))
@@ -152,14 +167,53 @@ class Shapes:
         if self._discs.numel():
             shared, area = self._in_discs(_taken(self._discs, room), room, box, at, half)
             elements += _iou(shared, area, item[:, None]).sum(1)
+        if others is not None:
+            elements += self.ious_with(room, position, others).sum(1)
+        indoor_area = self._indoor_area.index_select(0, room)
+        return elements, indoor / item, _iou(indoor, indoor_area, item)
 
-        # The designer's footprint is as large as the item, and turned like it.
-        off = self._seen(room, off_target)
+    def iou_with_itself(self, room: Tensor, off: Tensor) -> Tensor:
+        """IoU with the item as it is, `off` (B, 2) metres from there: (B,)."""
+        item, half = self._item_area.index_select(0, room), self._half.index_select(0, room)
+        off = self._seen(room, off)
         in_box = (2 * half - off.abs()).clamp_(min=0).prod(1) if self._any_box else None
         in_disc = disc_disc(off.square().sum(1), half[:, 0], half[:, 0]) if self._any_disc else None
-        target = self._of_its_kind(room, in_box, in_disc)
-        indoor_area = self._indoor_area.index_select(0, room)
-        return _iou(target, item, item), elements, indoor / item, _iou(indoor, indoor_area, item)
+        return _iou(self._of_its_kind(room, in_box, in_disc), item, item)
+
+    def ious_with(self, room: Tensor, position: Tensor, footprints: Footprints) -> Tensor:
+        """IoU with each of K footprints, whose centres count from the same origin as position: (B, K)."""
+        item, at, half, box = self._item_at(room, position)
+        count = footprints.half.shape[1]
+        center = self._seen(room.repeat_interleave(count), footprints.center.flatten(0, 1)).unflatten(0, (-1, count))
+        area = 4 * footprints.half.prod(2)
+        if self._any_disc or self._turns is not None or footprints.turn is not None:
+            shared = self._in_polygons(self._sides(room, center, footprints), room, box, at, half)
+        else:
+            shared = box_box(box[:, None], torch.cat([center - footprints.half, center + footprints.half], 2))
+        if footprints.is_disc is not None:
+            in_discs, disc_area = self._in_discs(torch.cat([center, footprints.half[..., :1]], 2), room, box, at, half)
+            shared = torch.where(footprints.is_disc, in_discs, shared)
+            area = torch.where(footprints.is_disc, disc_area, area)
+        return _iou(shared, area, item[:, None])
+
+    def _item_at(self, room: Tensor, position: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """The item's area (B,), and as it sees itself its centre, half sides (B, 2) and box (B, 4)."""
+        half, at = self._half.index_select(0, room), self._seen(room, position)
+        return self._item_area.index_select(0, room), at, half, torch.cat([at - half, at + half], 1)
+
+    def _sides(self, room: Tensor, center: Tensor, footprints: Footprints) -> Tensor:
+        """The sides of rectangles (B, K, 4, 4), as the item sees them, around centres (B, K, 2)."""
+        signs = center.new_tensor([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+        corners = signs * footprints.half[:, :, None]  # (B, K, corners, 2)
+        if footprints.turn is not None:
+            cosine, sine = footprints.turn.cos()[..., None], footprints.turn.sin()[..., None]
+            x, y = corners.unbind(-1)
+            corners = torch.stack([cosine * x - sine * y, sine * x + cosine * y], -1)
+        if self._turns is not None:
+            seen = self._turns.index_select(0, room).to(corners.dtype)
+            corners = torch.einsum("bij,bkcj->bkci", seen, corners)
+        corners = corners + center[:, :, None]
+        return torch.cat([corners[:, :, :-1], corners[:, :, 1:]], -1)
 
     def _seen(self, room: Tensor, vector: Tensor) -> Tensor:
         """Vectors (B, 2) as the item sees them."""

@@ -32,7 +32,8 @@ class RewardTerms(NamedTuple, Generic[Array]):
 class Reward:
     """Weights of the three terms.
 
-    `inside="share"` reads the indoor term as the share of the item that is indoors;
+    In whole rooms an item can be turned: where it faces another way than the designer's, its IoU counts `faces_away`
+    times what it is. `inside="share"` reads the indoor term as the share of the item that is indoors;
     `"iou"` is the paper's literal IoU with the whole room, far below 1 at the best of places.
     """
 
@@ -40,6 +41,7 @@ class Reward:
     theta2: float = -100.0
     theta3: float = -100.0
     inside: Literal["share", "iou"] = "share"
+    faces_away: float = 0.5
 
     def __post_init__(self) -> None:
         if self.inside not in ("share", "iou"):

@@ -1,7 +1,8 @@
 """The reference simulator: (next state, reward) = F(state, action), section 4.1 of Di & Yu 2021.
 
 It steps B episodes at once: `room` is an index array (B,) into the rooms it was built with, and
-`position` (B, 2) the centre of the moving item, in metres. All areas are exact, by shapely.
+`position` (B, 2) the centre of the moving item, in metres. `others` (B, K), where they are given, are footprints of
+what else stands in each room now and could stand elsewhere: polygons, None for nothing. Areas are exact, by shapely.
 """
 
 from __future__ import annotations
@@ -147,7 +148,9 @@ class Simulator:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
         return shapely.intersects_xy(self.legal[room], position[..., 0], position[..., 1])
 
-    def destinations(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def destinations(
+        self, room: np.ndarray, position: np.ndarray, others: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Where every action leads (B, A, 2), and whether it is legal (B, A)."""
         batch = len(room)
         steps = self.steps[room][:, :, None, None] * DIRECTIONS  # (B, steps, 4, 2)
@@ -155,16 +158,34 @@ class Simulator:
         reached = snap(position[:, None] + steps.reshape(batch, count, 2))
         legal = self.is_legal(np.repeat(room, count), reached.reshape(-1, 2)).reshape(batch, count)
         if self.moves.slide:
-            slid, touches = self._slides(room, position)
+            slid, touches = self._slides(room, position, others)
             reached, legal = np.concatenate([reached, slid], 1), np.concatenate([legal, touches], 1)
         return reached, legal
 
-    def reward(self, room: np.ndarray, position: np.ndarray) -> RewardTerms[np.ndarray]:
-        """The reward of standing at `position`: terms of shape (B,)."""
+    def reward(
+        self,
+        room: np.ndarray,
+        position: np.ndarray,
+        others: np.ndarray | None = None,
+        target_iou: np.ndarray | None = None,
+    ) -> RewardTerms[np.ndarray]:
+        """The reward of standing at `position`: terms of shape (B,).
+
+        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own.
+        """
         shared = self._shared_areas(room, position)  # (B, shapes)
         item, areas = self.item_area[room], self._areas[room]
         iou = np.nan_to_num(shared / (item[:, None] + areas - shared))
-        return self.weights(iou[:, 1], iou[:, 2:].sum(1), shared[:, 0] / item, iou[:, 0])
+        elements = iou[:, 2:].sum(1)
+        if others is not None:
+            elements += self.ious(room, position, others).sum(1)
+        target = iou[:, 1] if target_iou is None else target_iou
+        return self.weights(target, elements, shared[:, 0] / item, iou[:, 0])
+
+    def ious(self, room: np.ndarray, position: np.ndarray, footprints: np.ndarray) -> np.ndarray:
+        """The item's IoU with footprints (B, K); 0 with None."""
+        shared = shapely.area(shapely.intersection(self._footprints(room, position)[:, None], footprints))
+        return np.nan_to_num(shared / (self.item_area[room][:, None] + shapely.area(footprints) - shared))
 
     def overlap_and_outside(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the item that other items cover, and that lie outside the indoor area: (B,) each."""
@@ -177,16 +198,29 @@ class Simulator:
         bounds = self._bounds[room]
         near = np.all(bounds[..., :2] < box[:, None, 2:], -1) & np.all(bounds[..., 2:] > box[:, None, :2], -1)
         b, k = np.nonzero(near)
-        rings = [self._corners[r] + p for r, p in zip(room, position, strict=True)]
-        index = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
-        items = shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=index))
+        items = self._footprints(room, position)
         shared = np.zeros(near.shape)
         shared[b, k] = shapely.area(shapely.intersection(items[b], self.shapes[self._first[room[b]] + k]))
         return shared
 
-    def _slides(self, room: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _footprints(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """The moving items' outlines at their positions: polygons (B,)."""
+        rings = [self._corners[r] + p for r, p in zip(room, position, strict=True)]
+        index = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+        return shapely.polygons(shapely.linearrings(np.concatenate(rings), indices=index))
+
+    def _slides(
+        self, room: np.ndarray, position: np.ndarray, others: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The next position in each direction at which the item touches the outline from within, or another item."""
-        x0, y0, x1, y1 = np.moveaxis(self.contacts[room], -1, 0)  # (B, segments) each
+        contacts = self.contacts[room]
+        if others is not None:
+            x0, y0, x1, y1 = np.moveaxis(shapely.bounds(others), -1, 0)
+            left, below, right, up = self.item_bounds[room].T[..., None]
+            a, b, c, d = (x0 - right).round(9), (y0 - up).round(9), (x1 - left).round(9), (y1 - below).round(9)
+            sides = ((a, b, a, d), (c, b, c, d), (a, b, c, b), (a, d, c, d))
+            contacts = np.concatenate([contacts, *(np.stack(side, -1) for side in sides)], 1)
+        x0, y0, x1, y1 = np.moveaxis(contacts, -1, 0)  # (B, segments) each
         destinations = np.repeat(position[:, None], 4, 1)
         legal = np.zeros((len(room), 4), dtype=bool)
         for d, direction in enumerate(DIRECTIONS):

@@ -1,0 +1,174 @@
+"""The simulator of whole rooms as tensors: thousands of them step at once, exactly, on CPU or GPU.
+
+What a state, a move and the reward are, the reference `RoomsSimulator` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.packed import Footprints
+from layoutrl.env.reward import RewardTerms
+from layoutrl.env.rooms_simulator import TURNS, RoomsSimulator, State, faces_alike
+from layoutrl.rooms.room import Item
+
+FAR = 1e4  # metres from any room: where what does not stand is, so that nothing touches it
+
+
+class BatchRoomsSimulator:
+    """Moves and rewards in B states at once, in the rooms of a `RoomsSimulator`. Areas are computed in `dtype`."""
+
+    def __init__(
+        self, simulator: RoomsSimulator, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float32
+    ):
+        self.rooms = simulator.rooms
+        self.moves = simulator.moves
+        self.actions = simulator.actions
+        self.device = torch.device(device)
+        self.simulator = BatchSimulator(simulator.simulator, device, dtype)
+        self.count, self.ways, self.entry = (
+            torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.entry)
+        )
+        self._turns = torch.tensor(TURNS, device=device)
+        # Of the items (rooms, N) as they are turned first, and with a quarter more.
+        like = torch.empty(0, device=device, dtype=dtype)
+        rows, most = simulator.entry.shape[:2]
+        self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
+
+        # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
+        places = [there for targets in simulator.targets for there in (*targets, *[[]] * (most - len(targets)))]
+        longest = max(map(len, places), default=0)
+        table = [_padded(there, longest) for there in places]
+        shape = rows * most, longest
+        counts = np.zeros((*shape, 4))
+        for (k, t, q), degrees in np.ndenumerate(np.repeat(simulator.degrees.reshape(-1, 1, 4), longest, 1)):
+            if t < len(places[k]):
+                counts[k, t, q] = 1.0 if faces_alike(places[k][t], degrees) else simulator.weights.faces_away
+        own = np.array([[item.degrees for item in row] for row in table]).reshape(*shape, 1)
+        self._targets = _Table(table, own, like)
+        self._target_center = torch.tensor(
+            np.array([[item.center for item in row] for row in table]).reshape(*shape, 2), device=device
+        )
+        self._target_counts = torch.tensor(counts).to(like)
+
+    def begin(self, room: Tensor, generator: torch.Generator) -> State[Tensor]:
+        """Rooms (B,) in which nothing stands but what never moves, and poses drawn for when an item is taken."""
+        entry = self.entry.index_select(0, room)
+        chance = torch.rand(entry.shape, generator=generator, device=self.device)
+        quarter = chance.masked_fill(entry < 0, -1.0).argmax(2)
+        entry = entry.gather(2, quarter[..., None])[..., 0]
+        center = self.simulator.starts(entry.clamp(min=0).flatten(), generator).view(*entry.shape, 2)
+        return State(room, center, quarter, torch.zeros_like(entry, dtype=torch.bool), torch.zeros_like(room))
+
+    def put(self, state: State[Tensor], item: Tensor, center: Tensor, quarter: Tensor) -> State[Tensor]:
+        """The states in which an item (B,) stands at centers (B, 2), turned by quarters (B,), and is what moves."""
+        index = item[:, None]
+        return State(
+            state.room,
+            state.center.scatter(1, index[..., None].expand(-1, 1, 2), center[:, None]),
+            state.quarter.scatter(1, index, quarter[:, None]),
+            state.stands.scatter(1, index, True),
+            item,
+        )
+
+    def reach(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
+        """How far every action leads, in metres, and whether it is legal: (B, A) each. Turns and takes lead nowhere."""
+        entry, center, quarter = self._moving(state)
+        length, legal = self.simulator.reach(entry, center, self._others(state))
+        ways = self.ways[state.room, state.moving]
+        turns = []
+        for turn in self._turns:
+            as_turned = self.entry[state.room, state.moving, (quarter + turn) % ways]
+            fits = self.simulator.is_legal(as_turned.clamp(min=0), center)
+            turns.append(fits & (ways > 1) & (as_turned >= 0))
+        stands = state.stands.gather(1, state.moving[:, None])
+        can_take = torch.arange(state.stands.shape[1], device=self.device) < self.count[state.room][:, None]
+        can_take = can_take & ~(torch.zeros_like(can_take).scatter(1, state.moving[:, None], stands))
+        legal = torch.cat([torch.cat([legal, torch.stack(turns, 1)], 1) & stands, can_take], 1)
+        return torch.nn.functional.pad(length, (0, self.actions - length.shape[1])), legal
+
+    def moved(self, state: State[Tensor], action: Tensor, length: Tensor) -> State[Tensor]:
+        """The states after an action (B,) each, `length` (B,) metres far."""
+        turn = action - self.moves.count
+        item = torch.where(turn >= len(self._turns), turn - len(self._turns), state.moving)
+        _, center, quarter = self._moving(state._replace(moving=item))
+        by = self._turns[turn.clamp(0, len(self._turns) - 1)].where((turn >= 0) & (turn < len(self._turns)), 0)
+        quarter = (quarter + by) % self.ways[state.room, item]
+        return self.put(state, item, self.simulator.moved(center, action, length), quarter)
+
+    def reward(self, state: State[Tensor]) -> RewardTerms[Tensor]:
+        """The reward of the moving item where it stands, among what stands now: terms (B,), 0 until one is taken."""
+        entry, center, quarter = self._moving(state)
+        which = state.room * self.entry.shape[1] + state.moving
+        if self._target_counts.shape[1]:
+            there = self._target_center.index_select(0, which)
+            targets = self._targets.footprints(which, there, torch.zeros_like(there[..., 0], dtype=torch.int64))
+            ious = self.simulator.ious(entry, center, targets)
+            iou = (ious * self._target_counts[which, :, quarter]).amax(1)
+        else:
+            iou = torch.zeros(len(entry), device=self.device, dtype=self._target_counts.dtype)
+        terms = self.simulator.reward(entry, center, self._others(state), iou)
+        stands = state.stands.gather(1, state.moving[:, None])[:, 0]
+        return RewardTerms(*(term * stands for term in terms))
+
+    def _moving(self, state: State[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+        """Of what moves its room of `simulator` (B,), center (B, 2) and quarter (B,)."""
+        index = state.moving[:, None]
+        quarter = state.quarter.gather(1, index)[:, 0]
+        center = state.center.gather(1, index[..., None].expand(-1, 1, 2))[:, 0]
+        return self.entry[state.room, state.moving, quarter], center, quarter
+
+    def _others(self, state: State[Tensor]) -> Footprints:
+        """What stands and does not move."""
+        there = state.stands.scatter(1, state.moving[:, None], False)
+        return self._items.footprints(state.room, state.center.masked_fill(~there[..., None], FAR), state.quarter)
+
+
+NOTHING = Item("", (0.0, 0.0), (FAR, FAR))  # fills up tables
+
+
+def _padded(items: Sequence[Item], length: int) -> list[Item]:
+    return [*items, *[NOTHING] * (length - len(items))]
+
+
+class _Table:
+    """Footprints of items (rows, K), each at two rotations, a quarter apart."""
+
+    def __init__(self, items: Sequence[Sequence[Item]], degrees: np.ndarray, like: Tensor):
+        """From items and the first rotation of each, `degrees` (rows, K, ...)."""
+        shape = degrees.shape[:2]
+        size = np.array([[item.size for item in row] for row in items]).reshape(*shape, 2)
+        disc = np.array([[item.form == "circle" for item in row] for row in items], dtype=bool).reshape(shape)
+        first = degrees[..., 0]
+        slanted = ~disc & (first % 90 != 0) & (size > 0).all(-1)
+        swapped = (first % 180 == 90)[..., None]
+        half = np.where(swapped, size[..., ::-1], size) / 2
+        half = np.stack([half, half[..., ::-1]], 2)  # (rows, K, parity, 2)
+        turn = np.deg2rad(np.where(slanted, first, 0))
+        cosine, sine = np.abs(np.cos(turn))[..., None, None], np.abs(np.sin(turn))[..., None, None]
+        bounds = np.where(disc[..., None, None], half, cosine * half + sine * half[..., ::-1])
+        self._half, self._bounds = (torch.tensor(values).to(like) for values in (half, bounds))
+        self._disc = torch.tensor(disc, device=like.device) if disc.any() else None
+        self._turn = torch.tensor(turn).to(like) if slanted.any() else None
+
+    def footprints(self, row: Tensor, center: Tensor, quarter: Tensor) -> Footprints:
+        """Those of rows (B,) at centers (B, K, 2), turned further by quarters (B, K)."""
+        odd = (quarter % 2).bool()[..., None]
+
+        def at(table: Tensor) -> Tensor:
+            even, turned = table.index_select(0, row).unbind(2)
+            return torch.where(odd, turned, even)
+
+        half = at(self._half)
+        return Footprints(
+            center,
+            half,
+            half if self._turn is None else at(self._bounds),
+            None if self._disc is None else self._disc.index_select(0, row),
+            None if self._turn is None else self._turn.index_select(0, row),
+        )

@@ -1,0 +1,201 @@
+"""The reference simulator of whole rooms. The simulator of one item among finished rooms is the oracle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl import InputError
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike, period
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.brief import brief_of, facings
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import MAIN_ITEM, Item, Room
+from tests.builders import random_brief, random_room, rectangular_room
+
+seeds = st.integers(0, 2**32 - 1)
+BED = Item("bed", (2.0, 1.5), (1.0, 1.5), 0.0)
+
+
+def simulator_of(*rooms: Room, **reward: float) -> RoomsSimulator:
+    """Of the briefs of designed rooms."""
+    return RoomsSimulator([brief_of(room) for room in rooms], rooms, Moves(), Reward(**reward))
+
+
+def standing(simulator: RoomsSimulator, seed: int, batch: int = 6, share: float = 0.7) -> State[np.ndarray]:
+    """Rooms with some of their items put anywhere, one of which moves."""
+    rng = np.random.default_rng(seed)
+    state = simulator.begin(rng.integers(len(simulator.rooms), size=batch), rng)
+    for n in rng.permutation(simulator.entry.shape[1]):
+        here = (n < simulator.count[state.room]) & (rng.random(batch) < share)
+        state.stands[:, n] = here
+    moving = (rng.random(batch) * simulator.count[state.room]).astype(int)
+    every = np.arange(batch)
+    return simulator.put(state, moving, state.center[every, moving], state.quarter[every, moving])
+
+
+@given(seeds)
+def test_one_item_that_moves_is_the_simulator_of_the_room_as_it_stands(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    designs = [random_room(rng) for _ in range(3)]
+    simulator = RoomsSimulator([random_brief(rng, room) for room in designs], None, Moves(), Reward())
+    state = standing(simulator, seed)
+    item, center, quarter, legal = simulator.destinations(state)
+    terms = simulator.reward(state)
+    for b, n in enumerate(state.moving):
+        room = simulator.layout(state, b)
+        here = simulator.item(state, b, n)
+        alone = Simulator([replace(room, target=room.furniture.index(here))], Moves(), Reward())
+        at = np.array([here.center])
+        reached, allowed = alone.destinations(np.array([0]), at)
+        count = Moves().count
+        assert (item[b, :count] == n).all()
+        assert (quarter[b, :count] == state.quarter[b, n]).all()
+        np.testing.assert_array_equal(legal[b, :count], allowed[0])
+        np.testing.assert_allclose(center[b, :count], reached[0], rtol=0, atol=2e-6)
+        own = alone.reward(np.array([0]), at)
+        np.testing.assert_allclose((terms.r2[b], terms.r3[b]), (own.r2[0], own.r3[0]), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_where_the_designer_put_everything_every_item_has_the_whole_first_term(room_type: str) -> None:
+    room = design_rooms(room_type, "test", 0, 1).rooms[0]
+    simulator = simulator_of(room)
+    items = simulator.items[0]
+    state = simulator.begin(np.zeros(len(items), dtype=int), np.random.default_rng(0))
+    free = list(room.furniture)
+    for n, item in enumerate(items):
+        there = next(other for other in free if replace(other, center=None, rotation=None) == item)
+        free.remove(there)
+        quarter = [faces_alike(there, degrees) for degrees in simulator.degrees[0, n]].index(True)
+        state.center[:, n], state.quarter[:, n], state.stands[:, n] = there.center, quarter, True
+    state = state._replace(moving=np.arange(len(items)))
+    assert simulator.reward(state).iou == pytest.approx(1)
+
+
+def test_the_reward_knows_what_stands_now_and_nothing_else() -> None:
+    desk = Item("desk", (0.6, 1.2), (3.0, 1.0), 180.0)
+    simulator = simulator_of(rectangular_room(4, 3, BED, others=(desk,)))
+    begun = simulator.begin(np.array([0]), np.random.default_rng(0))
+    assert [term.item() for term in simulator.reward(begun)] == [0, 0, 0, 0]  # nothing is taken yet
+    bed = simulator.put(begun, np.array([0]), np.array([[2.9, 1.5]]), np.array([0]))
+    assert simulator.reward(bed).r2.item() == 0
+    both = simulator.put(bed, np.array([1]), np.array([[3.0, 1.0]]), np.array([2]))
+    assert simulator.reward(both).r2.item() < 0
+    assert simulator.reward(both).r1.item() == pytest.approx(100)
+    assert simulator.reward(bed._replace(moving=np.array([1]))).r1.item() == 0
+
+
+def test_an_item_that_faces_away_counts_less_and_one_without_a_front_does_not_care() -> None:
+    table = Item("table", (1.4, 0.8), (3.2, 1.5), 0.0)
+    round_table = Item("side_table", (0.5, 0.5), (0.4, 0.4), 90.0, "circle")
+    simulator = simulator_of(rectangular_room(4, 3, BED, others=(table, round_table)), faces_away=0.25)
+    assert [item.category for item in simulator.items[0]] == ["bed", "side_table", "table"]
+    np.testing.assert_array_equal(simulator.ways, [[4, 1, 2]])
+    state = simulator.begin(np.zeros(4, dtype=int), np.random.default_rng(0))
+
+    def first_terms(item: int, center: tuple[float, float], quarters: list[int]) -> list[float]:
+        size = len(quarters)
+        there = np.repeat([center], 4, 0)
+        put = simulator.put(state, np.full(4, item), there, np.resize(quarters, 4))
+        return simulator.reward(put).r1[:size].tolist()
+
+    assert first_terms(0, (1.0, 1.5), [0, 2]) == pytest.approx([100, 25])
+    assert first_terms(2, (3.2, 1.5), [0]) == pytest.approx([100])
+    assert first_terms(1, (0.4, 0.4), [0]) == pytest.approx([100])
+
+
+def test_equal_items_may_stand_for_each_other() -> None:
+    stands = [Item("nightstand", (0.5, 0.5), (x, 0.25), 90.0) for x in (0.25, 2.25)]
+    simulator = simulator_of(rectangular_room(4, 3, BED, others=tuple(stands)))
+    state = simulator.begin(np.zeros(2, dtype=int), np.random.default_rng(0))
+    for n in (1, 2):
+        put = simulator.put(state, np.full(2, n), np.array([(0.25, 0.25), (2.25, 0.25)]), np.ones(2, dtype=int))
+        assert simulator.reward(put).iou == pytest.approx(1)
+
+
+def test_a_turn_stays_in_place_and_is_legal_where_the_item_fits_so_turned() -> None:
+    wardrobe = Item("wardrobe", (0.6, 2.8), (0.3, 1.5), 0.0)
+    simulator = simulator_of(rectangular_room(2.0, 3.0, wardrobe))  # 2.4 m wide with its walls
+    state = simulator.begin(np.array([0]), np.random.default_rng(0))
+    assert simulator.entry[0, 0, 1] == simulator.entry[0, 0, 3] == -1 == simulator.entry[0, 0].min()
+    lengthwise = simulator.put(state, np.array([0]), np.array([[1.0, 1.5]]), np.array([0]))
+    first = Moves().count
+    _item, center, quarter, legal = simulator.destinations(lengthwise)
+    assert not legal[0, first : first + 2].any()
+    assert quarter[0, first : first + 2].tolist() == [1, 3]
+    np.testing.assert_array_equal(center[0, first : first + 2], [[1.0, 1.5]] * 2)
+
+    simulator = simulator_of(rectangular_room(4.0, 3.0, wardrobe))
+    lengthwise = simulator.put(state, np.array([0]), np.array([[2.0, 1.5]]), np.array([0]))
+    assert simulator.destinations(lengthwise)[3][0, first : first + 2].all()
+
+
+def test_a_rotation_that_is_given_is_kept() -> None:
+    bed = replace(BED, rotation=30.0)
+    brief = replace(rectangular_room(4, 4, bed), furniture=(replace(bed, center=None),), target=None)
+    simulator = RoomsSimulator([brief], None, Moves(), Reward())
+    state = standing(simulator, 0, batch=1)
+    assert simulator.item(state, 0, 0).rotation == 30
+    assert not simulator.destinations(state)[3][0, Moves().count : Moves().count + 2].any()
+
+
+def test_in_a_turned_room_items_face_along_its_walls() -> None:
+    corners = np.array([(0, 0), (4, 0), (4, 3), (0, 3)]) @ np.array([(0.8, 0.6), (-0.6, 0.8)])
+    room = replace(rectangular_room(4, 3, BED), outline=tuple(map(tuple, corners.tolist())), walls=())
+    simulator = RoomsSimulator([brief_of(room)], None, Moves(), Reward())
+    np.testing.assert_allclose(simulator.degrees[0, 0], facings(room))
+    assert simulator.degrees[0, 0, 0] % 90 == pytest.approx(np.rad2deg(np.arctan2(0.6, 0.8)))
+
+
+def test_until_an_item_is_taken_nothing_moves_and_what_stands_can_be_taken_again() -> None:
+    desk = Item("desk", (0.6, 1.2), (3.0, 1.0), 180.0)
+    simulator = simulator_of(rectangular_room(4, 3, BED, others=(desk,)), rectangular_room(4, 3, BED))
+    takes = simulator.actions - 2
+    state = simulator.begin(np.array([0, 1]), np.random.default_rng(0))
+    item, center, quarter, legal = simulator.destinations(state)
+    np.testing.assert_array_equal(legal[:, takes:], [[True, True], [True, False]])
+    assert not legal[:, :takes].any()
+    np.testing.assert_array_equal(item[:, takes:], [[0, 1]] * 2)
+    np.testing.assert_array_equal(center[:, takes:], state.center)
+    np.testing.assert_array_equal(quarter[:, takes:], state.quarter)
+    taken = simulator.put(state, item[:, takes], center[:, takes], quarter[:, takes])
+    legal = simulator.destinations(taken)[3]
+    np.testing.assert_array_equal(legal[:, takes:], [[False, True], [False, False]])
+    assert legal[:, :takes].any(1).all()
+
+
+def test_a_layout_has_what_stands_and_leaves_the_rest() -> None:
+    room = design_rooms("bedroom", "test", 0, 1).rooms[0]
+    simulator = simulator_of(room)
+    state = simulator.begin(np.array([0]), np.random.default_rng(0))
+    assert simulator.layout(state, 0) == brief_of(room)
+    put = simulator.put(state, np.array([1]), state.center[:, 1], state.quarter[:, 1])
+    layout = simulator.layout(put, 0)
+    assert [item.center is not None for item in layout.furniture] == [k == 1 for k in range(len(room.furniture))]
+
+
+def test_an_item_that_fits_in_no_way_is_refused() -> None:
+    brief = brief_of(rectangular_room(2, 2, Item("bed", (9.0, 9.0), (1.0, 1.0))))
+    with pytest.raises(InputError, match="room: the bed does not fit into it"):
+        RoomsSimulator([brief], None, Moves(), Reward())
+
+
+def test_degrees_after_which_items_look_the_same() -> None:
+    assert period(Item("bed", (2.0, 2.0))) == 360
+    assert period(Item("table", (1.0, 2.0))) == 180
+    assert period(Item("table", (1.0, 1.0))) == 90
+    assert period(Item("shower", (1.0, 1.0), form="circle")) <= 90
+    assert [faces_alike(BED, degrees) for degrees in (0, 90, 180, 270, 360, -1)] == [
+        True,
+        False,
+        False,
+        False,
+        True,
+        True,
+    ]
