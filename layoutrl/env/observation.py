@@ -20,12 +20,14 @@ from layoutrl.env import coverage
 from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry
-from layoutrl.rooms.room import Room, envelopes, polygons
+from layoutrl.rooms.room import Item, Room, envelopes, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
-COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle")
-X, Y, WIDTH, DEPTH, SIN2 = (COLUMNS.index(name) for name in ("x", "y", "width", "depth", "sin2"))
+COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
+X, Y, WIDTH, DEPTH, SIN2, COS, SIN = (
+    COLUMNS.index(name) for name in ("x", "y", "width", "depth", "sin2", "cos", "sin")
+)
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
 
@@ -46,8 +48,9 @@ def observation_of(
 class GeometryObservation:
     """The state as a set of elements: float32 (B, elements, columns); the moving item comes first.
 
-    An element is its kind, centre and size (metres, from the centre of the envelope), the double
-    angle of its rotation (a rectangle turned by half a circle looks the same) and its category.
+    An element is its kind, centre and size (metres, from the centre of the envelope), the double angle of its
+    rotation (a rectangle turned by half a circle covers the same), where it faces (0, 0 for what has no front by its
+    form: walls, openings, discs) and its category.
     Rows of rooms with fewer elements are zero; `present` tells them apart. `origin` (rooms, 2) are those centres.
     """
 
@@ -72,7 +75,8 @@ class GeometryObservation:
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same rooms look mirrored and turned. (An element at 45 degrees can come out as one at -45.)"""
         turned = observation.clone()
-        turned[..., X : Y + 1] = observation[..., X : Y + 1] @ symmetry.matrix.T
+        for first, last in ((X, Y), (COS, SIN)):
+            turned[..., first : last + 1] = observation[..., first : last + 1] @ symmetry.matrix.T
         if symmetry.quarters % 2:
             turned[..., WIDTH], turned[..., DEPTH] = observation[..., DEPTH], observation[..., WIDTH]
         if symmetry.mirror:
@@ -156,13 +160,10 @@ def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) 
     corners = _rectangles(polygons([ring for _, _, ring in walls + openings]))
     items = [item for _, _, item in moving + others]
     sides = np.diff(corners[:, :3], axis=1)
-    size = np.concatenate([np.hypot(*np.moveaxis(sides, 2, 0)), np.array([item.size for item in items])])
-    degrees = np.concatenate([np.rad2deg(np.arctan2(sides[:, 0, 1], sides[:, 0, 0])), [item.degrees for item in items]])
-    # The one description of a rectangle whose rotation lies above -45 and up to 45 degrees.
-    quarters = np.ceil((degrees - 45) / 90 - 1e-9).astype(int)
-    size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])
-    angle = np.deg2rad(2 * (degrees - 90 * quarters))
-    circle = np.array([False] * len(corners) + [item.form == "circle" for item in items])
+    size = np.hypot(*np.moveaxis(sides, 2, 0))
+    degrees = np.rad2deg(np.arctan2(sides[:, 0, 1], sides[:, 0, 0]))
+    shape = np.concatenate([described(size, degrees), items_described(items, [item.degrees for item in items])])
+    shape[: len(corners), -2:] = 0.0  # walls and openings face nowhere
 
     room = np.array([k for k, _, _ in walls + openings + moving + others])
     kind = np.array([name for _, name, _ in walls + openings + moving + others])
@@ -174,15 +175,30 @@ def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) 
             center,
             np.ones(len(room)),
             kind[:, None] == np.array(KINDS),
-            size,
-            np.cos(angle) * ~circle,
-            np.sin(angle) * ~circle,
-            circle,
+            shape,
             category[:, None] == np.array(categories),
         ]
     )
     order = np.lexsort([kind == "item", kind != "moving", room])
     return table[order], room[order]
+
+
+def items_described(items: Sequence[Item], degrees: Sequence[float]) -> np.ndarray:
+    """The columns `width` to `sin` (n, 7) of items turned so."""
+    size = np.array([item.size for item in items]).reshape(-1, 2)
+    shown = described(size, np.array(degrees))
+    circle = np.array([item.form == "circle" for item in items], dtype=bool)
+    shown[circle, 2:] = (0, 0, 1, 0, 0)
+    return shown
+
+
+def described(size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
+    """The columns `width` to `sin` (n, 7) of rectangles of a size (n, 2), turned by degrees (n,)."""
+    # The one description of a rectangle whose rotation lies above -45 and up to 45 degrees.
+    quarters = np.ceil((degrees - 45) / 90 - 1e-9).astype(int)
+    size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])
+    double, facing = np.deg2rad(2 * (degrees - 90 * quarters)), np.deg2rad(degrees)
+    return np.column_stack([size, np.cos(double), np.sin(double), np.zeros(len(size)), np.cos(facing), np.sin(facing)])
 
 
 def _rectangles(shapes: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ LOCK = "lock"  # of a run that is trained
 POLL = 0.1  # seconds between two attempts to lock a file, where the system cannot wait for it
 KEPT = 2  # checkpoints, beside the best
 LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml; those that are written have 1,300 and 4
-FORMAT = 1  # of checkpoints: those of another cannot be read. Those of layoutrl 0.1.0 do not say theirs, which is 1.
+FORMAT = 2  # of checkpoints: those of another cannot be read. In 1, of layoutrl 0.1 and 0.2, agents saw no facings.
 STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
 
 
@@ -213,7 +213,7 @@ def load_checkpoint(
             if (theirs := state.get("format", 1)) != FORMAT:
                 raise InputError(
                     f"run: {checkpoint.file} is of format {theirs}, of layoutrl {state.get('version')}; "
-                    f"expected {FORMAT}, of layoutrl {layoutrl.__version__}"
+                    f"expected {FORMAT}, of layoutrl {layoutrl.__version__}: train it again"
                 )
             if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
                 raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")

@@ -224,8 +224,8 @@ def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_
     save_checkpoint(folder, state | {"training": state["training"] | {"agent": {}}}, UPDATES)
     with pytest.raises(InputError, match=r"the checkpoint of .* does not fit \(KeyError"):
         resumed(folder, run, TrainConfig)
-    save_checkpoint(folder, state | {"format": 2}, UPDATES)
-    with pytest.raises(InputError, match="is of format 2"):
+    save_checkpoint(folder, state | {"format": 3}, UPDATES)
+    with pytest.raises(InputError, match="is of format 3"):
         resumed(folder, run, TrainConfig)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -16,7 +15,6 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
 from layoutrl.runs.folder import checkpoints, load_checkpoint, save_checkpoint
-from layoutrl.runs.resume import resumed
 from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
 from tests.runs.test_resume import SHORT
@@ -105,19 +103,3 @@ def test_rooms_that_changed_since_the_training_are_told(
     changed(copy, root, f"  root: {file}")
     trained_run(RunConfig(str(copy)))
     assert f"{copy} was trained on other rooms than there are now" in capsys.readouterr().out
-
-
-def test_a_checkpoint_of_the_first_version_is_scored_and_gone_on_with(copy: Path) -> None:
-    state = load_checkpoint(copy, CPU)
-    for of_later in ("format", "device"):
-        del state[of_later]
-    state["version"] = "0.1.0"
-    last = checkpoints(copy)[0].file
-    torch.save(state, last)
-    mark = json.loads(last.with_suffix(".json").read_text())
-    last.with_suffix(".json").write_text(json.dumps(mark | {"sha256": hashlib.sha256(last.read_bytes()).hexdigest()}))
-    assert trained_run(RunConfig(str(copy))).simulator.rooms
-    evaluation = json.loads((copy / "evaluation.json").read_text())
-    (copy / "evaluation.json").unlink()
-    resumed(copy, run, TrainConfig)
-    assert json.loads((copy / "evaluation.json").read_text())["rows"] == evaluation["rows"]
