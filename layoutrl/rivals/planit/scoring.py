@@ -8,13 +8,13 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import shapely
 import torch
-from scipy.optimize import linear_sum_assignment
 from tqdm import tqdm
 
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.layouts import iou_of
+from layoutrl.evaluation.layouts import matched as matched_rooms
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample
@@ -170,7 +170,10 @@ def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
         furnished = [_with(rooms[k], items[k]) for k in there]
         simulator = Simulator(furnished, Moves(), Reward())
         index, position = np.arange(len(there)), simulator.designer_position  # which is where they were put
-        iou[there] = [iou_of(room.moving, rooms[k].moving) for room, k in zip(furnished, there, strict=True)]
+        iou[there] = iou_of(
+            np.array([room.moving.footprint for room in furnished]),
+            np.array([rooms[k].moving.footprint for k in there]),
+        )
         overlap[there], outside[there] = simulator.overlap_and_outside(index, position)
         blocked[there] = blocks_openings(simulator, index, position)
     group = np.array([room.group for room in rooms])
@@ -180,12 +183,6 @@ def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
 def _with(room: Room, item: Item | None) -> Room:
     assert item is not None
     return replace(room, furniture=tuple(item if k == room.target else o for k, o in enumerate(room.furniture)))
-
-
-def iou_of(item: Item, other: Item) -> float:
-    """IoU of two footprints."""
-    shared = shapely.area(shapely.intersection(item.footprint, other.footprint))
-    return float(shared / (item.footprint.area + other.footprint.area - shared))
 
 
 @dataclass(frozen=True)
@@ -267,15 +264,9 @@ def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
 
 def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
     """The IoU of each of the designer's items with the one that it is matched with: 0 with none."""
-    designed = {k: item for k, item in enumerate(room.furniture) if item.center is not None}
-    iou = dict.fromkeys(designed, 0.0)
-    for category in {item.category for item in designed.values()}:
-        theirs = [k for k, item in designed.items() if item.category == category]
-        ours = [item for item in placed if item.category == category]
-        table = np.array([[iou_of(designed[k], item) for item in ours] for k in theirs]).reshape(len(theirs), -1)
-        for row, column in zip(*linear_sum_assignment(table, maximize=True), strict=True):
-            iou[theirs[row]] = float(table[row, column])
-    return iou
+    designed = [k for k, item in enumerate(room.furniture) if item.center is not None]
+    found = matched_rooms([replace(room, furniture=tuple(placed))], [room])
+    return dict(zip(designed, found.iou.tolist(), strict=True))
 
 
 def score_all(

@@ -13,6 +13,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layoutrl.evaluation.layouts import iou_of
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.graph import (
     ADJACENT,
@@ -30,7 +31,7 @@ from layoutrl.rivals.planit.graph import (
     scene_of,
 )
 from layoutrl.rivals.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
-from layoutrl.rivals.planit.scoring import iou_of, scored
+from layoutrl.rivals.planit.scoring import scored
 from layoutrl.rivals.planit.training import planned, with_last
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item
 from tests.builders import rectangular_room
@@ -235,7 +236,7 @@ def test_the_designers_place_holds_and_is_hardly_moved(room_type: str) -> None:
             query = Query(k, item.category, edges, {n: other for n, other in items.items() if n != node})
             snapped = placer._snapped(query, item)
             assert not placer._collisions(query, item)
-            moved.append(iou_of(snapped, item))
+            moved.append(iou_of(snapped.footprint, item.footprint))
             held.append(placer._held(query, snapped))
     assert np.mean(moved) > 0.97
     assert np.mean(np.array(held) == 1) > 0.95

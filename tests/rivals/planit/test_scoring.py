@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from layoutrl.evaluation.layouts import iou_of
 from layoutrl.rivals.planit import scoring
 from layoutrl.rivals.planit.graph import graph_of, scene_of
 from layoutrl.rivals.planit.placement import Layout, Placer, Query
@@ -19,7 +20,6 @@ from layoutrl.rivals.planit.scoring import (
     evaluated,
     furnish_all,
     given_query,
-    iou_of,
     match,
     matched,
     place_targets,
@@ -52,7 +52,7 @@ def test_what_is_put_elsewhere_is_scored_where_it_is_and_as_large_as_it_is() -> 
     assert put.score.overlap == pytest.approx(0.5)
     half = scored([room], [Item("bed", (2.0, 1.0), (3.0, 0.5))])
     assert half.iou[0] == pytest.approx(1 / 3)
-    assert iou_of(Item("a", (1, 1), (0, 0)), Item("a", (1, 1), (0.5, 0))) == pytest.approx(1 / 3)
+    assert iou_of(Item("a", (1, 1), (0, 0)).footprint, Item("a", (1, 1), (0.5, 0)).footprint) == pytest.approx(1 / 3)
 
 
 def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
@@ -65,7 +65,8 @@ def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
         theirs = [item for item in room.furniture if item.category == category]
         ours = [item for item in moved if item.category == category]
         best = max(
-            sum(iou_of(a, b) for a, b in zip(theirs, order, strict=True)) for order in itertools.permutations(ours)
+            sum(iou_of(a.footprint, b.footprint) for a, b in zip(theirs, order, strict=True))
+            for order in itertools.permutations(ours)
         )
         mine = sum(iou for k, iou in found.items() if room.furniture[k].category == category)
         assert mine == pytest.approx(best)

@@ -1,0 +1,252 @@
+"""What is wrong with the items of whole layouts, worked out from polygons, of all rooms at once.
+
+Drawing noise is no fault: what overlaps, stands outside or in the way by TOLERANCE, a centimetre, or less does not
+count, and a passage may be a centimetre too narrow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+import shapely
+
+from layoutrl.evaluation.metrics import kept_free
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
+from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
+
+ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
+ROUNDING = 1e-9  # square metres: no area
+MISSING = "not placed"  # the fault that leaves no room for others
+CORNERS = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])
+
+
+def faults(layout: Room) -> list[tuple[int, str]]:
+    """(index of the item, what is wrong with it), item by item: the names are those of `item_faults`.
+
+    Of what is not placed nothing else is said.
+    """
+    items = Items.of([layout])
+    found, _, _ = item_faults([layout], items)
+    return [
+        (k, name)
+        for k in range(len(layout.furniture))
+        for name, faulty in found.items()
+        if faulty[k] and (items.placed[k] or name == MISSING)
+    ]
+
+
+@dataclass(frozen=True)
+class Items:
+    """All N items of B layouts, one layout after the other."""
+
+    room: np.ndarray  # (N,)
+    category: np.ndarray  # (N,)
+    size: np.ndarray  # (N, 2)
+    center: np.ndarray  # (N, 2), NaN where it is not placed
+    degrees: np.ndarray  # (N,), NaN where it is to be chosen
+    round: np.ndarray  # (N,)
+    tucked: np.ndarray  # (N,)
+
+    @classmethod
+    def of(cls, layouts: Sequence[Room]) -> Items:
+        """All items of these layouts."""
+        items = list(chain.from_iterable(layout.furniture for layout in layouts))
+        return cls(
+            np.repeat(np.arange(len(layouts)), [len(layout.furniture) for layout in layouts]),
+            np.array([item.category for item in items], dtype=str),
+            np.array([item.size for item in items], dtype=float).reshape(-1, 2),
+            np.array([item.center or (np.nan, np.nan) for item in items], dtype=float).reshape(-1, 2),
+            np.array([np.nan if item.rotation is None else item.rotation for item in items], dtype=float),
+            np.array([item.form == "circle" for item in items], dtype=bool),
+            np.array([item.tucked for item in items], dtype=bool),
+        )
+
+    @cached_property
+    def footprint(self) -> np.ndarray:
+        """Where each stands, as Item.footprint: (N,), None where it is not placed."""
+        return self.grown(0)
+
+    def grown(self, by: float) -> np.ndarray:
+        """The footprints (N,), so many metres larger on all sides."""
+        shape = rectangles(self.center, self.size + 2 * by, self.degrees)
+        shape[self.round] = shapely.buffer(
+            shapely.points(self.center[self.round]), self.size[self.round, 0] / 2 + by, quad_segs=CIRCLE_SEGMENTS
+        )
+        shape[~self.placed] = None
+        return shape
+
+    @property
+    def placed(self) -> np.ndarray:
+        """Whether it stands somewhere, facing somewhere: (N,)."""
+        return ~np.isnan(self.center[:, 0]) & (self.round | ~np.isnan(self.degrees))
+
+    @property
+    def front(self) -> np.ndarray:
+        """How much floor it keeps free before it, in metres; NaN where it has no front: (N,)."""
+        depth = np.array([FRONT_DEPTH.get(category, np.nan) for category in self.category])
+        return np.where(self.round, np.nan, depth)
+
+
+def rectangles(center: np.ndarray, size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
+    """Rectangles (N,) with these centres (N, 2), sizes (N, 2) along their own axes, turned; None where one is NaN."""
+    # Rounded, since a sine of 180 degrees is not quite 0.
+    cosine, sine = (np.round(f(np.radians(degrees)), 15)[:, None] for f in (np.cos, np.sin))
+    x, y = np.moveaxis(CORNERS * size[:, None], 2, 0)
+    corners = np.stack([cosine * x - sine * y, sine * x + cosine * y], -1) + center[:, None]
+    known = ~np.isnan(corners).any((1, 2)) & (size > 0).all(1)
+    result = np.full(len(center), None)
+    result[known] = shapely.polygons(corners[known])
+    return result
+
+
+def item_faults(layouts: Sequence[Room], items: Items) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Which items have each fault, (N,) by its name; and how much of each others cover, and is outside, (N,).
+
+    What is not placed has the first, is out of reach and has no free front if it should; it has no other.
+    """
+    overlaps, covered = overlapping(items)
+    outside, beyond = standing_outside(layouts, items)
+    found = {
+        MISSING: ~items.placed,
+        "overlaps": overlaps,
+        "outside": outside,
+        "blocks an opening": blocking(layouts, items),
+        "out of reach": ~within_reach(layouts, items),
+        "front not free": ~free_fronts(layouts, items),
+    }
+    return found, covered, beyond
+
+
+def overlapping(items: Items) -> tuple[np.ndarray, np.ndarray]:
+    """Which items are more than 1 cm deep in another, and the share of each that others cover: (N,).
+
+    What is tucked and what it may stand under, one of the HOSTS, do not overlap.
+    """
+    is_host = np.isin(items.category, list(HOSTS)) & ~items.tucked
+    a, b = pairs(items.room, items.room)
+    hosted = items.tucked[a] & is_host[b] | is_host[a] & items.tucked[b]
+    meet = (a != b) & ~hosted & shapely.intersects(items.footprint[a], items.footprint[b])
+    a, b = a[meet], b[meet]
+    core = items.grown(-TOLERANCE / 2)
+    deep = np.bincount(a, shapely.intersects(core[a], core[b]), len(items.room)) > 0
+    covered = unions(shapely.intersection(items.footprint[a], items.footprint[b]), a, len(items.room))
+    return deep, np.nan_to_num(shapely.area(covered) / shapely.area(items.footprint))
+
+
+def standing_outside(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray, np.ndarray]:
+    """Which items are more than 1 cm deep outside the indoor area, and the share of each that is: (N,)."""
+    indoor = np.array([layout.indoor for layout in layouts])[items.room]
+    deep = shapely.area(shapely.difference(items.grown(-TOLERANCE), indoor)) > ROUNDING
+    outside = shapely.difference(items.footprint, indoor)
+    return deep, np.nan_to_num(shapely.area(outside) / shapely.area(items.footprint))
+
+
+def blocking(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Which items stand more than 1 cm deep in what is `kept_free` of doors and windows, as in `blocks_openings`."""
+    free = shapely.buffer([kept_free(layout) for layout in layouts], -TOLERANCE, join_style="mitre")
+    return shapely.area(shapely.intersection(free[items.room], items.footprint)) > 0
+
+
+def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether the floor of FRONT_DEPTH before each item is indoors and free of others, but for 1 cm all round: (N,).
+
+    What is RAISED or MAY_STAND_BEFORE it does not count. True for what keeps no floor free, False for what keeps some
+    and is not placed.
+    """
+    keeps = np.flatnonzero(items.front > 0)
+    depth, width = items.front[keeps], items.size[keeps]
+    angle = np.radians(items.degrees[keeps])
+    ahead = np.stack([np.cos(angle), np.sin(angle)], -1) * (width[:, :1] + depth[:, None]) / 2
+    size = np.stack([depth, width[:, 1]], -1) - 2 * TOLERANCE
+    floor = rectangles(items.center[keeps] + ahead, size, items.degrees[keeps])
+    free = shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[keeps]], floor)
+    a, b = pairs(items.room[keeps], items.room)
+    welcome = [
+        other in RAISED or other in MAY_STAND_BEFORE.get(category, ())
+        for category, other in zip(items.category[keeps[a]], items.category[b], strict=True)
+    ]
+    taken = (keeps[a] != b) & ~np.array(welcome, dtype=bool) & shapely.intersects(floor[a], items.footprint[b])
+    free[a[taken]] = False
+    result = np.ones(len(items.room), dtype=bool)
+    result[keeps] = free
+    return result
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Where the middle of a disc can be that walks in B rooms: P connected parts, one room after the other."""
+
+    part: np.ndarray  # (P,)
+    room: np.ndarray  # (P,)
+    entered: np.ndarray  # (P,): from the first door; where there is no door, the largest is
+
+
+def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius: np.ndarray) -> Floor:
+    """Where discs of these radii (B,) can be, among the items that stand in the way (N,). Doors are wide open."""
+    count = len(layouts)
+    indoor = np.array([layout.indoor for layout in layouts])
+    doors = shapely.buffer([shapely.union_all([d.shape for d in r.doors]) for r in layouts], TOLERANCE)
+    walls = shapely.difference(shapely.boundary(indoor), doors)
+    stands = stands & items.placed
+    solid = unions(np.append(walls, items.footprint[stands]), np.append(np.arange(count), items.room[stands]), count)
+    part, room = shapely.get_parts(shapely.difference(indoor, shapely.buffer(solid, radius)), return_index=True)
+    area = shapely.area(part)
+    part, room, area = part[area > ROUNDING], room[area > ROUNDING], area[area > ROUNDING]
+    door = np.array([layout.doors[0].shape if layout.doors else None for layout in layouts])[room]
+    largest = np.zeros(count)
+    np.maximum.at(largest, room, area)
+    at_door = shapely.dwithin(part, door, TOLERANCE)
+    return Floor(part, room, np.where(shapely.is_missing(door), area == largest[room], at_door))
+
+
+def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether who enters by the first door, as wide as the `passage` but for 1 cm, comes to touch each item: (N,).
+
+    Tucked items are moved aside, RAISED ones walked on. False for what is not placed.
+    """
+    radius = np.array([passage(layout.room_type) / 2 for layout in layouts])
+    stands = ~items.tucked & ~np.isin(items.category, list(RAISED))
+    floor = free_floor(layouts, items, stands, radius - TOLERANCE / 2)
+    entered = unions(floor.part[floor.entered], floor.room[floor.entered], len(layouts))[items.room]
+    return shapely.dwithin(entered, items.footprint, radius[items.room] + TOLERANCE)
+
+
+def walked(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray, np.ndarray]:
+    """PhyScene's walkable area and reach (B,), of a ROBOT that walks on what is RAISED; 0 where it can be nowhere."""
+    count, radius = len(layouts), ROBOT / 2
+    floor = free_floor(layouts, items, ~np.isin(items.category, list(RAISED)), np.full(count, radius))
+    area = shapely.area(floor.part)
+    whole = np.bincount(floor.room, area, count)
+    walkable = np.bincount(floor.room, area * floor.entered, count) / np.maximum(whole, ROUNDING)
+    a, b = pairs(floor.room, items.room)
+    touched = np.bincount(a, shapely.dwithin(floor.part[a], items.footprint[b], radius + TOLERANCE), len(area))
+    of = np.bincount(items.room, minlength=count)
+    reach = np.bincount(floor.room, touched * area, count) / np.maximum(whole, ROUNDING) / np.maximum(of, 1)
+    return walkable, np.where(of, reach, np.nan)
+
+
+def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(indices into the first, into the second) of all pairs of one room; both are rooms (n,), ascending."""
+    start, stop = np.searchsorted(second, first, "left"), np.searchsorted(second, first, "right")
+    count = stop - start
+    a = np.repeat(np.arange(len(first)), count)
+    return a, np.arange(len(a)) - np.repeat(np.cumsum(count) - count - start, count)
+
+
+def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
+    """The union of the shapes (n,) of each of `count` owners (n,); empty for who has none."""
+    order = np.argsort(owner, kind="stable")
+    owned = np.full(count, None)
+    shapely.geometrycollections(shapes[order], indices=owner[order], out=owned)
+    return shapely.union_all(owned[:, None], axis=1)
+
+
+def means(value: np.ndarray, room: np.ndarray, count: int) -> np.ndarray:
+    """The mean of the values (n,) of each of `count` rooms, NaN left out; NaN where there is none."""
+    known = ~np.isnan(value)
+    total, number = np.bincount(room[known], value[known], count), np.bincount(room[known], minlength=count)
+    return np.where(number, total / np.maximum(number, 1), np.nan)
