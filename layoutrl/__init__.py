@@ -18,6 +18,11 @@ gymnasium.register(
     entry_point="layoutrl.env.layout_env:LayoutEnv",
     vector_entry_point="layoutrl.env.vector_env:LayoutVectorEnv",
 )
+gymnasium.register(
+    "layoutrl/Rooms-v0",
+    entry_point="layoutrl.env.rooms_env:RoomsEnv",
+    vector_entry_point="layoutrl.env.rooms_vector_env:RoomsVectorEnv",
+)
 
 
 class InputError(ValueError):

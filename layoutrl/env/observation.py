@@ -57,7 +57,7 @@ class GeometryObservation:
     def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
         envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
         origin = envelope.mean(1)
-        elements, of = _elements(rooms, list(categories), origin)
+        elements, of = elements_of(rooms, list(categories), origin)
         table = np.nan_to_num(padded(elements, of, len(rooms)))
         shape = (max(2, table.shape[1]), table.shape[2])
         limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(elements).max()))  # no entry is larger
@@ -147,12 +147,13 @@ def categories_of(rooms: Sequence[Room]) -> list[str]:
     return sorted({item.category for room in rooms for item in room.furniture})
 
 
-def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Every element of all rooms in the columns above, and the room (n,) of each; of a room the moving item first.
 
-    The moving item is at no place: at 0, 0, like an element in the middle of its envelope (rooms, 2).
+    The moving item, where there is a target, is at no place: at 0, 0, like an element in the middle of its envelope
+    (rooms, 2).
     """
-    moving = [(k, "moving", room.moving) for k, room in enumerate(rooms)]
+    moving = [(k, "moving", room.moving) for k, room in enumerate(rooms) if room.target is not None]
     walls = [(k, "wall", wall) for k, room in enumerate(rooms) for wall in room.walls]
     openings = [(k, opening.kind, opening.polygon) for k, room in enumerate(rooms) for opening in room.openings]
     others = [(k, "item", item) for k, room in enumerate(rooms) for item in room.others]
@@ -169,7 +170,8 @@ def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) 
     kind = np.array([name for _, name, _ in walls + openings + moving + others])
     category = np.array([""] * len(corners) + [item.category for item in items])
     placed = np.array([item.center for _, _, item in others]).reshape(-1, 2)
-    center = np.concatenate([corners.mean(1), origin, placed]) - origin[room]
+    nowhere = origin[[k for k, _, _ in moving]]
+    center = np.concatenate([corners.mean(1), nowhere, placed]) - origin[room]
     table = np.column_stack(
         [
             center,
@@ -183,7 +185,7 @@ def _elements(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) 
     return table[order], room[order]
 
 
-def items_described(items: Sequence[Item], degrees: Sequence[float]) -> np.ndarray:
+def items_described(items: Sequence[Item], degrees: Sequence[float] | np.ndarray) -> np.ndarray:
     """The columns `width` to `sin` (n, 7) of items turned so."""
     size = np.array([item.size for item in items]).reshape(-1, 2)
     shown = described(size, np.array(degrees))

@@ -92,6 +92,16 @@ def story(room: Room, path: np.ndarray, side: int = 384) -> np.ndarray:
     return np.rint(image).astype(np.uint8)
 
 
+def furnished(room: Room, side: int = 384) -> np.ndarray:
+    """A picture for people of what stands in a room, its target in red: uint8 (side, side, 3)."""
+    view = View(room, side)
+    image = _painted_background(room, view, outlined=True)
+    if room.target is not None:
+        paint(image, view, room.moving.footprint, MOVING, 0.8)
+        paint(image, view, room.moving.footprint.boundary.buffer(0.75 / view.scale), BLACK)
+    return np.rint(image).astype(np.uint8)
+
+
 def paint(
     image: np.ndarray, view: View, shape: shapely.Geometry, color: tuple[int, int, int], opacity: float = 1.0
 ) -> None:

@@ -51,7 +51,7 @@ class RoomsSimulator:
     in which it moves so turned, -1 where it does not fit. Raises InputError where an item fits in no way.
     """
 
-    def __init__(self, briefs: Sequence[Room], designs: Sequence[Room] | None, moves: Moves, reward: Reward):
+    def __init__(self, briefs: Sequence[Room], designs: Sequence[Room | None] | None, moves: Moves, reward: Reward):
         self.rooms = list(briefs)
         self.moves = moves
         self.weights = reward
@@ -63,8 +63,8 @@ class RoomsSimulator:
         self.entry = np.full((*shape, 4), -1)
         self.simulator = Simulator(self._entries(), moves, reward)
         self.targets = [
-            [[there for there in design.furniture if there.center and _same(there, item)] for item in items]
-            for design, items in zip(designs or briefs, self.items, strict=True)
+            [[there for there in (design.furniture if design else ()) if _same(there, item)] for item in items]
+            for design, items in zip(designs or [None] * len(briefs), self.items, strict=True)
         ]
 
     @property
@@ -211,8 +211,8 @@ def _off(degrees: float, period: float) -> float:
 
 
 def _same(item: Item, other: Item) -> bool:
-    """Whether the one could stand for the other."""
-    return replace(item, center=None, rotation=None) == replace(other, center=None, rotation=None)
+    """Whether the one stands where the other could."""
+    return item.center is not None and replace(item, center=None, rotation=other.rotation) == other
 
 
 def _with(shell: Room, item: Item, envelope: Polygon) -> Room:

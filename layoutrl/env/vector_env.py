@@ -82,11 +82,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if options:
             raise ValueError(f"options: expected none; got {options}")
         if isinstance(seed, Sequence):
-            if len(seed) != self.num_envs:
-                raise ValueError(f"seed: expected {self.num_envs} seeds, one an environment; got {len(seed)}")
-            seeded = [None if one is None else np_random(one)[0] for one in seed]
-            going_on = self._streams or self.np_random.spawn(self.num_envs)
-            self._streams = [new or old for new, old in zip(seeded, going_on, strict=True)]
+            self._streams = seeded(seed, self.num_envs, self._streams or self.np_random.spawn(self.num_envs))
         else:
             super().reset(seed=seed)
             if seed is not None:
@@ -96,22 +92,22 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return self._begun()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        step = self._running.step(self._checked(actions))
+        step = self._running.step(checked(actions, self.num_envs, self.simulator.moves.count, self.simulator.device))
         if self.render_mode is not None:
             self._path.append(step.next_position)
-        observation = _array(self._observe(step.room, step.next_position))
+        observation = array(self._observe(step.room, step.next_position))
         info = self._told(step.room, step.next_position, step.next_legal, step.terms, ~step.legal)
         ended = len(step.ended) > 0
         if ended:
             final = {"final_obs": np.fromiter(observation, object, self.num_envs), "final_info": info}
             observation, info = self._begun()
-            info |= self._masked(final)
+            info |= masked(final, self.num_envs)
         terminated, truncated = np.zeros(self.num_envs, dtype=bool), np.full(self.num_envs, ended)
-        return observation, _array(step.terms.total.double()), terminated, truncated, info
+        return observation, array(step.terms.total.double()), terminated, truncated, info
 
     def action_masks(self) -> np.ndarray:
         """The moves that are legal now: bool (num_envs, A)."""
-        return _array(self._running.legal)
+        return array(self._running.legal)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """Of each environment the way so far, as LayoutEnv shows it: uint8 (384, 384, 3) each."""
@@ -119,7 +115,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if self.render_mode is None:
             return None
         frames = []
-        for room, path in zip(rooms, _array(torch.stack(self._path, 1)), strict=True):
+        for room, path in zip(rooms, array(torch.stack(self._path, 1)), strict=True):
             moved = np.any(np.diff(path, axis=0) != 0, axis=1)  # where it did not, a move was dropped
             frames.append(story(self.simulator.rooms[room], path[np.r_[True, moved]]))
         return tuple(frames)
@@ -129,17 +125,6 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if self._episodes is None:
             raise ResetNeeded("expected a call of reset before step, render and action_masks")
         return self._episodes
-
-    def _checked(self, actions: np.ndarray) -> Tensor:
-        """Actions on the device, int64 (num_envs,). Raises ValueError for those outside the action space."""
-        action = torch.as_tensor(actions, device=self.simulator.device)
-        if action.shape != (self.num_envs,) or not torch.can_cast(action.dtype, torch.int64):
-            got = f"{action.dtype} of shape {tuple(action.shape)}"
-            raise ValueError(f"actions: expected whole numbers of shape ({self.num_envs},); got {got}")
-        outside = (action < 0) | (action >= self.simulator.moves.count)
-        if outside.any():
-            raise ValueError(f"actions: expected 0 to {self.simulator.moves.count - 1}; got {int(action[outside][0])}")
-        return action.long()
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Observations and info of episodes that are about to make their first move."""
@@ -153,20 +138,42 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._path = [position]
         terms = self.simulator.reward(room, position)
         info = self._told(room, position, legal, terms, illegal=torch.zeros_like(room, dtype=torch.bool))
-        return _array(self._observe(room, position)), info
+        return array(self._observe(room, position)), info
 
     def _told(
         self, room: Tensor, position: Tensor, legal: Tensor, terms: RewardTerms[Tensor], illegal: Tensor
     ) -> dict[str, Any]:
-        rewards = {name: _array(term.double()) for name, term in terms._asdict().items()}
+        rewards = {name: array(term.double()) for name, term in terms._asdict().items()}
         info = {"legal": legal, "position": position, "room": room, "illegal": illegal}
-        return self._masked(rewards | {name: _array(values) for name, values in info.items()})
-
-    def _masked(self, info: dict[str, Any]) -> dict[str, Any]:
-        """Gymnasium's form of info: beside every entry a mask of the environments that have it, here all."""
-        return info | {f"_{name}": np.ones(self.num_envs, dtype=bool) for name in info}
+        return masked(rewards | {name: array(values) for name, values in info.items()}, self.num_envs)
 
 
-def _array(values: Tensor) -> np.ndarray:
+def seeded(
+    seed: Sequence[int | None], num_envs: int, going_on: Sequence[np.random.Generator]
+) -> list[np.random.Generator]:
+    """A stream of random numbers for each environment: of its seed, or the one that goes on. Raises ValueError."""
+    if len(seed) != num_envs:
+        raise ValueError(f"seed: expected {num_envs} seeds, one an environment; got {len(seed)}")
+    return [old if one is None else np_random(one)[0] for one, old in zip(seed, going_on, strict=True)]
+
+
+def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:
+    """Actions on the device, int64 (num_envs,). Raises ValueError for those outside the action space."""
+    action = torch.as_tensor(actions, device=device)
+    if action.shape != (num_envs,) or not torch.can_cast(action.dtype, torch.int64):
+        got = f"{action.dtype} of shape {tuple(action.shape)}"
+        raise ValueError(f"actions: expected whole numbers of shape ({num_envs},); got {got}")
+    outside = (action < 0) | (action >= count)
+    if outside.any():
+        raise ValueError(f"actions: expected 0 to {count - 1}; got {int(action[outside][0])}")
+    return action.long()
+
+
+def masked(info: dict[str, Any], num_envs: int) -> dict[str, Any]:
+    """Gymnasium's form of info: beside every entry a mask of the environments that have it, here all."""
+    return info | {f"_{name}": np.ones(num_envs, dtype=bool) for name in info}
+
+
+def array(values: Tensor) -> np.ndarray:
     """A copy, which its reader may change."""
     return np.array(values.cpu())

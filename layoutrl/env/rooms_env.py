@@ -1,0 +1,156 @@
+"""The simulator of whole rooms as a Gymnasium environment: an episode furnishes a room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, SupportsFloat
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+
+from layoutrl.env.layout_env import check_at_least_one, given_or_some
+from layoutrl.env.render import furnished
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.simulator import Moves
+from layoutrl.evaluation.layouts import measured
+from layoutrl.rooms.brief import brief_of, missing
+from layoutrl.rooms.room import Room
+
+MAX_MOVES = 300  # by default
+
+
+class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
+    """`gymnasium.make("layoutrl/Rooms-v0", rooms=..., moves=Moves(...))`.
+
+    Rooms in which all furniture stands are designs: all of it is taken out, and to be placed. Of rooms in which some
+    items have no center these are to be placed; nobody knows where, so that the first term of the reward is 0.
+    Every reset draws a room, or takes `options={"room": index}`. Nothing stands then but what never moves.
+
+    action: Discrete(A): those of Moves; a quarter turn to the left, one to the right; to take item 0, 1, ... of the
+    list, which then moves: from where it stands, or from a pose that was drawn. observation: RoomsObservation.
+    reward: the paper's, -200 to 100, of the item that moves, among what stands now; 0 until one is taken.
+    info: `legal`, the mask (A,) of actions; `item`, which one moves; `r1`, `r2`, `r3`, `iou` of it; `room`, the index;
+    `illegal`, whether this action was: it is dropped, nothing changes, and the caller should not store it.
+    At the end of an episode info has `measures`, by their names in `Measures`, of designs alone.
+
+    An episode is truncated after `max_moves` actions, dropped ones included; it never ends otherwise.
+    Raises ValueError for an action outside the action space and for options that cannot be, and gymnasium's ResetNeeded
+    for what is called before the first reset.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
+
+    def __init__(
+        self,
+        rooms: Sequence[Room] | None = None,
+        moves: Moves | None = None,
+        reward: Reward | None = None,
+        max_moves: int = MAX_MOVES,
+        render_mode: str | None = None,
+    ):
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"unknown render_mode {render_mode!r}")
+        check_at_least_one(max_moves=max_moves)
+        self.simulator, self.designs = simulator_of(rooms, moves, reward)
+        self.max_moves = max_moves
+        self.render_mode = render_mode
+        self._observe = RoomsObservation(self.simulator)
+        self.action_space = spaces.Discrete(self.simulator.actions)
+        self.observation_space = self._observe.space
+        self._state: State[np.ndarray] | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        options, count = options or {}, len(self.simulator.rooms)
+        room = options.get("room")
+        if unknown := options.keys() - {"room"}:
+            raise ValueError(f"options: expected room; got {', '.join(sorted(map(str, unknown)))}")
+        if room is not None and not (isinstance(room, int | np.integer) and 0 <= room < count):
+            raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
+        super().reset(seed=seed)
+        drawn = self.np_random.integers(count)  # with a room that was asked for, in vain
+        self._state = self.simulator.begin(np.array([drawn if room is None else room], dtype=np.int64), self.np_random)
+        self._moves_made = 0
+        return self._observation(), self._arrive() | {"illegal": False}
+
+    def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
+        state = self._running
+        if not self.action_space.contains(action):
+            raise ValueError(f"action: expected a whole number from 0 to {len(self._legal) - 1}; got {action!r}")
+        illegal = not self._legal[action]
+        if not illegal:
+            item, center, quarter = (where[:, action] for where in self._reached)
+            self._state = self.simulator.put(state, item, center, quarter)
+        self._moves_made += 1
+        info = self._arrive() | {"illegal": illegal}
+        ended = self._moves_made >= self.max_moves
+        if ended:
+            info |= measures_of([self.layout], [self.designs[info["room"]]])[0]
+        return self._observation(), self._total, False, ended, info
+
+    @property
+    def layout(self) -> Room:
+        """The room as it is furnished now."""
+        return self.simulator.layout(self._running, 0)
+
+    def action_masks(self) -> np.ndarray:
+        """The actions that are legal now: bool (A,)."""
+        assert self._running
+        return self._legal.copy()
+
+    def render(self) -> np.ndarray | None:
+        """The room, uint8 (384, 384, 3): what moves in red."""
+        state = self._running
+        return None if self.render_mode is None else picture(self.simulator, state, 0)
+
+    @property
+    def _running(self) -> State[np.ndarray]:
+        if self._state is None:
+            raise ResetNeeded("expected a call of reset before step, render and action_masks")
+        return self._state
+
+    def _arrive(self) -> dict[str, Any]:
+        """Reward and next moves as the room is now, told as info."""
+        state = self._running
+        *self._reached, legal = self.simulator.destinations(state)
+        terms = self.simulator.reward(state)
+        self._legal, self._total = legal[0], float(terms.total[0])
+        told = {name: float(term[0]) for name, term in terms._asdict().items()}
+        return told | {"legal": legal[0].copy(), "item": int(state.moving[0]), "room": int(state.room[0])}
+
+    def _observation(self) -> np.ndarray:
+        return self._observe(State(*map(torch.as_tensor, self._running)))[0].numpy()
+
+
+def simulator_of(
+    rooms: Sequence[Room] | None, moves: Moves | None, reward: Reward | None
+) -> tuple[RoomsSimulator, list[Room | None]]:
+    """The simulator of designs and briefs, and of each room its design; None of briefs."""
+    given = given_or_some(rooms)
+    designs = [None if missing(room) else room for room in given]
+    briefs = [room if missing(room) else brief_of(room) for room in given]
+    return RoomsSimulator(briefs, designs, moves or Moves(), reward or Reward()), designs
+
+
+def measures_of(layouts: Sequence[Room], designs: Sequence[Room | None]) -> list[dict[str, Any]]:
+    """What info has at the end of episodes: the measures of each layout; nothing where its design is not known."""
+    known = [k for k, design in enumerate(designs) if design]
+    found = measured([layouts[k] for k in known], [design for design in designs if design]) if known else None
+    told: list[dict[str, Any]] = [{} for _ in layouts]
+    for row, k in enumerate(known):
+        told[k]["measures"] = {name: float(values[row]) for name, values in vars(found).items() if name != "group"}
+    return told
+
+
+def picture(simulator: RoomsSimulator, state: State[np.ndarray], b: int) -> np.ndarray:
+    """One of the rooms, uint8 (384, 384, 3): what moves in red."""
+    n = state.moving[b]
+    target = missing(simulator.rooms[state.room[b]])[n] if state.stands[b, n] else None
+    return furnished(replace(simulator.layout(state, b), target=target))

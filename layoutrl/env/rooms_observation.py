@@ -1,0 +1,80 @@
+"""What is seen of a whole room: its shell, what stands, what moves, and what is still to come.
+
+Nothing of it is read from the designer's layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+import torch
+from gymnasium import spaces
+from torch import Tensor
+
+from layoutrl.env.geometry import padded
+from layoutrl.env.observation import COLUMNS, COS, DEPTH, SIN, WIDTH, X, Y, categories_of, elements_of, items_described
+from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.rooms.room import envelopes
+
+PRESENT, MOVING, ITEM = (COLUMNS.index(name) for name in ("present", "moving", "item"))
+
+
+class RoomsObservation:
+    """The state as a set of elements, float32 (B, elements, columns): the N items to place, then what never moves.
+
+    Columns are those of GeometryObservation, then `stands`, then the categories. An item that does not stand yet
+    is known by category and size (width along the way that it faces), and is at no place.
+    """
+
+    def __init__(
+        self, simulator: RoomsSimulator, categories: Sequence[str] | None = None, device: torch.device | str = "cpu"
+    ):
+        rooms = simulator.rooms
+        names = list(categories_of(rooms) if categories is None else categories)
+        envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
+        origin = envelope.mean(1)
+        shells = [replace(room, target=None) for room in rooms]
+        shell, of = elements_of(shells, names, origin)
+        shell = np.insert(np.nan_to_num(padded(shell, of, len(rooms))), len(COLUMNS), 1.0, axis=2)
+        shell[..., len(COLUMNS)] = shell[..., PRESENT]
+
+        rows, most = simulator.entry.shape[:2]
+        items = np.zeros((rows, most, 4, len(COLUMNS) + 1 + len(names)))
+        waiting = np.zeros((rows, most, 2))
+        for r, those in enumerate(simulator.items):
+            if those:
+                for q in range(4):
+                    shown = items_described(those, simulator.degrees[r, : len(those), q])
+                    items[r, : len(those), q, WIDTH : SIN + 1] = shown
+                items[r, : len(those), :, PRESENT] = 1.0
+                waiting[r, : len(those)] = [item.size for item in those]
+                category = np.array([item.category for item in those])
+                items[r, : len(those), :, len(COLUMNS) + 1 :] = (category[:, None] == np.array(names))[:, None]
+        limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(shell).max(initial=0), waiting.max(initial=0)))
+        self.space = spaces.Box(-limit, limit, (most + shell.shape[1], shell.shape[2]), np.float32)
+        self._shell, self._items, self._waiting = (
+            torch.tensor(table, dtype=torch.float32, device=device) for table in (shell, items, waiting)
+        )
+        self.origin = torch.tensor(origin, device=device)  # float64, as positions
+
+    def __call__(self, state: State[Tensor]) -> Tensor:
+        """Observe states."""
+        stands = state.stands[..., None]
+        index = state.quarter[..., None, None].expand(-1, -1, 1, self._items.shape[-1])
+        items = self._items.index_select(0, state.room).gather(2, index).squeeze(2)
+        place = state.center - self.origin.index_select(0, state.room)[:, None]
+        items[..., X : Y + 1] = place.float() * stands
+        items[..., WIDTH : DEPTH + 1] = torch.where(
+            stands, items[..., WIDTH : DEPTH + 1], self._waiting.index_select(0, state.room)
+        )
+        turned = slice(DEPTH + 1, COS - 1)  # the double angle; whether it is round stays known
+        items[..., turned] *= stands
+        items[..., COS : SIN + 1] *= stands
+        moves = torch.zeros_like(state.stands).scatter(1, state.moving[:, None], True) & state.stands
+        items[..., MOVING] = moves.float()
+        items[..., ITEM] = items[..., PRESENT] - items[..., MOVING]
+        items[..., len(COLUMNS)] = state.stands.float()
+        return torch.cat([items, self._shell.index_select(0, state.room)], 1)

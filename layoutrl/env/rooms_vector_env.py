@@ -1,0 +1,161 @@
+"""The batched simulator of whole rooms as a Gymnasium vector environment: thousands of rooms are furnished at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from torch import Tensor
+
+from layoutrl.env.layout_env import check_at_least_one
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, measures_of, picture, simulator_of
+from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_simulator import State
+from layoutrl.env.simulator import Moves
+from layoutrl.env.vector_env import array, checked, masked, seeded
+from layoutrl.rooms.room import Room
+
+
+class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """`gymnasium.make_vec("layoutrl/Rooms-v0", num_envs=1000, rooms=..., moves=Moves(...))`.
+
+    As many RoomsEnv: their actions, observations, rewards and info, each with the batch in front, as numpy arrays,
+    computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A). Seeds are those of LayoutVectorEnv.
+
+    All episodes begin together; after `max_moves` actions all are truncated, and others begin in the same step
+    (AutoresetMode.SAME_STEP): `final_obs` and `final_info` tell where they ended. The measures in `final_info` take
+    some milliseconds a room: `measure=False` leaves them out.
+
+    Raises as LayoutVectorEnv does.
+    """
+
+    autoreset_mode = AutoresetMode.SAME_STEP
+    metadata = RoomsEnv.metadata | {"autoreset_mode": autoreset_mode}
+
+    def __init__(
+        self,
+        num_envs: int,
+        rooms: Sequence[Room] | None = None,
+        moves: Moves | None = None,
+        reward: Reward | None = None,
+        max_moves: int = MAX_MOVES,
+        measure: bool = True,
+        device: torch.device | str = "cpu",
+        render_mode: str | None = None,
+    ):
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"unknown render_mode {render_mode!r}")
+        check_at_least_one(num_envs=num_envs, max_moves=max_moves)
+        self.num_envs = num_envs
+        self.max_moves = max_moves
+        self.measure = measure
+        self.render_mode = render_mode
+        self._reference, self._designs = simulator_of(rooms, moves, reward)
+        self.simulator = BatchRoomsSimulator(self._reference, device)
+        self._observe = RoomsObservation(self._reference, device=device)
+        self.single_observation_space = self._observe.space
+        self.single_action_space = spaces.Discrete(self.simulator.actions)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._state: State[Tensor] | None = None
+        self._streams: list[np.random.Generator] | None = None  # of seeds that were given one by one
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        if options:
+            raise ValueError(f"options: expected none; got {options}")
+        if isinstance(seed, Sequence):
+            self._streams = seeded(seed, self.num_envs, self._streams or self.np_random.spawn(self.num_envs))
+        else:
+            super().reset(seed=seed)
+            if seed is not None:
+                self._streams = None
+        self._generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
+        return self._begun()
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        simulator, state = self.simulator, self._running
+        action = checked(actions, self.num_envs, simulator.actions, simulator.device)
+        legal = self._legal.gather(1, action[:, None])[:, 0]
+        moved = simulator.moved(state, action, self._length.gather(1, action[:, None])[:, 0])
+        self._state = State(*(_where(legal, new, old) for new, old in zip(moved, state, strict=True)))
+        self._moves_made += 1
+        observation, reward, info = self._arrive(~legal)
+        ended = self._moves_made >= self.max_moves
+        if ended:
+            if self.measure:
+                info |= self._measures()
+            final = {"final_obs": np.fromiter(observation, object, self.num_envs), "final_info": info}
+            observation, info = self._begun()
+            info |= masked(final, self.num_envs)
+        return observation, reward, np.zeros(self.num_envs, dtype=bool), np.full(self.num_envs, ended), info
+
+    def layouts(self) -> list[Room]:
+        """The rooms as they are furnished now."""
+        state = State(*map(array, self._running))
+        return [self._reference.layout(state, b) for b in range(self.num_envs)]
+
+    def action_masks(self) -> np.ndarray:
+        """The actions that are legal now: bool (num_envs, A)."""
+        assert self._running
+        return array(self._legal)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Each room as RoomsEnv shows it: uint8 (384, 384, 3)."""
+        state = State(*map(array, self._running))
+        if self.render_mode is None:
+            return None
+        return tuple(picture(self._reference, state, b) for b in range(self.num_envs))
+
+    @property
+    def _running(self) -> State[Tensor]:
+        if self._state is None:
+            raise ResetNeeded("expected a call of reset before step, render and action_masks")
+        return self._state
+
+    def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
+        """Observations and info of episodes that are about to begin."""
+        count, device = len(self.simulator.rooms), self.simulator.device
+        if self._streams is None:
+            room = torch.randint(count, (self.num_envs,), generator=self._generator, device=device)
+            self._state = self.simulator.begin(room, self._generator)
+        else:  # where RoomsEnv would begin
+            states = [self._reference.begin(np.array([stream.integers(count)]), stream) for stream in self._streams]
+            self._state = State(
+                *(torch.as_tensor(np.concatenate(values), device=device) for values in zip(*states, strict=True))
+            )
+        self._moves_made = 0
+        observation, _, info = self._arrive(torch.zeros(self.num_envs, dtype=torch.bool, device=device))
+        return observation, info
+
+    def _arrive(self, illegal: Tensor) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+        """Observations, rewards and info of the rooms as they are now."""
+        state = self._running
+        self._length, self._legal = self.simulator.reach(state)
+        terms = self.simulator.reward(state)
+        told = {name: array(term.double()) for name, term in terms._asdict().items()}
+        now = {"legal": self._legal, "item": state.moving, "room": state.room, "illegal": illegal}
+        info = masked(told | {name: array(values) for name, values in now.items()}, self.num_envs)
+        return array(self._observe(state)), array(terms.total.double()), info
+
+    def _measures(self) -> dict[str, Any]:
+        """The measures of each room, and which rooms have them: those whose design is known."""
+        room = array(self._running.room)
+        found = measures_of(self.layouts(), [self._designs[r] for r in room])
+        known = np.array(["measures" in one for one in found])
+        measures = np.array([one.get("measures") for one in found], dtype=object)
+        return {"measures": measures, "_measures": known}
+
+
+def _where(chosen: Tensor, new: Tensor, old: Tensor) -> Tensor:
+    """Rows of `new` where they are chosen (B,), else of `old`."""
+    return torch.where(chosen.view(-1, *[1] * (new.ndim - 1)), new, old)

@@ -1,0 +1,174 @@
+"""The environments of whole rooms: their interface, seeds, ends. `RoomsEnv` is the oracle of the vector environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+
+from layoutrl import InputError
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_env import RoomsEnv
+from layoutrl.env.rooms_vector_env import RoomsVectorEnv
+from layoutrl.env.simulator import Moves
+from layoutrl.evaluation.layouts import measured
+from layoutrl.rooms.brief import brief_of, missing
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import Item, Room
+from tests.builders import random_brief, random_room, rectangular_room
+
+BEDROOMS = design_rooms("bedroom", "train", 0, 3).rooms
+
+
+def upright_rooms() -> list[Room]:
+    """Designed ones, and a brief; without discs, which the vector environment has round and RoomsEnv with corners."""
+    rng = np.random.default_rng(0)
+    random = [random_brief(rng, random_room(rng)) for _ in range(6)]
+    return [*BEDROOMS, *(room for room in random if all(item.form == "rectangle" for item in room.furniture))]
+
+
+def legal_action(info: dict[str, Any], rng: np.random.Generator) -> int:
+    return int((rng.random(len(info["legal"])) * info["legal"]).argmax())
+
+
+@pytest.mark.filterwarnings("error")
+def test_gymnasium_finds_nothing_wrong() -> None:
+    check_env(gymnasium.make("layoutrl/Rooms-v0", rooms=BEDROOMS, render_mode="rgb_array").unwrapped)
+    gymnasium.make("layoutrl/Rooms-v0").reset(seed=0)
+    env = gymnasium.make_vec("layoutrl/Rooms-v0", num_envs=2, vectorization_mode="vector_entry_point", rooms=BEDROOMS)
+    assert env.reset(seed=0)[0].shape == env.observation_space.shape
+
+
+def test_an_episode_furnishes_a_room_and_tells_its_measures_at_the_end() -> None:
+    env, rng = RoomsEnv(BEDROOMS, max_moves=60), np.random.default_rng(0)
+    _, info = env.reset(seed=1, options={"room": 2})
+    assert info["room"] == 2 and env.layout == brief_of(BEDROOMS[2])
+    ended = False
+    while not ended:
+        assert "measures" not in info
+        here = env.layout
+        _, reward, terminated, ended, info = env.step(legal_action(info, rng))
+        assert not terminated and -200 <= reward <= 100
+        assert reward == pytest.approx(info["r1"] + info["r2"] + info["r3"])
+        assert env.layout != here
+    expected = {name: values.item() for name, values in vars(measured([env.layout], [BEDROOMS[2]])).items()}
+    del expected["group"]
+    np.testing.assert_equal(info["measures"], expected)
+    assert {item.category for k, item in enumerate(env.layout.furniture) if k in missing(env.layout)} == set()
+
+
+def test_an_illegal_action_changes_nothing() -> None:
+    env = RoomsEnv(BEDROOMS)
+    before, info = env.reset(seed=0)
+    after, reward, _, _, then = env.step(0)  # nothing is taken yet
+    assert then["illegal"] and not info["illegal"] and reward == 0
+    np.testing.assert_array_equal(before, after)
+    assert env.layout == brief_of(BEDROOMS[then["room"]])
+
+
+def test_the_same_seed_gives_the_same_episode() -> None:
+    def played(seed: int) -> list[Any]:
+        env, rng = RoomsEnv(BEDROOMS, max_moves=15), np.random.default_rng(0)
+        steps = [env.reset(seed=seed)]
+        for _ in range(15):
+            steps.append(env.step(legal_action(steps[-1][-1], rng)))
+        return steps
+
+    np.testing.assert_equal(played(0), played(0))
+    assert any(not np.array_equal(one[0], other[0]) for one, other in zip(played(0), played(1), strict=True))
+
+
+def test_of_a_brief_nobody_knows_the_design() -> None:
+    bed = Item("bed", (2.0, 1.5), None, None)
+    desk = Item("desk", (0.6, 1.2), (3.5, 1.0), 180.0)
+    room = rectangular_room(4, 3, bed, others=(desk,))
+    env = RoomsEnv([room], max_moves=1)
+    env.reset(seed=0)
+    _, _, _, ended, info = env.step(env.simulator.actions - 1)
+    assert ended and info["r1"] == 0 and "measures" not in info
+    assert env.layout.furniture[1] == desk and env.layout.furniture[0].center is not None
+
+
+def test_what_cannot_be_asked_is_refused_and_changes_nothing() -> None:
+    env = RoomsEnv(BEDROOMS)
+    for call in (env.render, env.action_masks, lambda: env.step(0)):
+        with pytest.raises(ResetNeeded, match="expected a call of reset"):
+            call()
+    env.reset(seed=0)
+    here = env.layout
+    for options, words in (({"place": 1}, "expected room; got place"), ({"room": 3}, "0 to 2; got 3")):
+        with pytest.raises(ValueError, match=words):
+            env.reset(options=options)
+    with pytest.raises(ValueError, match=r"action: expected a whole number from 0 to \d+; got -1"):
+        env.step(-1)
+    assert env.layout == here
+    with pytest.raises(InputError, match="expected at least one room"):
+        RoomsEnv([])
+    with pytest.raises(ValueError, match="max_moves: expected at least 1"):
+        RoomsEnv(max_moves=0)
+    with pytest.raises(ValueError, match="unknown render_mode"):
+        RoomsVectorEnv(2, render_mode="text")
+
+
+def test_what_moves_is_drawn_red() -> None:
+    env = RoomsEnv(BEDROOMS, render_mode="rgb_array")
+    env.reset(seed=0)
+    empty = env.render()
+    env.step(env.simulator.actions - 1)
+    taken = env.render()
+    assert empty is not None and taken is not None and empty.shape == taken.shape == (384, 384, 3)
+    changed = (empty != taken).any(-1)
+    red = (taken[..., 0] > 200) & (taken[..., 1] < 120)
+    assert changed.any() and red[changed].mean() > 0.5 and not ((empty[..., 0] > 200) & (empty[..., 1] < 120)).any()
+    assert RoomsEnv(BEDROOMS).metadata["render_modes"] == ["rgb_array"]
+
+
+def assert_same(told: Any, expected: Any) -> None:
+    """Of one type, shape and content; rewards may be rounded."""
+    if isinstance(expected, dict):
+        assert told.keys() == expected.keys()
+        for name, value in expected.items():
+            assert_same(told[name], value)
+    elif isinstance(expected, tuple | list) or getattr(expected, "dtype", None) == object:
+        for one, other in zip(told, expected, strict=True):
+            assert_same(one, other)
+    else:
+        np.testing.assert_allclose(told, expected, rtol=0, atol=2e-2 if np.asarray(told).dtype == float else 2e-6)
+
+
+def test_the_vector_environment_tells_what_as_many_single_ones_tell() -> None:
+    rooms, seeds, keywords = upright_rooms(), [5, 6, 7, 8], {"max_moves": 12, "reward": Reward(90, -70, -40)}
+    vector: VectorEnv = RoomsVectorEnv(4, rooms, **keywords)
+    singles = SyncVectorEnv([lambda: RoomsEnv(rooms, **keywords)] * 4, autoreset_mode=AutoresetMode.SAME_STEP)
+    told, expected = vector.reset(seed=seeds), singles.reset(seed=seeds)
+    assert_same(told, expected)
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        legal = told[-1]["legal"]
+        chance = rng.random(legal.shape)
+        action = (chance * np.where(chance > 0.98, 1, legal)).argmax(1)  # some are illegal
+        told, expected = vector.step(action), singles.step(action)
+        assert_same(told, expected)
+
+
+def test_one_stream_draws_for_all_environments_and_measures_can_be_left_out() -> None:
+    env = RoomsVectorEnv(3, BEDROOMS, max_moves=2, measure=False, moves=Moves((0.1,)), render_mode="rgb_array")
+    first, _ = env.reset(seed=0)
+    again, info = env.reset(seed=0)
+    np.testing.assert_array_equal(first, again)
+    action = np.full(3, info["legal"][0].argmax())
+    env.step(action)
+    assert all(item.center is not None for layout in env.layouts() for item in layout.furniture[:1])
+    *_, truncated, info = env.step(action)
+    assert truncated.all() and "measures" not in info["final_info"]
+    frames = env.render()
+    assert frames is not None and len(frames) == 3
+    with pytest.raises(ValueError, match="expected 3 seeds"):
+        env.reset(seed=[0])
+    with pytest.raises(ValueError, match="options: expected none"):
+        env.reset(options={"room": 0})

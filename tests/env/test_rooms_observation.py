@@ -1,0 +1,116 @@
+"""What is seen of whole rooms, and what must not be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.simulator import Moves
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import MAIN_ITEM, Room
+
+STANDS = len(COLUMNS)
+
+
+def simulator_of(rooms: list[Room], designs: list[Room]) -> RoomsSimulator:
+    return RoomsSimulator(rooms, designs, Moves(), Reward())
+
+
+def some_state(simulator: RoomsSimulator, seed: int, batch: int = 5) -> State[torch.Tensor]:
+    rng = np.random.default_rng(seed)
+    state = simulator.begin(rng.integers(len(simulator.rooms), size=batch), rng)
+    state.stands[:] = (rng.random(state.stands.shape) < 0.6) & (
+        np.arange(state.stands.shape[1]) < simulator.count[state.room][:, None]
+    )
+    moving = (rng.random(batch) * simulator.count[state.room]).astype(int)
+    return State(*map(torch.as_tensor, state._replace(moving=moving)))
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_rooms_that_differ_only_in_the_designers_places_look_the_same(room_type: str) -> None:
+    rng = np.random.default_rng(0)
+    rooms = design_rooms(room_type, "train", 0, 3).rooms
+    moved = [
+        replace(
+            room,
+            furniture=tuple(
+                replace(room.furniture[k], center=(1.0, 1.0), rotation=90.0 * rng.integers(4))
+                for k in rng.permutation(len(room.furniture))
+            ),
+            target=None,
+        )
+        for room in rooms
+    ]
+    seen = []
+    for designs in (rooms, moved):
+        simulator = simulator_of([brief_of(room) for room in designs], designs)
+        seen.append(RoomsObservation(simulator)(some_state(simulator, 1)))
+    assert torch.equal(*seen)
+
+
+def test_what_stands_looks_as_it_does_to_who_moves_one_item() -> None:
+    rooms = design_rooms("bedroom", "train", 0, 3).rooms
+    simulator = simulator_of([brief_of(room) for room in rooms], rooms)
+    categories = categories_of(rooms)
+    state = some_state(simulator, 3, batch=12)
+    seen = RoomsObservation(simulator, categories)(state)
+    there = State(*(values.numpy() for values in state))
+    for b in range(12):
+        layout = simulator.layout(there, b)
+        n = there.moving[b]
+        if not there.stands[b, n]:
+            continue
+        furniture = [simulator.item(there, b, n), *(i for i in layout.furniture if i.center is not None)]
+        furniture.remove(furniture[0])
+        alone = replace(
+            layout, furniture=(simulator.item(there, b, n), *others_of(layout, simulator, there, b)), target=0
+        )
+        expected = GeometryObservation([alone], categories)(torch.tensor([0]), torch.tensor(there.center[b, n][None]))[
+            0
+        ]
+        rows = seen[b][seen[b][:, STANDS] == 1]
+        without = torch.cat([rows[:, :STANDS], rows[:, STANDS + 1 :]], 1)
+        assert sorted(map(tuple, without.numpy().round(4).tolist())) == sorted(
+            map(tuple, expected.numpy().round(4).tolist())
+        )
+
+
+def others_of(layout: Room, simulator: RoomsSimulator, state: State[np.ndarray], b: int) -> list:
+    moving = simulator.item(state, b, state.moving[b])
+    others = [item for item in layout.furniture if item.center is not None]
+    others.remove(moving)
+    return others
+
+
+def test_what_is_still_to_come_is_known_by_category_and_size_and_is_nowhere() -> None:
+    rooms = design_rooms("bedroom", "train", 0, 2).rooms
+    simulator = simulator_of([brief_of(room) for room in rooms], rooms)
+    rng = np.random.default_rng(0)
+    observe = RoomsObservation(simulator)
+    categories = categories_of(simulator.rooms)
+    begun = [State(*map(torch.as_tensor, simulator.begin(np.array([0]), rng))) for _ in range(2)]
+    one, other = (observe(state)[0] for state in begun)
+    assert torch.equal(one, other)  # the poses that are drawn for later do not show
+    for row, item in zip(one, simulator.items[0], strict=False):
+        shown = dict(zip((*COLUMNS, "stands", *categories), row.tolist(), strict=True))
+        assert (shown["width"], shown["depth"]) == pytest.approx(item.size)
+        assert shown["item"] == shown["present"] == shown[item.category] == 1
+        for name in ("x", "y", "cos", "sin", "cos2", "sin2", "stands", "moving"):
+            assert shown[name] == 0
+
+
+def test_observations_lie_in_their_space() -> None:
+    rooms = design_rooms("living_room", "train", 0, 3).rooms
+    simulator = simulator_of([brief_of(room) for room in rooms], rooms)
+    observe = RoomsObservation(simulator)
+    for seed in range(5):
+        seen = observe(some_state(simulator, seed)).numpy()
+        assert all(observe.space.contains(one) for one in seen)
