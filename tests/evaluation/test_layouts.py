@@ -296,7 +296,8 @@ def test_all_symmetries_are_worth_the_same(seed: int) -> None:
     found = measured(*map(list, zip(*views, strict=True)))
     for name in NAMES:
         value = getattr(found, name)
-        assert value == pytest.approx([value[0]] * 8, abs=1e-6, nan_ok=True), name
+        # What a disc rounds is a polygon of 64 corners, which lie elsewhere in a mirrored room with slanting walls.
+        assert value == pytest.approx([value[0]] * 8, abs=1e-4, nan_ok=True), name
 
 
 @given(st.sampled_from(list(ROOM_TYPES)), st.integers(0, 9), seeds)
