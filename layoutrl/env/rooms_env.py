@@ -13,12 +13,12 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from layoutrl.env.layout_env import check_at_least_one, given_or_some
+from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.layouts import measured
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.room import Room
 
@@ -92,7 +92,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         info = self._arrive() | {"illegal": illegal}
         ended = self._moves_made >= self.max_moves
         if ended:
-            info |= measures_of([self.layout], [self.designs[info["room"]]])[0]
+            info |= measures_of(self.layout, self.designs[info["room"]])
         return self._observation(), self._total, False, ended, info
 
     @property
@@ -139,14 +139,12 @@ def simulator_of(
     return RoomsSimulator(briefs, designs, moves or Moves(), reward or Reward()), designs
 
 
-def measures_of(layouts: Sequence[Room], designs: Sequence[Room | None]) -> list[dict[str, Any]]:
-    """What info has at the end of episodes: the measures of each layout; nothing where its design is not known."""
-    known = [k for k, design in enumerate(designs) if design]
-    found = measured([layouts[k] for k in known], [design for design in designs if design]) if known else None
-    told: list[dict[str, Any]] = [{} for _ in layouts]
-    for row, k in enumerate(known):
-        told[k]["measures"] = {name: float(values[row]) for name, values in vars(found).items() if name != "group"}
-    return told
+def measures_of(layout: Room, design: Room | None) -> dict[str, Any]:
+    """What info has at the end of an episode: the measures, where the design is known."""
+    if design is None:
+        return {}
+    found = vars(measured([layout], [design]))
+    return {"measures": {name: float(value[0]) for name, value in found.items() if name != "group"}}
 
 
 def picture(simulator: RoomsSimulator, state: State[np.ndarray], b: int) -> np.ndarray:

@@ -14,9 +14,10 @@ from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
 from layoutrl.env.layout_env import check_at_least_one
+from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
-from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, measures_of, picture, simulator_of
+from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, picture, simulator_of
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.simulator import Moves
@@ -148,12 +149,18 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return array(self._observe(state)), array(terms.total.double()), info
 
     def _measures(self) -> dict[str, Any]:
-        """The measures of each room, and which rooms have them: those whose design is known."""
-        room = array(self._running.room)
-        found = measures_of(self.layouts(), [self._designs[r] for r in room])
-        known = np.array(["measures" in one for one in found])
-        measures = np.array([one.get("measures") for one in found], dtype=object)
-        return {"measures": measures, "_measures": known}
+        """The measures of the rooms whose design is known, in Gymnasium's form of info: 0 of others."""
+        designs = [self._designs[room] for room in self._running.room.tolist()]
+        known = np.array([design is not None for design in designs])
+        if not known.any():
+            return {}
+        layouts = [layout for layout, design in zip(self.layouts(), designs, strict=True) if design]
+        told: dict[str, Any] = {}
+        for name, values in vars(measured(layouts, [design for design in designs if design])).items():
+            if name != "group":
+                told[name], told[f"_{name}"] = np.zeros(self.num_envs), known
+                told[name][known] = values
+        return {"measures": told, "_measures": known}
 
 
 def _where(chosen: Tensor, new: Tensor, old: Tensor) -> Tensor:

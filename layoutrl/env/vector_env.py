@@ -176,4 +176,4 @@ def masked(info: dict[str, Any], num_envs: int) -> dict[str, Any]:
 
 def array(values: Tensor) -> np.ndarray:
     """A copy, which its reader may change."""
-    return np.array(values.cpu())
+    return values.cpu().numpy().copy()

@@ -1,132 +1,21 @@
-"""What layouts of whole rooms are worth, beside the designer's: all measures, of all rooms at once."""
+"""What a set of layouts is worth: its measures, over rooms."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-
 import numpy as np
-import shapely
-from scipy.optimize import linear_sum_assignment
 
-from layoutrl.evaluation.faults import Items, item_faults, means, pairs, walked
+from layoutrl.env.measures import Measures
 from layoutrl.evaluation.statistics import standard_error
-from layoutrl.rooms.room import Room
-
-SAME_FACING = 1.0  # degrees, at most, between two items that face the same way
-NEARER = 1e-9  # of IoU a square metre: of matches with the same sum of IoU, the one that moves items less
 
 
-@dataclass(frozen=True)
-class Measures:
-    """What B layouts are worth, an array (B,) each: shares unless a unit is named, NaN where there is nothing to count.
-
-    An item that is not placed has IoU 0, does not face as the designer's, is not reached and its front is not free;
-    it does not overlap, stand outside, block or move. A room that lacks an item is not faultless.
-    """
-
-    iou: np.ndarray  # mean over the designer's items, matched within a category for the highest sum
-    facing: np.ndarray  # of the designer's items with a front: whose match faces the same way
-    overlap: (
-        np.ndarray
-    )  # of all items, as what follows: more than 1 cm deep in another, but for tucked ones and their HOSTS
-    overlap_area: np.ndarray  # mean over items: how much of it others cover
-    outside: np.ndarray  # of items: more than 1 cm outside the indoor area
-    outside_area: np.ndarray  # mean over items: how much of it is not indoors
-    blocked: np.ndarray  # of items: in a door, in a window, or in the 30 cm before and behind a door: `kept_free`
-    reached: np.ndarray  # of items: who enters by the first door and is as wide as the `passage` comes to touch it
-    fronts: np.ndarray  # of items that keep a FRONT_DEPTH: free of walls and of other items
-    walkable: np.ndarray  # of the floor where the middle of the ROBOT can be: connected with the first door
-    reach: np.ndarray  # of items: touched from a connected part of that floor; mean over the parts, by their area
-    moved: np.ndarray  # metres from the middle of the matched item, mean over those that have one
-    missing: np.ndarray  # of the designer's items: without a match
-    faultless: np.ndarray  # 1 where no item is missing or has a fault, else 0
-    group: np.ndarray  # of rooms that are not independent
-
-    def summary(self) -> dict[str, dict[str, float | None]]:
-        """Mean and standard error of each measure, over the rooms that have something to count; None without any."""
-        result: dict[str, dict[str, float | None]] = {}
-        for name in (field.name for field in fields(self) if field.name != "group"):
-            known = ~np.isnan(getattr(self, name))
-            value, group = getattr(self, name)[known], self.group[known]
-            mean = float(value.mean()) if len(value) else None
-            result[name] = {"mean": mean, "standard_error": standard_error(value, group) if len(value) else None}
-        return result
-
-
-def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
-    """All measures of layouts beside the designer's (B,), of the same rooms in the same order."""
-    assert len(layouts) == len(designed)
-    count, items, matches = len(layouts), Items.of(layouts), matched(layouts, designed)
-    found, covered, beyond = item_faults(layouts, items)
-    walkable, reach = walked(layouts, items)
-
-    def share(value: np.ndarray) -> np.ndarray:
-        return means(value.astype(float), items.room, count)
-
-    missing = means(np.isnan(matches.moved).astype(float), matches.room, count)
-    faulty = np.bincount(items.room, np.any(list(found.values()), axis=0), count) > 0
-    return Measures(
-        iou=means(matches.iou, matches.room, count),
-        facing=means(matches.facing, matches.room, count),
-        overlap=share(found["overlaps"]),
-        overlap_area=share(covered),
-        outside=share(found["outside"]),
-        outside_area=share(beyond),
-        blocked=share(found["blocks an opening"]),
-        reached=share(~found["out of reach"]),
-        fronts=share(np.where(items.front > 0, ~found["front not free"], np.nan)),
-        walkable=walkable,
-        reach=reach,
-        moved=means(matches.moved, matches.room, count),
-        missing=missing,
-        faultless=1.0 * ~(faulty | (missing > 0)),
-        group=np.array([room.group for room in designed]),
-    )
-
-
-@dataclass(frozen=True)
-class Matches:
-    """Of the designer's M placed items, one room after the other."""
-
-    room: np.ndarray  # (M,)
-    category: np.ndarray  # (M,)
-    iou: np.ndarray  # (M,), with the match; 0 without one
-    facing: np.ndarray  # (M,): 1 where the match faces the same way, 0 where not or without one, NaN without a front
-    moved: np.ndarray  # (M,): metres to the middle of the match, NaN without one
-
-
-def matched(layouts: Sequence[Room], designed: Sequence[Room]) -> Matches:
-    """The designer's items, each with one of its category, so that the sum of IoU in a room is the highest."""
-    ours, theirs = Items.of(layouts), Items.of(designed)
-    a, b = pairs(theirs.room, ours.room)
-    alike = (theirs.category[a] == ours.category[b]) & theirs.placed[a] & ours.placed[b]
-    a, b = a[alike], b[alike]
-    iou = iou_of(theirs.footprint[a], ours.footprint[b])
-    away = np.hypot(*(theirs.center[a] - ours.center[b]).T)
-    facing = np.abs((theirs.degrees[a] - ours.degrees[b] + 180) % 360 - 180) <= SAME_FACING
-    taken = assigned(iou - NEARER * away**2, np.unique(theirs.category, return_inverse=True)[1][a], theirs.room[a], a)
-    found = {}
-    for name, value, without in (("iou", iou, 0), ("facing", facing, 0), ("moved", away, np.nan)):
-        found[name] = np.full(len(theirs.room), without, dtype=float)
-        found[name][a[taken]] = value[taken]
-    found["facing"][np.isnan(theirs.front)] = np.nan
-    there = theirs.placed
-    return Matches(theirs.room[there], theirs.category[there], **{name: value[there] for name, value in found.items()})
-
-
-def iou_of(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Intersection over union of footprints (n,), one by one."""
-    shared = shapely.area(shapely.intersection(first, second))
-    return shared / (shapely.area(first) + shapely.area(second) - shared)
-
-
-def assigned(value: np.ndarray, category: np.ndarray, room: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Of pairs (n,), ascending by their first item, the indices of those that are matched for the highest sum."""
-    order = np.lexsort((category, room))  # stable: a category's pairs in a room stay a table, row by row
-    ends = np.flatnonzero(np.diff(room[order]) | np.diff(category[order])) + 1
-    taken = []
-    for block in np.split(order, ends) if len(order) else ():
-        table = block.reshape(len(np.unique(first[block])), -1)
-        taken.extend(table[linear_sum_assignment(value[table], maximize=True)])
-    return np.array(taken, dtype=int)
+def summary(measures: Measures) -> dict[str, dict[str, float | None]]:
+    """Mean and standard error of each measure, over the rooms that have something to count; None without any."""
+    values = dict(vars(measures))
+    group = values.pop("group")
+    result: dict[str, dict[str, float | None]] = {}
+    for name, value in values.items():
+        known = ~np.isnan(value)
+        mean = float(value[known].mean()) if known.any() else None
+        error = standard_error(value[known], group[known]) if known.any() else None
+        result[name] = {"mean": mean, "standard_error": error}
+    return result

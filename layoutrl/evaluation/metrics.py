@@ -6,13 +6,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import shapely
-from shapely.affinity import translate
 
+from layoutrl.env.faults import kept_free
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.evaluation.statistics import standard_error
-from layoutrl.rooms.room import TOLERANCE, Room
-
-FRONT = 0.3  # metres before and behind a door that who passes it needs
+from layoutrl.rooms.room import TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -58,25 +56,13 @@ def summary(iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: 
 
 
 def blocks_openings(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Whether the item (B,) stands in a door or a window, or less than FRONT before or behind a door.
+    """Whether the item (B,) stands in a door, a window, or the 30 cm before and behind a door: `kept_free`.
 
     By more than TOLERANCE: one that is a film deep in a window blocks nothing.
     """
     free = shapely.buffer([kept_free(r) for r in simulator.rooms], -TOLERANCE, join_style="mitre")
     footprints = [simulator.rooms[k].moving.footprint_at(tuple(p)) for k, p in zip(room, position, strict=True)]
     return shapely.area(shapely.intersection(free[room], footprints)) > 0
-
-
-def kept_free(room: Room) -> shapely.Geometry:
-    """Doors and windows, and the floor before and behind each door."""
-    zones = [window.shape for window in room.windows]
-    for door in room.doors:
-        corners = np.array(shapely.minimum_rotated_rectangle(door.shape).exterior.coords)
-        sides = np.diff(corners[:3], axis=0)
-        lengths = np.hypot(*sides.T)
-        x, y = FRONT * sides[lengths.argmin()] / lengths.min()  # through the wall, which is less thick than doors wide
-        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
-    return shapely.union_all(zones)
 
 
 def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) -> np.ndarray:

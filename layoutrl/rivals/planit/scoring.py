@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from layoutrl.env.measures import iou_of
+from layoutrl.env.measures import matched as matched_rooms
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.layouts import iou_of
-from layoutrl.evaluation.layouts import matched as matched_rooms
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample

@@ -13,7 +13,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutrl.evaluation.layouts import iou_of
+from layoutrl.env.measures import iou_of
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.graph import (
     ADJACENT,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from layoutrl.evaluation.layouts import iou_of
+from layoutrl.env.measures import iou_of
 from layoutrl.rivals.planit import scoring
 from layoutrl.rivals.planit.graph import graph_of, scene_of
 from layoutrl.rivals.planit.placement import Layout, Placer, Query

@@ -13,11 +13,12 @@ from itertools import chain
 
 import numpy as np
 import shapely
+from shapely.affinity import translate
 
-from layoutrl.evaluation.metrics import kept_free
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
+FRONT = 0.3  # metres before and behind a door that who passes it needs
 ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
 ROUNDING = 1e-9  # square metres: no area
 MISSING = "not placed"  # the fault that leaves no room for others
@@ -250,3 +251,15 @@ def means(value: np.ndarray, room: np.ndarray, count: int) -> np.ndarray:
     known = ~np.isnan(value)
     total, number = np.bincount(room[known], value[known], count), np.bincount(room[known], minlength=count)
     return np.where(number, total / np.maximum(number, 1), np.nan)
+
+
+def kept_free(room: Room) -> shapely.Geometry:
+    """Doors and windows, and the floor before and behind each door."""
+    zones = [window.shape for window in room.windows]
+    for door in room.doors:
+        corners = np.array(shapely.minimum_rotated_rectangle(door.shape).exterior.coords)
+        sides = np.diff(corners[:3], axis=0)
+        lengths = np.hypot(*sides.T)
+        x, y = FRONT * sides[lengths.argmin()] / lengths.min()  # through the wall, which is less thick than doors wide
+        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
+    return shapely.union_all(zones)
