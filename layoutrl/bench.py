@@ -1,4 +1,4 @@
-"""python -m layoutrl.bench [parts=[speed,memory,growth,training,image,sb3]] [device=cpu]
+"""python -m layoutrl.bench [parts=[speed,rooms,memory,growth,training,image,sb3]] [device=cpu]
 
 Measures on one machine, in one run, what the project promises; prints a table and writes bench.json.
 """
@@ -15,7 +15,7 @@ from typing import Any
 from layoutrl import InputError
 from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
 from layoutrl.benchmarks.learning import memory, speed
-from layoutrl.benchmarks.simulation import ITEMS, growth, plot
+from layoutrl.benchmarks.simulation import FURNISHED, ITEMS, furnishing, growth, plot
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import command
@@ -39,6 +39,13 @@ ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
         "training_samples_a_second": ("  with acting: the whole loop", ""),
         "setup_seconds": ("set-up for the training rooms, seconds", ""),
         "evaluation_seconds": ("evaluation of the held-out rooms, set-up included, seconds", "10"),
+    },
+    "rooms": {
+        "actions_a_second": (f"actions a second in whole rooms of {FURNISHED} items, rewards included", "200,000"),
+        "shapely_actions_a_second": ("  by the shapely simulator", ""),
+        "times_shapely": ("  ratio", ""),
+        "setup_seconds": ("set-up for the rooms, seconds", ""),
+        "measures_seconds": ("all measures of the held-out rooms, seconds", "10"),
     },
     "memory": {
         "bytes_a_transition": ("bytes a transition", "48"),
@@ -94,6 +101,7 @@ def _short(value: float | None) -> str:
 # Each measures with rooms to train on and rooms held out.
 PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "speed": speed,
+    "rooms": furnishing,
     "memory": memory,
     "growth": growth,
     "training": training,

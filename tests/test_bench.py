@@ -44,7 +44,7 @@ def configured(*overrides: str) -> BenchConfig:
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """The table and the folder."""
     cwd = tmp_path_factory.mktemp("bench")
-    done = layoutrl("bench", *LITTLE, "parts=[speed,memory,growth,training,image]", "device=cpu", cwd=cwd)
+    done = layoutrl("bench", *LITTLE, "parts=[speed,rooms,memory,growth,training,image]", "device=cpu", cwd=cwd)
     assert done.returncode == 0, done.stderr
     return done.stdout, cwd / "runs" / "bench" / "little"
 
@@ -52,7 +52,7 @@ def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def test_every_row_of_the_table_is_measured(benched: tuple[str, Path]) -> None:
     printed, folder = benched
     measured = json.loads((folder / "bench.json").read_text())
-    for part in ("speed", "memory", "growth", "training", "image"):
+    for part in ("speed", "rooms", "memory", "growth", "training", "image"):
         for key, (what, _) in bench.ROWS[part].items():
             if key != "peak_device_gigabytes":
                 assert numbers(measured[part][key]), key

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,17 +11,23 @@ from typing import Any
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from torch import Tensor
 from torch.utils.benchmark import Timer
 
 from layoutrl import InputError
 from layoutrl.agents.exploration import explore
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
+from layoutrl.env.measures import measured
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Simulator
+from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.config import BenchConfig
 
 ITEMS = 5  # at least so many in the rooms of `moves`
+FURNISHED = 6  # items in the rooms of `furnishing`
 
 
 def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
@@ -50,6 +57,56 @@ def growth(
         simulator = BatchSimulator(Simulator(crowded, config.method.moves, config.reward.weights), device)
         by_items[count] = moves_a_second(config, simulator, config.batch)
     return {"moves_a_second_by_episodes": by_episodes, "moves_a_second_by_items": by_items}
+
+
+def furnishing(
+    config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device
+) -> dict[str, float]:
+    """Random legal actions in whole rooms of FURNISHED items, by both simulators; all measures of the held-out rooms."""
+    rng = np.random.default_rng(config.seed)
+    designs = [with_items(room, FURNISHED, rng) for room in rooms[: config.items_rooms]]
+    began = time.perf_counter()
+    simulator = RoomsSimulator(
+        [brief_of(room) for room in designs], designs, config.method.moves, config.reward.weights
+    )
+    batched = BatchRoomsSimulator(simulator, device)
+    setup = time.perf_counter() - began
+    generator = torch.Generator(device).manual_seed(config.seed)
+    fast = config.batch / seconds_of(partial(next, random_actions(batched, config.batch, generator)), config.seconds)
+    few = config.shapely_batches[0]
+    slow = few / seconds_of(partial(next, random_actions_by_shapely(simulator, few, rng)), config.seconds)
+    return {
+        "actions_a_second": fast,
+        "shapely_actions_a_second": slow,
+        "times_shapely": fast / slow,
+        "setup_seconds": setup,
+        "measures_seconds": seconds_of(partial(measured, held_out, held_out), config.seconds),
+    }
+
+
+def random_actions(simulator: BatchRoomsSimulator, episodes: int, generator: torch.Generator) -> Iterator[Tensor]:
+    """Rewards (B,) of legal actions drawn at random; episodes never end."""
+    room = torch.randint(len(simulator.rooms), (episodes,), generator=generator, device=simulator.device)
+    state = simulator.begin(room, generator)
+    none = torch.zeros_like(room)
+    while True:
+        length, legal = simulator.reach(state)
+        action = explore(none, legal, 1.0, generator)
+        state = simulator.moved(state, action, length.gather(1, action[:, None])[:, 0])
+        yield simulator.reward(state).total
+
+
+def random_actions_by_shapely(
+    simulator: RoomsSimulator, episodes: int, rng: np.random.Generator
+) -> Iterator[np.ndarray]:
+    """The same by the reference simulator."""
+    state = simulator.begin(rng.integers(len(simulator.rooms), size=episodes), rng)
+    every = np.arange(episodes)
+    while True:
+        item, center, quarter, legal = simulator.destinations(state)
+        action = (rng.random(legal.shape) * legal).argmax(1)
+        state = simulator.put(state, item[every, action], center[every, action], quarter[every, action])
+        yield simulator.reward(state).total
 
 
 def with_items(room: Room, count: int, rng: np.random.Generator) -> Room:

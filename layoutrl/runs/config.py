@@ -236,7 +236,7 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         check_method("paper", self.paper)
         for part in self.parts:
-            one_of("parts", part, "speed", "memory", "growth", "training", "image", "sb3")
+            one_of("parts", part, "speed", "rooms", "memory", "growth", "training", "image", "sb3")
         _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
         for name in ("batch", "images", "items_rooms", "probe_every"):
             value = getattr(self, name)
