@@ -62,7 +62,7 @@ def growth(
 def furnishing(
     config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> dict[str, float]:
-    """Random legal actions in whole rooms of FURNISHED items, by both simulators; all measures of the held-out rooms."""
+    """Random legal actions in whole rooms of FURNISHED items, by both simulators; measures of the held-out rooms."""
     rng = np.random.default_rng(config.seed)
     designs = [with_items(room, FURNISHED, rng) for room in rooms[: config.items_rooms]]
     began = time.perf_counter()
