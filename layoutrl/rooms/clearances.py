@@ -1,0 +1,57 @@
+"""What furniture needs of the floor around it, as the designer has it. Metres.
+
+Depths are the least that any of the designer's templates keeps for the category (`Piece.front`): whose figures they
+are, of the HUD's, Neufert's and the NKBA's or unsourced, the templates say.
+"""
+
+from __future__ import annotations
+
+from layoutrl.rooms.designer.generator import ROOM_TYPES
+
+# Kept free before an item, as wide as it is; 0 where it has a front but some template keeps nothing free there. What
+# is not named has no front: it faces nowhere, as tables and stools do. Nor has anything round.
+FRONT_DEPTH = {
+    "armchair": 0.0,  # 0.5 in studies
+    "bathtub": 0.0,
+    "bed": 0.6,
+    "bench": 0.0,
+    "bookcase": 0.6,
+    "chair": 0.0,
+    "cooktop": 0.9,
+    "counter": 0.0,
+    "desk": 0.6,
+    "dresser": 0.0,
+    "fridge": 0.9,
+    "laundry_cabinet": 0.6,
+    "lounge_chair": 0.4,
+    "loveseat": 0.0,
+    "nightstand": 0.0,
+    "plant_rack": 0.45,
+    "shower": 0.6,
+    "sideboard": 0.9,
+    "sink": 0.5,  # 0.9 in kitchens
+    "sofa": 0.4,
+    "sofa_bed": 0.6,
+    "toilet": 0.6,
+    "tv_unit": 0.0,  # 0.75 in living rooms
+    "vanity": 0.6,
+    "wardrobe": 0.6,  # at a platform's end it keeps none, since it opens over the platform, where one stands
+    "washer": 0.6,
+    "washing_machine": 0.6,
+}
+
+RAISED = frozenset({"platform"})  # floor to walk on
+
+# What a tucked item may stand under: a chair, under the desk or table where one sits.
+HOSTS = frozenset({"desk", "table"})
+
+# What may stand in the floor before a category: who sits at a desk; wardrobes round a corner, one before the other's
+# end. What is tucked may stand before all HOSTS.
+MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset({"wardrobe"})}
+
+PASSAGE = 0.6  # to every item, in rooms of which the designer knows nothing
+
+
+def passage(room_type: str) -> float:
+    """How wide the way to every item is at least: 0.6, in kitchens and bathrooms 0.5."""
+    return ROOM_TYPES[room_type].passage / 100 if room_type in ROOM_TYPES else PASSAGE
