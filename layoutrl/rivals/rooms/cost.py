@@ -28,6 +28,11 @@ class Cost:
         self.tall = np.array([name in relations.tall for name in names], dtype=bool)
         self.alone_weights = np.array([weights[term] for term in ALONE_TERMS])
         self.pair_weights = np.array([weights[term] for term in PAIR_TERMS])
+        _, self.category, count = np.unique(names, return_inverse=True, return_counts=True)
+        self.itself = np.eye(len(names), dtype=bool)
+        self.alone = np.where(
+            count[self.category] > 1, np.inf, 0.0
+        )  # as its own partner
         self.apart = np.triu(~scene.may_overlap, 1)  # each pair once
         self.area = 4 * scene.half[:, 0].prod(-1)
         self.middle = (scene.bounds[:2] + scene.bounds[2:]) / 2
@@ -55,14 +60,30 @@ class Cost:
         return boxes_at(center + self.scene.front_offset[at], self.scene.front_half[at])
 
     def soft(self, center: Array, quarter: Array, box: Array) -> dict[str, Array]:
-        """By term (C,), not weighted: relations, summed over items and pairs of items; and visual balance."""
-        alone = self.kept.alone(box, quarter).sum(1)
-        pairs = self.kept.pairs(
-            box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], slice(None), slice(None)
-        ).sum((1, 2))
+        """By term (C,), weighted: relations of items, of pairs of items, and visual balance."""
+        alone = self.kept.alone(box, quarter).sum(1) * self.alone_weights
         off = (self.area[:, None] * center).sum(1) / self.area.sum() - self.middle
-        balance = np.hypot(off[:, 0], off[:, 1])
-        return dict(zip(SOFT, (*alone.T, *pairs.T, balance), strict=True))
+        return {
+            **dict(zip(ALONE_TERMS, alone.T, strict=True)),
+            "pairs": self.pairs(box, quarter),
+            "balance": self.weights["balance"] * np.hypot(off[:, 0], off[:, 1]),
+        }
+
+    def pairs(self, box: Array, quarter: Array) -> Array:
+        """(C,) of every item and, in every category, the other item to which it stands best."""
+        every = slice(None)
+        cost = self.kept.pairs(box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], every, every)
+        one_way = cost @ self.pair_weights
+        both = np.where(self.itself, self.alone, one_way + one_way.swapaxes(1, 2))
+        return self.best_partners(both, self.item).sum(1) / 2
+
+    def best_partners(self, both: Array, others: Array) -> Array:
+        """Of costs (..., k) with other items (k,): the sum of the least in every category (...)."""
+        if not len(others):
+            return np.zeros(both.shape[:-1])
+        order = np.argsort(self.category[others], kind="stable")
+        first = np.flatnonzero(np.diff(self.category[others][order], prepend=-1))
+        return np.minimum.reduceat(both[..., order], first, axis=-1).sum(-1)
 
     def rules(self, center: Array, quarter: Array, box: Array) -> Array:
         """The weighted faults (C,) but for `unreached`, which takes longer."""
@@ -70,7 +91,7 @@ class Cost:
 
     def preference(self, center: Array, quarter: Array, box: Array) -> Array:
         """The weighted soft terms (C,)."""
-        return sum(self.weights[name] * value for name, value in self.soft(center, quarter, box).items())
+        return sum(self.soft(center, quarter, box).values())
 
     def unreached(self, box: Array) -> Array:
         """The weighted number of items (C,) that nobody reaches."""

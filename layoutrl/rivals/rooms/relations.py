@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, ahead, boxes_at, daylight, depth, gap, scene_of
+from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Gate, Scene, ahead, boxes_at, daylight, depth, gap, scene_of
 from layoutrl.rooms.room import TOLERANCE, Room
 
 STEADY = 0.3  # metres
 RELATED = 1.0  # metres: pairs whose distance varies by more are no pairs
+RANGE = (0.25, 0.75)
 FEWEST = 3  # observations: less is chance
 FAR = 1.0  # metres: beyond, an offset is as bad as any
 NEAREST = 0.05  # metres: shorter distances count as this, so that no ratio of them runs away
@@ -74,9 +75,12 @@ def mine(rooms: Sequence[Room]) -> Relations:
             single[item.category].append(features[i])
             if dark[i]:
                 before_window.add(item.category)
-            for j, other in enumerate(room.furniture):
+            nearest: dict[str, int] = {}
+            for j in np.argsort(between[i, :, DISTANCE]).tolist():
                 if i != j:
-                    double[item.category, other.category].append(between[i, j])
+                    nearest.setdefault(room.furniture[j].category, j)
+            for other, j in nearest.items():
+                double[item.category, other].append(between[i, j])
         clear += [_clear_before(scene, box, k) for k in range(len(scene.doors))]
     return Relations(
         {category: _alone(np.array(seen)) for category, seen in single.items() if len(seen) >= FEWEST},
@@ -106,8 +110,7 @@ def alone_features(scene: Scene, box: Array, quarter: Array) -> Array:
     features = [back, side]
     looks = []
     for gates in (scene.doors, scene.windows):
-        boxes = np.array([gate.box for gate in gates]).reshape(-1, 4)
-        features.append(gap(box[..., None, :], boxes).min(-1, initial=20.0))
+        features.append(_share_of_the_way(scene, box, gates))
         inward = max(gates, key=lambda gate: gate.width).inward if gates else 0
         looks.append(_turn(quarter - inward) if gates else np.full(quarter.shape, 3.0))
     return np.stack([*features, *looks], -1)
@@ -122,6 +125,17 @@ def pair_features(box: Array, quarter: Array, other: Array, facing: Array) -> Ar
     bearing = np.where(across >= np.abs(forward), 1.0, np.where(forward > 0, 0.0, 2.0))
     turn = np.broadcast_to(_turn(facing - quarter), distance.shape)
     return np.stack([distance, gap(box, other), turn, bearing, across], -1)
+
+
+def _share_of_the_way(scene: Scene, box: Array, gates: Sequence[Gate]) -> Array:
+    """How far the middle of a box is from the nearest gate, as a share of the farthest corner's distance from it."""
+    if not gates:
+        return np.ones(box.shape[:-1])
+    middles = np.array([gate.middle for gate in gates])
+    x, y = scene.bounds[::2], scene.bounds[1::2]
+    farthest = np.hypot(np.abs(x - middles[:, :1]).max(1), np.abs(y - middles[:, 1:]).max(1))
+    apart = (box[..., None, :2] + box[..., None, 2:]) / 2 - middles
+    return (np.hypot(apart[..., 0], apart[..., 1]) / farthest).min(-1)
 
 
 def _turn(quarters: Array) -> Array:
@@ -155,7 +169,7 @@ def _pair(seen: Array) -> Pair | None:
 
 
 def _range(values: Array) -> Range:
-    low, high = np.quantile(values, (0.1, 0.9)).tolist()
+    low, high = np.quantile(values, RANGE).tolist()
     return max(low, NEAREST), max(high, NEAREST)
 
 

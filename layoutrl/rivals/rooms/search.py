@@ -27,7 +27,6 @@ class Searching:
 
     grid: float  # metres between places
     flush: bool  # places that touch what stands already, too, and not the walls alone
-    restarts: int  # at most; fewer where the budget ends
     best: int  # places of an item that are tried before it takes back the one before
     nodes: int  # places that are tried in a restart
     noise: float  # of the costs by which places are ranked, in a restart: so that restarts differ
@@ -61,7 +60,7 @@ def search(brief: Room, relations: Relations, settings: Searching, spent: Spent,
         return brief
     finder = Finder(scene, relations, settings, rng)
     made = 0
-    while made < settings.restarts and (made == 0 or spent(made) < 1):
+    while not made or spent(made) < 1:
         finder.restart(lambda: spent(made) >= 1)  # noqa: B023, asked before `made` grows
         made += 1
     return scene.layout(*finder.best)
@@ -133,7 +132,7 @@ class Finder:
         places = places[~clash.any(1)]
         mine, facing, its = places.box[:, None], places.quarter[:, None], self.quarter[others]
         pairs = kept.pairs(mine, facing, box, its, i, others) + kept.pairs(box, its, mine, facing, others, i)
-        cost = places.cost + (pairs @ weights).sum(1)
+        cost = places.cost + self.cost.best_partners(pairs @ weights, others)
         if self.restarts:
             cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
         best = places[np.argsort(cost, kind="stable")[: self.settings.best]]
