@@ -18,7 +18,7 @@ from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, ahead, boxes_a
 from layoutrl.rooms.room import Room
 
 
-@dataclass(frozen=True)
+@dataclass(kw_only=True)
 class Annealing:
     """How it anneals; `conf/rival/annealer.yaml` has the values and where they are from."""
 

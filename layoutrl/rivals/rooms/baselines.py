@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,10 +28,8 @@ def nearest_layout(brief: Room, training: Sequence[Room], rng: np.random.Generat
     Each item takes the pose of the counterpart of its category that is nearest in size, in the same place of the
     outline's bounding box, and is pushed indoors. One without a counterpart goes to a drawn place.
     """
-    views = [(room, *which) for room in training for which in SYMMETRIES]
-    unlike = np.concatenate([_unlikeness(brief, room) for room in training])
-    room, quarters, mirror = views[int(unlike.argmin())]
-    model = room.turned(quarters, mirror)
+    room, view = nearest_room(brief, training)
+    model = room.turned(*SYMMETRIES[view])
     poses: dict[int, Pose] = {}
     free = [item for item in model.furniture if item.center is not None]
     for k in missing(brief):
@@ -44,6 +43,25 @@ def nearest_layout(brief: Room, training: Sequence[Room], rng: np.random.Generat
         if pose := pose or _drawn(brief, k, rng):
             poses[k] = pose
     return furnished(brief, poses)
+
+
+def nearest_room(brief: Room, training: Sequence[Room]) -> tuple[Room, int]:
+    """The training room most like the brief, the first of equals, and in which of the SYMMETRIES."""
+    wanted, size = Counter(item.category for item in brief.furniture), _extents(brief)
+    least = []  # by how much each is unlike at least, in any view
+    for room in training:
+        other = Counter(item.category for item in room.furniture)
+        lacks = ((wanted - other) + (other - wanted)).total()
+        apart = min(np.abs(size - extents).sum() for extents in (_extents(room), _extents(room)[::-1]))
+        least.append(OTHER_CATEGORY * lacks + apart)
+    best, found = np.inf, (training[0], 0)
+    for k in np.argsort(least, kind="stable"):
+        if least[k] >= best:
+            break
+        unlike = _unlikeness(brief, training[k])
+        if unlike.min() < best:
+            best, found = float(unlike.min()), (training[k], int(unlike.argmin()))
+    return found
 
 
 def _unlikeness(brief: Room, room: Room) -> np.ndarray:

@@ -170,9 +170,9 @@ def solid_boxes(indoor: shapely.Polygon) -> Array:
             for part in shapely.get_parts(outside):
                 if part.area > 1e-9:
                     _, bottom, _, top = part.bounds
-                    if boxes and boxes[-1][1::2] == (bottom, top) and boxes[-1][2] == start:
-                        start = boxes.pop()[0]  # one box with the strip before it
-                    boxes.append((start, bottom, end, top))
+                    before = [box for box in boxes if box[1:] == (bottom, start, top)]  # one box with it
+                    boxes = [box for box in boxes if box not in before]
+                    boxes.append((before[0][0] if before else start, bottom, end, top))
     return np.array([*around, *boxes])
 
 

@@ -21,7 +21,7 @@ Pose = tuple[Array, int]  # centre (2,) and facing
 AWAY = np.full(4, -1e3)  # a box outside: of what is not placed
 
 
-@dataclass(frozen=True)
+@dataclass(kw_only=True)
 class Searching:
     """How it searches; `conf/rival/search.yaml` has the values and where they are from."""
 
