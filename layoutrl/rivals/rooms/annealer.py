@@ -1,0 +1,144 @@
+"""Simulated annealing of whole rooms, after Merrell et al. 2011 and Yu et al. 2011: nothing is learned but distances.
+
+Many chains of one room take a move of one kind at a time, as arrays: a step of all costs little more than of one.
+Merrell's term -(8c^4 - 8c^2 + 1) and their alignment -cos 4a are the same for all items along the walls, so they are
+not here; which way items face is a relation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from layoutrl.rivals.budgets import Spent
+from layoutrl.rivals.rooms.cost import Cost
+from layoutrl.rivals.rooms.relations import Relations
+from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, ahead, boxes_at, scene_of
+from layoutrl.rooms.room import Room
+
+
+@dataclass(kw_only=True)
+class Annealing:
+    """How it anneals; `conf/rival/annealer.yaml` has the values and where they are from."""
+
+    chains: int
+    first_temperature: float
+    last_temperature: float
+    cold: float  # the last share of the budget, at the last temperature
+    first_shift: float  # metres: standard deviation
+    last_shift: float
+    first_rules: float  # what the weights of rules are multiplied with: it grows
+    last_rules: float
+    moves: dict[str, float]  # how often: shift, turn, swap, slide, place, beside
+    weights: dict[str, float]  # of the terms
+
+
+def anneal(brief: Room, relations: Relations, settings: Annealing, spent: Spent, rng: np.random.Generator) -> Room:
+    """The best layout that any chain met. `spent` counts moves of single chains."""
+    scene = scene_of(brief)
+    if not len(scene.movable):
+        return brief
+    chains = Chains(scene, relations, settings, rng)
+    while (share := spent(chains.made)) < 1:
+        chains.step(share)
+    return scene.layout(*chains.best)
+
+
+class Chains:
+    """States of C chains: centres (C, n, 2), facings (C, n), and their costs (C,) by preference and rules."""
+
+    def __init__(self, scene: Scene, relations: Relations, settings: Annealing, rng: np.random.Generator):
+        self.scene, self.settings, self.rng = scene, settings, rng
+        self.cost = Cost(scene, relations, settings.weights)
+        self.kinds = list(settings.moves)
+        self.often = np.cumsum(list(settings.moves.values())) / sum(settings.moves.values())
+        count, n = settings.chains, len(scene.center)
+        self.chain = np.arange(count)
+        self.center = np.tile(scene.center, (count, 1, 1))
+        self.quarter = np.tile(scene.quarter, (count, 1))
+        for i in scene.movable:
+            self.center[:, i] = rng.uniform(scene.bounds[:2], scene.bounds[2:], (count, 2))
+            if scene.turnable[i]:
+                self.quarter[:, i] = rng.integers(4, size=count)
+        box = self.cost.boxes(self.center, self.quarter)
+        self.preference = self.cost.preference(self.center, self.quarter, box)
+        self.rules = self.cost.rules(self.center, self.quarter, box) + self.cost.unreached(box)
+        self.made = 0
+        self.lowest = np.inf
+        self.best = np.zeros((n, 2)), np.zeros(n, dtype=int)
+        self._remember()
+
+    def step(self, share: float) -> None:
+        """One move in every chain, when this share of the budget is spent."""
+        at = min(share / (1 - self.settings.cold), 1.0)
+        temperature = _between(self.settings.first_temperature, self.settings.last_temperature, at)
+        strictness = _between(self.settings.first_rules, self.settings.last_rules, at)
+        center, quarter = self._proposed(_between(self.settings.first_shift, self.settings.last_shift, at))
+        box = self.cost.boxes(center, quarter)
+        preference = self.cost.preference(center, quarter, box)
+        rules = self.cost.rules(center, quarter, box)
+        # Metropolis: drawn first, since who is refused without `unreached` would be with it, too.
+        highest = self.preference + strictness * self.rules - temperature * np.log(1 - self.rng.random(len(self.chain)))
+        maybe = np.flatnonzero(preference + strictness * rules <= highest)
+        rules[maybe] += self.cost.unreached(box[maybe])
+        taken = maybe[(preference + strictness * rules)[maybe] <= highest[maybe]]
+        self.center[taken], self.quarter[taken] = center[taken], quarter[taken]
+        self.preference[taken], self.rules[taken] = preference[taken], rules[taken]
+        self.made += len(self.chain)
+        self._remember()
+
+    def _remember(self) -> None:
+        cost = self.preference + self.settings.last_rules * self.rules
+        k = int(cost.argmin())
+        if cost[k] < self.lowest:
+            self.lowest, self.best = float(cost[k]), (self.center[k].copy(), self.quarter[k].copy())
+
+    def _proposed(self, width: float) -> tuple[Array, Array]:
+        """Centres and facings after one move of one kind in every chain, of an item drawn for each."""
+        center, quarter, rng, chain = self.center.copy(), self.quarter.copy(), self.rng, self.chain
+        scene, count = self.scene, len(chain)
+        kind = self.kinds[int(np.searchsorted(self.often, rng.random()))]
+        i = rng.choice(scene.movable, count)
+        turns = scene.turnable[i]
+        if kind == "shift":
+            center[chain, i] += rng.normal(0, width, (count, 2))
+        elif kind == "turn":
+            quarter[chain, i] += np.where(turns, rng.integers(1, 4, count), 0)
+        elif kind == "swap":
+            j = rng.choice(scene.movable, count)
+            center[chain, i], center[chain, j] = center[chain, j], center[chain, i]
+            both = turns & scene.turnable[j]
+            quarter[chain, i], quarter[chain, j] = (
+                np.where(both, self.quarter[chain, j], self.quarter[chain, i]),
+                np.where(both, self.quarter[chain, i], self.quarter[chain, j]),
+            )
+        elif kind == "slide":
+            box = self.cost.boxes(center, quarter)
+            others = box.copy()
+            others[chain, i] = np.nan  # it is not in its own way
+            blocks = np.concatenate([np.broadcast_to(scene.solids, (count, *scene.solids.shape)), others], 1)
+            self._slide(center, i, ahead(box[chain, i], blocks), rng.integers(4, size=count))
+        elif kind == "place":  # anywhere, its back to the wall behind it
+            center[chain, i] = rng.uniform(scene.bounds[:2], scene.bounds[2:], (count, 2))
+            quarter[chain, i] = np.where(turns, rng.integers(4, size=count), quarter[chain, i])
+            box = boxes_at(center[chain, i], scene.half[i, quarter[chain, i] % 4])
+            self._slide(center, i, ahead(box, scene.solids), quarter[chain, i] + 2)
+        elif kind == "beside":  # touching another on a side, their middles or ends in line
+            j = rng.integers(quarter.shape[1], size=count)
+            side = DIRECTIONS[rng.integers(4, size=count)]
+            quarter[chain, i] = np.where(turns & (j != i), rng.integers(4, size=count), quarter[chain, i])
+            mine, its = scene.half[i, quarter[chain, i] % 4], scene.half[j, quarter[chain, j]]
+            along = (its - mine) * rng.integers(-1, 2, (count, 1)) * (side == 0)
+            there = center[chain, j] + side * (its + mine) + along
+            center[chain, i] = np.where((j != i)[:, None], there, center[chain, i])
+        return center, quarter % 4
+
+    def _slide(self, center: Array, i: Array, way: Array, direction: Array) -> None:
+        direction = direction % 4
+        center[self.chain, i] += DIRECTIONS[direction] * way[self.chain, direction, None]
+
+
+def _between(first: float, last: float, share: float) -> float:
+    """From the first to the last, geometrically."""
+    return float(first * (last / first) ** share)

@@ -1,0 +1,158 @@
+"""The least that a method for whole rooms must beat: drawn places, and the layout of the most similar training room."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from layoutrl.env.geometry import CONTACT, fitting_positions
+from layoutrl.rooms.brief import Pose, facings, furnished, missing
+from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
+
+DRAWS = 100  # of a place in the box around all places, before one is taken as it comes
+OTHER_CATEGORY = 2.0  # metres that an item counts which has no counterpart
+
+
+def random_layout(brief: Room, rng: np.random.Generator) -> Room:
+    """Every item at a drawn place indoors, facing a drawn way. One that fits nowhere has no place."""
+    return furnished(brief, {k: pose for k in missing(brief) if (pose := _drawn(brief, k, rng))})
+
+
+def nearest_layout(brief: Room, training: Sequence[Room], rng: np.random.Generator) -> Room:
+    """The layout of the training room that is most like the brief, in the best of eight views.
+
+    Each item takes the pose of the counterpart of its category that is nearest in size, in the same place of the
+    outline's bounding box, and is pushed indoors. One without a counterpart goes to a drawn place.
+    """
+    room, view = nearest_room(brief, training)
+    model = room.turned(*SYMMETRIES[view])
+    poses: dict[int, Pose] = {}
+    free = [item for item in model.furniture if item.center is not None]
+    for k in missing(brief):
+        item = brief.furniture[k]
+        alike = [other for other in free if other.category == item.category]
+        pose = None
+        if alike:
+            other = min(alike, key=lambda other: math.dist(item.size, other.size))
+            free.remove(other)
+            pose = _pushed(brief, item, model, other)
+        if pose := pose or _drawn(brief, k, rng):
+            poses[k] = pose
+    return furnished(brief, poses)
+
+
+def nearest_room(brief: Room, training: Sequence[Room]) -> tuple[Room, int]:
+    """The training room most like the brief, the first of equals, and in which of the SYMMETRIES."""
+    wanted, size = Counter(item.category for item in brief.furniture), _extents(brief)
+    least = []  # by how much each is unlike at least, in any view
+    for room in training:
+        other = Counter(item.category for item in room.furniture)
+        lacks = ((wanted - other) + (other - wanted)).total()
+        apart = min(np.abs(size - extents).sum() for extents in (_extents(room), _extents(room)[::-1]))
+        least.append(OTHER_CATEGORY * lacks + apart)
+    best, found = np.inf, (training[0], 0)
+    for k in np.argsort(least, kind="stable"):
+        if least[k] >= best:
+            break
+        unlike = _unlikeness(brief, training[k])
+        if unlike.min() < best:
+            best, found = float(unlike.min()), (training[k], int(unlike.argmin()))
+    return found
+
+
+def _unlikeness(brief: Room, room: Room) -> np.ndarray:
+    """How unlike the brief a room is in each of the eight views (8,), in metres: outline, openings and furniture."""
+    items = _list_distance(brief.furniture, room.furniture)
+    result = []
+    for which in SYMMETRIES:
+        turn = symmetry(*which)
+        size = np.abs(_extents(brief) - np.abs(turn) @ _extents(room)).sum()
+        openings = sum(
+            _set_distance(_middles(brief, kind), _middles(room, kind) @ turn.T) for kind in ("door", "window")
+        )
+        result.append(size + openings + items)
+    return np.array(result)
+
+
+def _extents(room: Room) -> np.ndarray:
+    x0, y0, x1, y1 = room.indoor.bounds
+    return np.array([x1 - x0, y1 - y0])
+
+
+def _middles(room: Room, kind: str) -> np.ndarray:
+    """Of the openings of a kind, from the middle of the outline's bounding box: (k, 2)."""
+    x0, y0, x1, y1 = room.indoor.bounds
+    found = [opening.shape.centroid.coords[0] for opening in room.openings if opening.kind == kind]
+    return np.array(found).reshape(-1, 2) - ((x0 + x1) / 2, (y0 + y1) / 2)
+
+
+def _set_distance(a: np.ndarray, b: np.ndarray) -> float:
+    """From every point to the nearest of the others, summed both ways; OTHER_CATEGORY each without others."""
+    if not len(a) or not len(b):
+        return OTHER_CATEGORY * (len(a) + len(b))
+    apart = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
+    return float(apart.min(0).sum() + apart.min(1).sum())
+
+
+def _list_distance(ours: Sequence[Item], theirs: Sequence[Item]) -> float:
+    """What the sizes of counterparts differ by, and OTHER_CATEGORY for each item without one."""
+    total, free = 0.0, list(theirs)
+    for item in ours:
+        alike = [other for other in free if other.category == item.category]
+        if alike:
+            other = min(alike, key=lambda other: math.dist(item.size, other.size))
+            free.remove(other)
+            total += math.dist(item.size, other.size)
+        else:
+            total += OTHER_CATEGORY
+    return total + OTHER_CATEGORY * len(free)
+
+
+def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:
+    """The counterpart's pose in the brief's room, pushed to where the item fits; None where it fits nowhere."""
+    assert other.center is not None
+    degrees = _nearest_facing(brief, other.degrees) if item.rotation is None else item.rotation
+    fits = _fitting(brief, item, degrees)
+    if fits.is_empty:
+        return None
+    low, high = _play(model, other)
+    share = np.clip((np.array(other.center) - low) / np.maximum(high - low, 1e-9), 0, 1)
+    x0, y0, x1, y1 = fits.bounds
+    wanted = shapely.Point(np.array([x0, y0]) + share * (x1 - x0, y1 - y0))
+    x, y = shapely.shortest_line(fits, wanted).coords[0]
+    return (x, y), degrees
+
+
+def _play(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest centre at which a placed item lies within the outline's bounding box."""
+    bounds, around = np.array(room.indoor.bounds), np.array(item.template.bounds)
+    return bounds[:2] - around[:2], bounds[2:] - around[2:]
+
+
+def _nearest_facing(room: Room, degrees: float) -> float:
+    return min(facings(room), key=lambda facing: abs((facing - degrees + 180) % 360 - 180))
+
+
+def _fitting(room: Room, item: Item, degrees: float) -> shapely.Geometry:
+    """Where the middle of an item may be that lies indoors, turned so."""
+    turned = Item(item.category, item.size, None, degrees, item.form)
+    return fitting_positions(np.array([room.indoor]), np.array([turned.template]), CONTACT)[0]
+
+
+def _drawn(room: Room, k: int, rng: np.random.Generator) -> Pose | None:
+    """A place indoors, alike likely everywhere, and a facing; None where the item fits nowhere."""
+    item = room.furniture[k]
+    for degrees in rng.permutation(facings(room)) if item.rotation is None else [item.rotation]:
+        fits = _fitting(room, item, float(degrees))
+        if fits.is_empty:
+            continue
+        x0, y0, x1, y1 = fits.bounds
+        drawn = shapely.points(rng.uniform((x0, y0), (x1, y1), (DRAWS, 2)))
+        inside = drawn[shapely.covers(fits, drawn)]
+        point = inside[0] if len(inside) else shapely.shortest_line(fits, drawn[0]).interpolate(0)
+        return (float(point.x), float(point.y)), float(degrees)
+    return None

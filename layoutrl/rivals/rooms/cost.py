@@ -1,0 +1,100 @@
+"""What is wrong with many layouts of a scene at once: rules broken, and relations not kept. Metres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from layoutrl.rivals.rooms.relations import ALONE_TERMS, PAIR_TERMS, Kept, Relations
+from layoutrl.rivals.rooms.scene import Array, Scene, boxes_at, daylight, depth, keep_free, unreached
+from layoutrl.rooms.room import TOLERANCE
+
+FAULT = 0.3  # metres that anything deeper than TOLERANCE counts on top, so that none is bought for a better place
+RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")
+SOFT = (*ALONE_TERMS, *PAIR_TERMS, "balance")
+
+
+class Cost:
+    """Costs of layouts, centres (C, n, 2) and facings (C, n): `rules` in metres and items, `soft` weighted."""
+
+    def __init__(self, scene: Scene, relations: Relations, weights: Mapping[str, float]):
+        self.scene, self.weights = scene, weights
+        self.kept = Kept(scene, relations)
+        names = [item.category for item in scene.brief.furniture]
+        self.item = np.arange(len(names))
+        self.doors = keep_free(scene, relations.clear)
+        self.windows = daylight(scene)
+        self.tall = np.array([name in relations.tall for name in names], dtype=bool)
+        self.alone_weights = np.array([weights[term] for term in ALONE_TERMS])
+        self.pair_weights = np.array([weights[term] for term in PAIR_TERMS])
+        _, self.category, count = np.unique(names, return_inverse=True, return_counts=True)
+        self.itself = np.eye(len(names), dtype=bool)
+        self.alone = np.where(count[self.category] > 1, np.inf, 0.0)  # as its own partner
+        self.apart = np.triu(~scene.may_overlap, 1)  # each pair once
+        self.area = 4 * scene.half[:, 0].prod(-1)
+        self.middle = (scene.bounds[:2] + scene.bounds[2:]) / 2
+
+    def boxes(self, center: Array, quarter: Array) -> Array:
+        """The boxes (C, n, 4) of the items."""
+        return boxes_at(center, self.scene.half[self.item, quarter])
+
+    def faults(self, center: Array, quarter: Array, box: Array) -> dict[str, Array]:
+        """By rule (C,): summed depths in metres, FAULT more for each that is more than drawing noise."""
+        front = self.fronts(center, quarter)
+        others = _fault(depth(front[:, :, None], box[:, None])) * ~self.scene.may_stand_before
+        walls = _fault(depth(front[:, :, None], self.scene.solids))
+        return {
+            "outside": _fault(depth(box[:, :, None], self.scene.solids)).sum((1, 2)),
+            "overlap": (_fault(depth(box[:, :, None], box[:, None])) * self.apart).sum((1, 2)),
+            "doors": _fault(depth(box[:, :, None], self.doors)).sum((1, 2)),
+            "daylight": _fault(depth(box[:, self.tall, None], self.windows)).sum((1, 2)),
+            "fronts": (others.sum(2) + walls.sum(2))[:, self.scene.has_front].sum(1),
+        }
+
+    def fronts(self, center: Array, quarter: Array) -> Array:
+        """The floor (C, n, 4) before the items."""
+        at = self.item, quarter
+        return boxes_at(center + self.scene.front_offset[at], self.scene.front_half[at])
+
+    def soft(self, center: Array, quarter: Array, box: Array) -> dict[str, Array]:
+        """By term (C,), weighted: relations of items, of pairs of items, and visual balance."""
+        alone = self.kept.alone(box, quarter).sum(1) * self.alone_weights
+        off = (self.area[:, None] * center).sum(1) / self.area.sum() - self.middle
+        return {
+            **dict(zip(ALONE_TERMS, alone.T, strict=True)),
+            "pairs": self.pairs(box, quarter),
+            "balance": self.weights["balance"] * np.hypot(off[:, 0], off[:, 1]),
+        }
+
+    def pairs(self, box: Array, quarter: Array) -> Array:
+        """(C,) of every item and, in every category, the other item to which it stands best."""
+        every = slice(None)
+        cost = self.kept.pairs(box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], every, every)
+        one_way = cost @ self.pair_weights
+        both = np.where(self.itself, self.alone, one_way + one_way.swapaxes(1, 2))
+        return self.best_partners(both, self.item).sum(1) / 2
+
+    def best_partners(self, both: Array, others: Array) -> Array:
+        """Of costs (..., k) with other items (k,): the sum of the least in every category (...)."""
+        if not len(others):
+            return np.zeros(both.shape[:-1])
+        order = np.argsort(self.category[others], kind="stable")
+        first = np.flatnonzero(np.diff(self.category[others][order], prepend=-1))
+        return np.minimum.reduceat(both[..., order], first, axis=-1).sum(-1)
+
+    def rules(self, center: Array, quarter: Array, box: Array) -> Array:
+        """The weighted faults (C,) but for `unreached`, which takes longer."""
+        return sum(self.weights[name] * value for name, value in self.faults(center, quarter, box).items())
+
+    def preference(self, center: Array, quarter: Array, box: Array) -> Array:
+        """The weighted soft terms (C,)."""
+        return sum(self.soft(center, quarter, box).values())
+
+    def unreached(self, box: Array) -> Array:
+        """The weighted number of items (C,) that nobody reaches."""
+        return self.weights["unreached"] * unreached(self.scene, box)
+
+
+def _fault(depths: Array) -> Array:
+    return depths + FAULT * (depths > TOLERANCE)

@@ -1,0 +1,286 @@
+"""A brief as upright boxes, (x0, y0, x1, y1) in metres, so that many layouts of it are judged at once by arithmetic.
+
+The room is turned so that its longest wall lies along an axis. What is not floor is covered by boxes: exactly where
+all walls are then upright; along a slanting wall in strips, so that who touches them may be up to STRIP off the wall.
+A circle counts as its square, an item at another angle as the upright box around it. So what is legal here is legal.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from scipy import ndimage
+from shapely.affinity import rotate
+
+from layoutrl.env.faults import FRONT
+from layoutrl.rooms.brief import facings, furnished
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
+from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room
+
+STRIP = 0.05  # metres: width of the boxes along a slanting wall
+THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them
+BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light
+SLACK = 0.005  # metres: who fits exactly passes, as in the designer's own test
+TOUCH = 1e-6  # metres of rounding
+DIRECTIONS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # the four facings, in the room's frame
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A door or a window: its `box`, the direction 0 to 3 into the room, and the middle (2,) of its inner side."""
+
+    box: Array
+    inward: int
+    middle: Array
+    width: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A brief in its own frame. n items; the arrays by facing have the four DIRECTIONS on axis 1.
+
+    `lean` (n,) degrees are added to the rotation of an item that may not be turned.
+    """
+
+    brief: Room
+    base: float  # degrees by which the frame is turned
+    solids: Array  # (m, 4) boxes that cover all that is not floor
+    doors: tuple[Gate, ...]
+    windows: tuple[Gate, ...]
+    radius: float  # half a passage
+    half: Array  # (n, 4, 2) half the item's extents
+    front_half: Array  # (n, 4, 2) the same of the floor before it
+    front_offset: Array  # (n, 4, 2) from its middle to that of the floor before it
+    has_front: Array  # (n,) bool
+    stands_aside: Array  # (n,) bool: not in the way of who walks: tucked or raised
+    may_overlap: Array  # (n, n) bool: the first is tucked, the second its host, or the other way round
+    may_stand_before: Array  # (n, n) bool: the second in the floor before the first
+    movable: Array  # indices of the items to place
+    turnable: Array  # (n,) bool
+    lean: Array  # (n,)
+    center: Array  # (n, 2) where they stand already; of the movable ones the middle of the room
+    quarter: Array  # (n,) which of the facings
+
+    @property
+    def bounds(self) -> Array:
+        """The box (4,) around the floor."""
+        x0, y0, x1, y1 = self.solids[:4].T
+        return np.array([x1[0], y1[1], x0[2], y0[3]])
+
+    def layout(self, center: Array, quarter: Array, placed: Array | None = None) -> Room:
+        """The brief with the items at (n, 2) and their facings (n,); those not `placed` (n,) keep no centre."""
+        cosine, sine = math.cos(math.radians(self.base)), math.sin(math.radians(self.base))
+        back = np.array([[cosine, -sine], [sine, cosine]]) if self.base else np.eye(2)
+        poses = {}
+        for k in self.movable:
+            if placed is None or placed[k]:
+                x, y = (back @ center[k]).tolist()
+                given = self.brief.furniture[k].rotation
+                turned = float(facings(self.brief)[int(quarter[k])]) if given is None else given
+                poses[int(k)] = ((x, y), turned)
+        return furnished(self.brief, poses)
+
+
+def scene_of(brief: Room) -> Scene:
+    """The brief as boxes."""
+    base = facings(brief)[0]
+    indoor = _rounded(rotate(brief.indoor, -base, origin=(0, 0)))
+    items = [_item(item, base) for item in brief.furniture]
+    middle = np.array(indoor.representative_point().coords[0])
+    standing = [item.center is not None for item in brief.furniture]
+    center = [_turn(item.center, -base) if item.center else middle for item in brief.furniture]
+    front = np.array([_front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
+    under = np.array([[a.tucked and b.category in HOSTS for b in brief.furniture] for a in brief.furniture], dtype=bool)
+    before = [[b.category in MAY_STAND_BEFORE.get(a.category, ()) for b in brief.furniture] for a in brief.furniture]
+    aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
+    raised = np.array([item.category in RAISED for item in brief.furniture], dtype=bool)
+    half = np.array([h for h, _, _ in items]).reshape(-1, 4, 2)
+    along = np.abs(DIRECTIONS)
+    return Scene(
+        brief=brief,
+        base=base,
+        solids=solid_boxes(indoor),
+        doors=tuple(_gate(door, base, indoor) for door in brief.doors),
+        windows=tuple(_gate(window, base, indoor) for window in brief.windows),
+        radius=passage(brief.room_type) / 2,
+        half=half,
+        front_half=half * (1 - along) + front / 2 * along,
+        front_offset=DIRECTIONS * (half + front / 2),
+        has_front=front[:, 0, 0] > 0,
+        stands_aside=aside,
+        may_overlap=under | under.T | np.eye(len(items), dtype=bool),
+        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised,
+        movable=np.flatnonzero(~np.array(standing, dtype=bool)),
+        turnable=np.array([item.rotation is None for item in brief.furniture], dtype=bool),
+        lean=np.array([lean for _, _, lean in items]),
+        center=np.array(center).reshape(-1, 2),
+        quarter=np.array([quarter for _, quarter, _ in items], dtype=int),
+    )
+
+
+def _front_depth(item: Item) -> float:
+    return FRONT_DEPTH.get(item.category, 0.0) if item.form == "rectangle" else 0.0
+
+
+def _item(item: Item, base: float) -> tuple[Array, int, float]:
+    """(half extents (4, 2) by facing, the facing it has, degrees that are left over)"""
+    width, depth = item.size
+    halves = np.array([(width, depth), (depth, width)] * 2) / 2
+    if item.rotation is None:
+        return halves, 0, 0.0
+    quarter = round((item.rotation - base) / 90)
+    lean = item.rotation - base - 90 * quarter
+    if abs(lean) > 1e-6 and item.form != "circle":
+        x0, y0, x1, y1 = rotate(shapely.box(*-halves[0], *halves[0]), item.rotation - base, origin=(0, 0)).bounds
+        halves = np.tile([(x1 - x0) / 2, (y1 - y0) / 2], (4, 1))
+    return halves, quarter % 4, lean
+
+
+def _gate(opening: Opening, base: float, indoor: shapely.Polygon) -> Gate:
+    shape = rotate(opening.shape, -base, origin=(0, 0))
+    corners = np.array(shapely.minimum_rotated_rectangle(shape).exterior.coords)
+    sides = np.diff(corners[:3], axis=0)
+    lengths = np.hypot(*sides.T)
+    through = sides[lengths.argmin()] / 2  # through the wall, which is less thick than openings are wide
+    middle = np.array(shape.centroid.coords[0])
+    ends = middle + through, middle - through
+    inner = min(ends, key=lambda end: indoor.distance(shapely.Point(end + 0.5 * (end - middle))))
+    inward = int((DIRECTIONS @ (inner - middle)).argmax())
+    return Gate(np.array(shape.bounds), inward, inner, float(lengths.max()))
+
+
+def solid_boxes(indoor: shapely.Polygon) -> Array:
+    """Boxes (m, 4) that cover all that is not floor; the first four lie left, below, right and above."""
+    x0, y0, x1, y1 = indoor.bounds
+    low, high = (x0 - THICK, y0 - THICK), (x1 + THICK, y1 + THICK)
+    around = [(*low, x0, high[1]), (low[0], low[1], high[0], y0), (x1, low[1], *high), (low[0], y1, *high)]
+    cuts = sorted({x for ring in (indoor.exterior, *indoor.interiors) for x, _ in ring.coords})
+    edges = [pair for ring in (indoor.exterior, *indoor.interiors) for pair in pairwise(ring.coords)]
+    boxes: list[tuple[float, ...]] = []
+    for left, right in pairwise(cuts):
+        slants = any(min(a, c) < right and max(a, c) > left and b != d for (a, b), (c, d) in edges)
+        strips = np.linspace(left, right, 1 + (math.ceil((right - left) / STRIP) if slants else 1))
+        for start, end in pairwise(strips.tolist()):
+            outside = shapely.box(start, y0, end, y1).difference(indoor)
+            for part in shapely.get_parts(outside):
+                if part.area > 1e-9:
+                    _, bottom, _, top = part.bounds
+                    before = [box for box in boxes if box[1:] == (bottom, start, top)]  # one box with it
+                    boxes = [box for box in boxes if box not in before]
+                    boxes.append((before[0][0] if before else start, bottom, end, top))
+    return np.array([*around, *boxes])
+
+
+def keep_free(scene: Scene, depth: float) -> Array:
+    """The floor (z, 4) that doors need: `depth` into the room, FRONT at least."""
+    boxes = [_beyond(door, max(depth, FRONT)) for door in scene.doors]
+    return np.array(boxes).reshape(-1, 4)
+
+
+def daylight(scene: Scene) -> Array:
+    """The floor (w, 4) on which nothing tall stands."""
+    return np.array([_beyond(window, BEFORE_WINDOW) for window in scene.windows]).reshape(-1, 4)
+
+
+def _beyond(gate: Gate, depth: float) -> Array:
+    """The opening and the floor before it."""
+    box = gate.box.copy()
+    side = {0: 2, 1: 3, 2: 0, 3: 1}[gate.inward]
+    box[side] += depth * DIRECTIONS[gate.inward].sum()
+    return box
+
+
+# --- arithmetic of boxes, (..., 4) each, which broadcast ---
+
+
+def boxes_at(center: Array, half: Array) -> Array:
+    """The boxes (..., 4) around centres (..., 2)."""
+    return np.concatenate([center - half, center + half], -1)
+
+
+def depth(a: Array, b: Array) -> Array:
+    """How deep one box is in another: the shortest way out, in metres; 0 where they do not overlap."""
+    across = np.minimum(a[..., 2:], b[..., 2:]) - np.maximum(a[..., :2], b[..., :2])
+    return np.maximum(np.minimum(across[..., 0], across[..., 1]), 0.0)
+
+
+def gap(a: Array, b: Array) -> Array:
+    """The distance between two boxes, in metres."""
+    apart = np.maximum(np.maximum(b[..., :2] - a[..., 2:], a[..., :2] - b[..., 2:]), 0.0)
+    return np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2)
+
+
+def ahead(a: Array, blocks: Array) -> Array:
+    """How far a box (..., 4) slides in each of the DIRECTIONS until it touches one of the blocks (..., k, 4): (..., 4).
+
+    What it is in already, by more than TOLERANCE, does not stop it.
+    """
+    box = a[..., None, :]
+    low, high = (
+        blocks[..., :2] - box[..., 2:],
+        box[..., :2] - blocks[..., 2:],
+    )  # to blocks right or above; left or below
+    beside = np.maximum(low, high) < -TOUCH  # the spans along x, y overlap
+    way = np.concatenate([low, high], -1)
+    crossing = np.concatenate([beside[..., ::-1]] * 2, -1)
+    return np.where(crossing & (way > -TOLERANCE), np.maximum(way, 0.0), np.inf).min(-2, initial=THICK)
+
+
+def unreached(scene: Scene, boxes: Array) -> Array:
+    """How many items (C,) of layouts (C, n, 4) who enters by the first door cannot get to.
+
+    The floor is cut along the sides of what is in the way, grown by half a passage: exact for growth to the sides. An
+    item is reached where the floor that is left, from the door, lies straight before one of its sides.
+    """
+    count = boxes.shape[:2]
+    if not scene.doors or not boxes.size:
+        return np.zeros(count[0])
+    radius = scene.radius - SLACK
+    obstacles = np.concatenate(
+        [np.broadcast_to(scene.solids, (count[0], *scene.solids.shape)), boxes[:, ~scene.stands_aside]], 1
+    )
+    grown = obstacles + radius * np.array([-1, -1, 1, 1])
+    spans, inside, near, beside = [], [], [], []
+    for axis in (0, 1):
+        lines = np.sort(np.clip(grown[..., axis::2].reshape(count[0], -1), *scene.bounds[axis::2]), 1)
+        cells = np.stack([lines[:, :-1], lines[:, 1:]], -1)[:, None]  # (C, 1, cells, 2)
+        middle = cells.mean(-1)
+        spans.append(cells[:, 0])
+        inside.append((grown[..., axis, None] + TOUCH < middle) & (middle < grown[..., axis + 2, None] - TOUCH))
+        low, high = boxes[..., axis, None], boxes[..., axis + 2, None]
+        within = scene.radius + TOLERANCE
+        near.append((cells[..., 0] <= high + within) & (cells[..., 1] >= low - within))
+        beside.append((cells[..., 0] <= high) & (cells[..., 1] >= low))
+    x, y = (part.astype(np.float32) for part in inside)
+    free = np.matmul(x.swapaxes(1, 2), y) == 0  # (C, cells along x, cells along y)
+    parts, _ = ndimage.label(free, _WITHIN_A_LAYOUT)
+    door = scene.doors[0]
+    entry = door.middle + DIRECTIONS[door.inward] * (scene.radius + TOUCH)
+    at = [((s[..., 0] <= p + TOUCH) & (p - TOUCH <= s[..., 1])) for s, p in zip(spans, entry, strict=True)]
+    entered = parts * (at[0][:, :, None] & at[1][:, None])
+    component = entered.reshape(count[0], -1).max(1)
+    walked = ((parts == component[:, None, None]) & free).astype(np.float32)
+    reached = np.zeros(count, dtype=bool)
+    for of_x, of_y in ((near[0], beside[1]), (beside[0], near[1])):
+        columns = np.matmul(of_x.astype(np.float32), walked)  # (C, n, cells along y)
+        reached |= (columns * of_y).sum(-1) > 0
+    return (~reached).sum(1).astype(float)
+
+
+_WITHIN_A_LAYOUT = np.zeros((3, 3, 3), dtype=bool)
+_WITHIN_A_LAYOUT[1] = True  # cells that meet at a corner are joined: between touching corners nobody fits all the same
+
+
+def _turn(point: tuple[float, float], degrees: float) -> tuple[float, float]:
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return cosine * point[0] - sine * point[1], sine * point[0] + cosine * point[1]
+
+
+def _rounded(shape: shapely.Polygon) -> shapely.Polygon:
+    """On a grid of a micrometre, so that what is upright is so exactly."""
+    return shapely.transform(shape, lambda corners: np.round(corners, 6))

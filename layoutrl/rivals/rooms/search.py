@@ -1,0 +1,194 @@
+"""Constraint search for whole rooms, after Holodeck (Yang et al. 2024): greedy with restarts over a grid of places.
+
+Items come largest first. A place breaks no rule among what stands already; of those that keep relations best, one is
+drawn, and an item without a place takes back the one before it. What keeps most in all restarts wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from layoutrl.rivals.budgets import Spent
+from layoutrl.rivals.rooms.cost import Cost
+from layoutrl.rivals.rooms.relations import Relations
+from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, boxes_at, depth, scene_of, unreached
+from layoutrl.rooms.room import FIT, Room
+
+Pose = tuple[Array, int]  # centre (2,) and facing
+AWAY = np.full(4, -1e3)  # a box outside: of what is not placed
+
+
+@dataclass(kw_only=True)
+class Searching:
+    """How it searches; `conf/rival/search.yaml` has the values and where they are from."""
+
+    grid: float  # metres between places
+    flush: bool  # places that touch what stands already, too, and not the walls alone
+    best: int  # places of an item that are tried before it takes back the one before
+    nodes: int  # places that are tried in a restart
+    noise: float  # of the costs by which places are ranked, in a restart: so that restarts differ
+    weights: dict[str, float]  # of the terms
+
+
+@dataclass(frozen=True)
+class Places:
+    """Poses (N) of one item that break no rule of the bare room, with their boxes and the floor before them (N, 4)."""
+
+    center: Array  # (N, 2)
+    quarter: Array  # (N,)
+    box: Array
+    front: Array
+    cost: Array  # (N,) of the relations that an item keeps alone
+
+    def __getitem__(self, which: Array) -> Places:
+        """Some of them."""
+        return Places(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def __add__(self, more: Places) -> Places:
+        """These, then more."""
+        both = ((getattr(self, field.name), getattr(more, field.name)) for field in fields(self))
+        return Places(*(np.concatenate(pair) for pair in both))
+
+
+def search(brief: Room, relations: Relations, settings: Searching, spent: Spent, rng: np.random.Generator) -> Room:
+    """The layout of the most items that keeps relations best. `spent` counts restarts. Who finds no place has none."""
+    scene = scene_of(brief)
+    if not len(scene.movable):
+        return brief
+    finder = Finder(scene, relations, settings, rng)
+    made = 0
+    while not made or spent(made) < 1:
+        finder.restart(lambda: spent(made) >= 1)  # noqa: B023, asked before `made` grows
+        made += 1
+    return scene.layout(*finder.best)
+
+
+class Finder:
+    """One room, and the best layout so far: centres (n, 2), facings (n,), and who is placed (n,)."""
+
+    def __init__(self, scene: Scene, relations: Relations, settings: Searching, rng: np.random.Generator):
+        self.scene, self.settings, self.rng = scene, settings, rng
+        self.cost = Cost(scene, relations, settings.weights)
+        self.area = 4 * scene.half[:, 0].prod(-1)
+        self.tucked = np.array([item.tucked for item in scene.brief.furniture])
+        self.order = scene.movable[np.lexsort((-self.area[scene.movable], self.tucked[scene.movable]))]
+        self.places = {i: self._legal(i, *self._grid(i)) for i in self.order.tolist()}
+        self.center, self.quarter = scene.center.copy(), scene.quarter.copy()  # of the layout that grows
+        self.placed = ~np.isin(np.arange(len(self.area)), scene.movable)
+        self.lowest = (len(self.area) + 1, np.inf)  # items without a place or out of reach, and cost
+        self.best = self.center.copy(), self.quarter.copy(), self.placed.copy()
+        self.restarts = 0
+
+    def restart(self, over: Callable[[], bool]) -> None:
+        """One more layout; the best of all is kept."""
+        standing = self.placed.copy()
+        self.nodes = self.settings.nodes
+        if not self._extended(0, over):
+            self.placed[:] = standing
+            for i in self.order.tolist():  # without going back: who finds no place is left out
+                for place in self._ranked(i)[:1]:
+                    self._put(i, place)
+            self._remember()
+        self.placed[:] = standing
+        self.restarts += 1
+
+    def _extended(self, k: int, over: Callable[[], bool]) -> bool:
+        """Whether items `k` and following in order find places."""
+        if k == len(self.order):
+            self._remember()
+            return True
+        i = int(self.order[k])
+        for place in self._ranked(i):
+            if self.nodes <= 0 or (self.restarts and over()):
+                return False
+            self.nodes -= 1
+            self._put(i, place)
+            if self._extended(k + 1, over):
+                return True
+            self.placed[i] = False
+        return False
+
+    def _put(self, i: int, place: Pose) -> None:
+        self.center[i], self.quarter[i] = place
+        self.placed[i] = True
+
+    def _ranked(self, i: int) -> list[Pose]:
+        """The best places of an item among what stands, all within reach. The first restart has no noise."""
+        places = self.places[i]
+        if self.settings.flush and self.placed.any():
+            places = places + self._legal(i, *self._beside(i))
+        others = np.flatnonzero(self.placed)
+        box = self.cost.boxes(self.center[None], self.quarter[None])[0, others]
+        front = self.cost.fronts(self.center[None], self.quarter[None])[0, others]
+        scene, kept, weights = self.scene, self.cost.kept, self.cost.pair_weights
+        clash = (depth(places.box[:, None], box) > FIT) & ~scene.may_overlap[i, others]
+        clash |= (depth(places.front[:, None], box) > FIT) & ~scene.may_stand_before[i, others] & scene.has_front[i]
+        clash |= (depth(places.box[:, None], front) > FIT) & (
+            ~scene.may_stand_before[others, i] & scene.has_front[others]
+        )
+        places = places[~clash.any(1)]
+        mine, facing, its = places.box[:, None], places.quarter[:, None], self.quarter[others]
+        pairs = kept.pairs(mine, facing, box, its, i, others) + kept.pairs(box, its, mine, facing, others, i)
+        cost = places.cost + self.cost.best_partners(pairs @ weights, others)
+        if self.restarts:
+            cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
+        best = places[np.argsort(cost, kind="stable")[: self.settings.best]]
+        boxes = np.tile(AWAY, (len(best.box), len(self.placed), 1))
+        boxes[:, others], boxes[:, i] = box, best.box
+        best = best[unreached(scene, boxes) <= len(self.placed) - len(others) - 1]
+        return list(zip(best.center, best.quarter.tolist(), strict=True))
+
+    def _remember(self) -> None:
+        """Keep the layout if it is the best so far."""
+        on = self.placed
+        boxes = self.cost.boxes(self.center[None], self.quarter[None])
+        lost = unreached(self.scene, np.where(on[:, None], boxes, AWAY))
+        soft = self.cost.preference(self.center[None], self.quarter[None], boxes)
+        score = int(lost[0]), float(soft[0])
+        if score < self.lowest:
+            self.lowest, self.best = score, (self.center.copy(), self.quarter.copy(), on.copy())
+
+    def _grid(self, i: int) -> tuple[Array, Array]:
+        """Centres (N, 2) and facings (N,): a grid, and what touches a wall."""
+        found = []
+        for quarter in self._facings(i):
+            half = self.scene.half[i, quarter]
+            lines = []
+            for axis in (0, 1):
+                low, high = self.scene.bounds[axis] + half[axis], self.scene.bounds[axis + 2] - half[axis]
+                walls = self.scene.solids[:, axis], self.scene.solids[:, axis + 2]
+                touching = np.concatenate([walls[0] - half[axis], walls[1] + half[axis]])
+                line = np.concatenate([np.arange(low, high, self.settings.grid), touching])
+                lines.append(np.unique(line[(line > low - FIT) & (line < high + FIT)].round(6)))
+            x, y = np.meshgrid(*lines)
+            found.append((np.stack([x.ravel(), y.ravel()], -1), np.full(x.size, quarter)))
+        return np.concatenate([c for c, _ in found]), np.concatenate([q for _, q in found])
+
+    def _beside(self, i: int) -> tuple[Array, Array]:
+        """Centres and facings that touch what stands, on any side, middles or ends in line, or its half under it."""
+        others = np.flatnonzero(self.placed)
+        j, side, end, quarter = (
+            a.ravel() for a in np.meshgrid(others, np.arange(4), (-1, 0, 1), self._facings(i), indexing="ij")
+        )
+        mine, its = self.scene.half[i, quarter], self.scene.half[j, self.quarter[j]]
+        way = DIRECTIONS[side]
+        along = (its - mine) * end[:, None] * (way == 0)
+        return self.center[j] + way * (its + mine) + along, quarter
+
+    def _facings(self, i: int) -> Array:
+        return np.arange(4) if self.scene.turnable[i] else self.scene.quarter[[i]]
+
+    def _legal(self, i: int, center: Array, quarter: Array) -> Places:
+        """Those that break no rule in the bare room."""
+        scene, cost = self.scene, self.cost
+        box = boxes_at(center, scene.half[i, quarter])
+        front = boxes_at(center + scene.front_offset[i, quarter], scene.front_half[i, quarter])
+        solids = np.concatenate([scene.solids, cost.doors, *([cost.windows] if cost.tall[i] else [])])
+        fits = (depth(box[:, None], solids) <= FIT).all(1)
+        if scene.has_front[i]:
+            fits &= (depth(front[:, None], scene.solids) <= FIT).all(1)
+        alone = cost.kept.alone(box[fits], quarter[fits], i) @ cost.alone_weights
+        return Places(center[fits], quarter[fits], box[fits], front[fits], alone)

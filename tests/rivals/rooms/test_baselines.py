@@ -1,0 +1,62 @@
+"""Drawn layouts lie indoors; the most similar room is the room itself, in any view, where it is among the others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl.rivals.rooms.baselines import _unlikeness, nearest_layout, nearest_room, random_layout
+from layoutrl.rooms.brief import brief_of, facings
+from layoutrl.rooms.room import SYMMETRIES, Item
+from tests.builders import random_room, rectangular_room
+from tests.rivals.rooms.builders import designed, disarranged
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_drawn_places_are_indoors_and_who_fits_nowhere_has_none(seed):
+    rng = np.random.default_rng(seed)
+    brief = brief_of(random_room(rng))
+    layout = random_layout(brief, rng)
+    for item in layout.furniture:
+        if item.center is not None:
+            assert brief.indoor.buffer(1e-5).covers(item.footprint)
+            assert item.degrees in facings(brief)
+
+
+def test_who_fits_nowhere_has_no_place():
+    items = Item("bed", (5.0, 5.0), None, None), Item("desk", (4.0, 0.5), None, None)
+    brief = rectangular_room(4, 3, items[0], others=items[1:], target=None)
+    bed, desk = random_layout(brief, np.random.default_rng(0)).furniture
+    assert (bed.center, bed.rotation) == (None, None)
+    assert desk.degrees % 180 == 0
+    assert desk.center[0] == pytest.approx(2, abs=1e-5)
+
+
+@pytest.mark.parametrize("view", SYMMETRIES)
+def test_of_the_room_itself_in_any_view_the_designers_layout_comes_back(view):
+    rooms = designed("bedroom", 5)
+    layout = nearest_layout(brief_of(rooms[2].turned(*view)), rooms, np.random.default_rng(0))
+    wanted = rooms[2].turned(*view)
+    for item in layout.furniture:
+        assert (
+            max(item.footprint.intersection(other.footprint).area for other in wanted.furniture)
+            > 0.99 * item.footprint.area
+        )
+
+
+def test_the_nearest_room_is_that_of_all():
+    rooms = designed("living_room", 30)
+    for room in designed("study", 3) + designed("living_room", 33)[30:]:
+        found, view = nearest_room(brief_of(room), rooms)
+        assert _unlikeness(brief_of(room), found)[view] == min(
+            _unlikeness(brief_of(room), other).min() for other in rooms
+        )
+
+
+def test_where_the_designer_put_things_has_no_say():
+    *rooms, room = designed("bedroom", 5)
+    first, second = brief_of(room), brief_of(disarranged(room, np.random.default_rng(0)))
+    for method in (random_layout, lambda brief, rng: nearest_layout(brief, rooms, rng)):
+        assert method(first, np.random.default_rng(1)) == method(second, np.random.default_rng(1))

@@ -1,0 +1,153 @@
+"""What annealer and search hand back: a layout of the brief, by its seed, that no designer's layout has a say in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from layoutrl.env.faults import kept_free
+from layoutrl.rivals.budgets import updates_budget
+from layoutrl.rivals.rooms.annealer import Annealing, Chains, anneal
+from layoutrl.rivals.rooms.relations import Relations, mine
+from layoutrl.rivals.rooms.scene import scene_of
+from layoutrl.rivals.rooms.search import Finder, Searching, search
+from layoutrl.rooms.brief import brief_of, facings
+from layoutrl.rooms.room import TOLERANCE, Item, Room
+from tests.builders import opening, rectangular_room
+from tests.rivals.rooms.builders import configured, designed, disarranged
+
+ANNEALING = replace(configured(Annealing, "annealer"), chains=8)
+SEARCHING = configured(Searching, "search")
+TYPES = ("bathroom", "bedroom", "tatami", "dining_room")
+
+
+@cache
+def relations_of(room_type: str) -> Relations:
+    return mine(designed(room_type, 20))
+
+
+def annealed(brief: Room, seed: int = 0, steps: int = 2400) -> Room:
+    return anneal(brief, relations_of(brief.room_type), ANNEALING, updates_budget(steps), np.random.default_rng(seed))
+
+
+def searched(brief: Room, seed: int = 0, restarts: int = 2) -> Room:
+    return search(
+        brief, relations_of(brief.room_type), SEARCHING, updates_budget(restarts), np.random.default_rng(seed)
+    )
+
+
+both = pytest.mark.parametrize("method", [annealed, searched])
+
+
+@both
+@pytest.mark.parametrize("room_type", TYPES)
+def test_all_items_find_places_indoors_off_each_other_and_off_the_doors(method, room_type):
+    room = designed(room_type, 2)[1]
+    brief = brief_of(room)
+    layout = method(brief)
+    assert [replace(item, center=None, rotation=None) for item in layout.furniture] == list(brief.furniture)
+    for k, item in enumerate(layout.furniture):
+        assert item.center is not None
+        assert item.degrees in facings(brief)
+        assert room.indoor.buffer(TOLERANCE).covers(item.footprint)
+        core = item.footprint.buffer(-2 * TOLERANCE)
+        assert not core.intersects(kept_free(room))
+        for other in layout.furniture[:k]:
+            assert item.tucked or other.tucked or not core.intersects(other.footprint)
+
+
+@both
+def test_the_same_seed_and_budget_give_the_same_layout(method):
+    brief = brief_of(designed("study", 1)[0])
+    assert method(brief, 0) == method(brief, 0)
+
+
+def test_another_seed_gives_another_layout():
+    brief = brief_of(designed("study", 1)[0])
+    assert annealed(brief, 0, 800) != annealed(brief, 1, 800)
+
+
+def test_the_first_restart_is_greedy_and_others_are_drawn():
+    relations, brief = relations_of("study"), brief_of(designed("study", 1)[0])
+    found = set()
+    for seed in range(3):
+        finder = Finder(scene_of(brief), relations, SEARCHING, np.random.default_rng(seed))
+        finder.restart(lambda: False)
+        first = finder.best[0].tobytes()
+        finder.restarts, finder.lowest = 1, (9, np.inf)
+        finder.restart(lambda: False)
+        found |= {("first", first), ("second", finder.best[0].tobytes())}
+    assert len([name for name, _ in found if name == "first"]) == 1
+    assert len([name for name, _ in found if name == "second"]) > 1
+
+
+@both
+def test_where_the_designer_put_things_has_no_say(method):
+    room = designed("bedroom", 1)[0]
+    other = disarranged(room, np.random.default_rng(0))
+    assert method(brief_of(room)) == method(brief_of(other))
+
+
+@both
+def test_what_stands_stays_and_a_given_rotation_is_kept(method):
+    bed, desk = Item("bed", (2.0, 1.5), (1.0, 0.75), 0.0), Item("desk", (0.6, 1.2), None, 90.0)
+    brief = rectangular_room(4, 3, bed, others=(desk,), openings=(opening("door", 3, 3, 3.8, 3.2),), target=None)
+    layout = method(brief)
+    assert layout.furniture[0] == bed
+    assert layout.furniture[1].rotation == 90
+    assert brief.indoor.covers(layout.furniture[1].footprint)
+    assert not layout.furniture[1].footprint.buffer(-TOLERANCE).intersects(bed.footprint)
+
+
+@both
+def test_a_room_with_nothing_to_place_is_left_alone(method):
+    room = designed("bedroom", 1)[0]
+    assert method(room) == room
+
+
+@both
+def test_a_room_without_door_and_window_and_categories_never_seen_are_furnished(method):
+    items = Item("throne", (1.0, 1.0), None, None), Item("globe", (0.5, 0.5), None, None, "circle")
+    layout = method(rectangular_room(3, 3, items[0], others=items[1:], target=None))
+    a, b = layout.furniture
+    assert layout.indoor.covers(a.footprint.union(b.footprint).buffer(-TOLERANCE))
+    assert a.footprint.intersection(b.footprint).area < 1e-6
+
+
+def test_search_leaves_out_what_fits_nowhere_and_places_the_rest():
+    items = Item("wardrobe", (0.6, 9.0), None, None), Item("bed", (2.0, 1.5), None, None)
+    wardrobe, bed = searched(rectangular_room(4, 3, items[0], others=items[1:], target=None)).furniture
+    assert (wardrobe.center, wardrobe.rotation) == (None, None)
+    assert bed.center is not None
+
+
+def test_annealing_ends_no_worse_than_it_began_and_the_more_moves_the_better():
+    room = designed("study", 1)[0]
+    relations = relations_of("study")
+    lowest = []
+    for steps in (0, 400, 3200):
+        chains = Chains(scene_of(brief_of(room)), relations, ANNEALING, np.random.default_rng(0))
+        first = chains.lowest
+        while chains.made < steps:
+            chains.step(chains.made / steps)
+        assert chains.lowest <= first
+        lowest.append(chains.lowest)
+    assert lowest[0] > lowest[1] > lowest[2]
+
+
+def test_the_costs_that_chains_keep_are_those_of_their_layouts():
+    relations = relations_of("dining_room")
+    chains = Chains(scene_of(brief_of(designed("dining_room", 1)[0])), relations, ANNEALING, np.random.default_rng(0))
+    for k in range(200):
+        chains.step(k / 200)
+    cost, (center, quarter) = chains.cost, (chains.center, chains.quarter)
+    box = cost.boxes(center, quarter)
+    np.testing.assert_allclose(chains.preference, cost.preference(center, quarter, box))
+    np.testing.assert_allclose(chains.rules, cost.rules(center, quarter, box) + cost.unreached(box))
+    center, quarter = (best[None] for best in chains.best)
+    box = cost.boxes(center, quarter)
+    rules = cost.rules(center, quarter, box) + cost.unreached(box)
+    np.testing.assert_allclose(chains.lowest, cost.preference(center, quarter, box) + ANNEALING.last_rules * rules)
