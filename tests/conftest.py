@@ -56,7 +56,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.fixture
-def few_tries(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let PlanIT give up early: networks that have learned nothing spend all their tries."""
+def small_planit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let PlanIT give up early, and look less closely: networks that have learned nothing spend all their tries."""
+    monkeypatch.setattr("layoutrl.rivals.planit.networks.WIDTHS", (4, 4, 8, 8))
+    monkeypatch.setattr("layoutrl.rivals.planit.networks.UP_WIDTHS", (8, 8, 8, 8, 8, 8, 8))
+    monkeypatch.setattr("layoutrl.rivals.planit.generator.STATE", 16)
+    monkeypatch.setattr("layoutrl.rivals.planit.generator.HIDDEN", 16)
     monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 1)
     monkeypatch.setattr("layoutrl.rivals.planit.scoring.TRIES", 1)
