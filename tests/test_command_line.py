@@ -31,8 +31,8 @@ from tests.commands import PROJECT, fresh, layoutrl
 CPU = torch.device("cpu")
 ROOMS = sorted(path.stem for path in (config_directory() / "room").glob("*.yaml"))
 LITTLE = (
-    "budget=smoke", "budget.evaluations=1", "method.updates.smoke=8", "method.batch=64", "method.warmup_moves=128",
-    "method.evaluation_moves=5",
+    "budget=smoke", "budget.evaluations=1", "budget.evaluation_rooms=1", "method.updates.smoke=8", "method.batch=64",
+    "method.warmup_moves=128", "method.evaluation_moves=5",
 )  # fmt: skip
 TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
 

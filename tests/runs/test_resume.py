@@ -39,11 +39,11 @@ resource = pytest.importorskip(
     "resource", reason="lives are begun by a fork server and ended by signals, as POSIX has it"
 )
 CPU = torch.device("cpu")
-UPDATES = 240
+UPDATES = 120
 SHORT = (
     "budget=smoke", f"method.updates.smoke={UPDATES}", "method.batch=16", "method.episodes=8",
-    "method.warmup_moves=100", "method.replay_capacity=500", "method.evaluation_moves=4", "budget.reports=24",
-    "budget.evaluations=8", "budget.evaluation_rooms=1", "device=cpu",
+    "method.warmup_moves=100", "method.replay_capacity=500", "method.evaluation_moves=4", "budget.reports=12",
+    "budget.evaluations=4", "budget.evaluation_rooms=1", "device=cpu",
 )  # fmt: skip
 
 
@@ -117,7 +117,7 @@ def lived(rooms: Path, folder: Path, seconds: float = 300, number: int = signal.
 def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number, rooms, whole, tmp_path):
     begun = tmp_path / "tatami" / "one"
     for _ in range(3):
-        assert lived(rooms, tmp_path, 0.05, number) == 0
+        assert lived(rooms, tmp_path, 0.02, number) == 0
         stopped_at = checkpoints(begun)[0].updates
         assert f"after {stopped_at} of {UPDATES} updates; " in (said := (tmp_path / "said.txt").read_text())
         assert said.endswith(f"go on with: python -m layoutrl.train resume={begun}")
@@ -130,7 +130,7 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number,
 def test_after_twenty_kills_a_run_is_the_run_that_was_never_killed(rooms, whole, tmp_path):
     dice = random.Random(0)
     for _ in range(20):
-        lived(rooms, tmp_path, dice.uniform(0.3, 1.6))
+        lived(rooms, tmp_path, dice.uniform(0.1, 0.9))
         for finished in tmp_path.glob("tatami/*/evaluation.json"):  # it was faster than twenty kills
             finished.unlink()  # once more from the last checkpoints
     assert lived(rooms, tmp_path) == 0
