@@ -39,6 +39,7 @@ from tests.rivals.planit.rooms import designed, placer_of
 
 TYPES_OF_ROOMS = ("bathroom", "study", "kitchen", "dining_room")
 LOWER_WALL = 0
+pytestmark = pytest.mark.usefixtures("small_networks")
 
 
 def search(seed: int) -> Search:

@@ -32,6 +32,7 @@ from tests.builders import rectangular_room
 from tests.rivals.planit.rooms import designed, placer_of
 
 ROOMS = designed("bathroom", 3)
+pytestmark = pytest.mark.usefixtures("small_networks")
 
 
 def test_the_designers_places_score_one_and_no_place_scores_nothing() -> None:
