@@ -202,7 +202,7 @@ def asked(script: str | None) -> list[str]:
     return sys.argv[1:]
 
 
-main = command("cell", CellConfig, fill)
+main = command("cell", CellConfig, fill, sweeps=True)
 
 if __name__ == "__main__":
     # A cluster's jobs, which do not begin here, find columns.py by it.

@@ -27,6 +27,7 @@ IMPORTED = (
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload([*IMPORTED])
 FRESH = subprocess.run  # begins a new interpreter
+forked: Any = SERVER.Process  # within a forked process: another fork of it, as a server of its own would import again
 
 
 def layoutrl(command: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -52,7 +53,7 @@ def run(command: list[str], *, cwd: Path | None = None, stdout: Any = None, **op
         return FRESH(command, cwd=cwd, stdout=stdout, **options)
     with tempfile.TemporaryDirectory() as folder:
         files = [stdout.name] * 2 if stdout else [f"{folder}/out", f"{folder}/err"]
-        process = SERVER.Process(target=main, args=(command[1:], cwd or Path.cwd(), files, {**os.environ}))
+        process = forked(target=main, args=(command[1:], cwd or Path.cwd(), files, {**os.environ}))
         process.start()
         process.join(300)
         if process.exitcode is None:
@@ -63,6 +64,8 @@ def run(command: list[str], *, cwd: Path | None = None, stdout: Any = None, **op
 
 def main(argv: list[str], cwd: Path, files: list[str], environment: dict[str, str]) -> None:
     """A Python program, in this process."""
+    global forked
+    forked = multiprocessing.get_context("fork").Process
     for file, descriptor in zip(files, (1, 2), strict=True):
         os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND), descriptor)
     os.chdir(cwd)

@@ -16,7 +16,7 @@ from hypothesis import is_hypothesis_test, settings
 
 from tests.commands import PROJECT
 
-settings.register_profile("usual", deadline=None, max_examples=20, derandomize=True)
+settings.register_profile("usual", deadline=None, max_examples=12, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=20, print_blob=True)
 settings.register_profile("fuzz", deadline=None, max_examples=20, print_blob=True)
 settings.load_profile("usual")
@@ -56,7 +56,16 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.fixture
-def few_tries(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let PlanIT give up early: networks that have learned nothing spend all their tries."""
+def small_networks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let PlanIT look less closely, where its networks have learned nothing anyway."""
+    monkeypatch.setattr("layoutrl.rivals.planit.networks.WIDTHS", (4, 4, 8, 8))
+    monkeypatch.setattr("layoutrl.rivals.planit.networks.UP_WIDTHS", (8, 8, 8, 8, 8, 8, 8))
+    monkeypatch.setattr("layoutrl.rivals.planit.generator.STATE", 16)
+    monkeypatch.setattr("layoutrl.rivals.planit.generator.HIDDEN", 16)
+
+
+@pytest.fixture
+def small_planit(small_networks: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let it give up early, too: untrained, it spends all its tries."""
     monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 1)
     monkeypatch.setattr("layoutrl.rivals.planit.scoring.TRIES", 1)

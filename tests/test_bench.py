@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,13 +24,14 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import read_parts
 from layoutrl.runs.config import BenchConfig, composed
 from tests.builders import rooms
-from tests.commands import layoutrl
+from tests.commands import SERVER, layoutrl
 
 LITTLE = (
     "budget=smoke", "seconds=0.01", "batch=64", "images=8", "shapely_batches=[4,8]", "transitions=2000",
-    "batches=[1,64]", "items=[2,8]", "items_rooms=8", "probe_every=10", "minutes=0.01",
+    "batches=[1,64]", "items=[2,8]", "items_rooms=4", "probe_every=10", "minutes=0.002",
+    "data.train_rooms=8", "data.test_rooms=2", "method.updates={smoke: 20}", "method.batch=64",
     "method.warmup_moves=128", "method.replay_capacity=2000", "method.evaluation_moves=5",
-    "paper.warmup_moves=64", "paper.replay_capacity=500", "name=little",
+    "paper.batch=16", "paper.warmup_moves=64", "paper.replay_capacity=100", "name=little",
 )  # fmt: skip
 HAS_SB3 = find_spec("stable_baselines3") is not None
 CPU = torch.device("cpu")
@@ -42,11 +45,20 @@ def configured(*overrides: str) -> BenchConfig:
 
 @pytest.fixture(scope="module")
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """The table and the folder."""
-    cwd = tmp_path_factory.mktemp("bench")
-    done = layoutrl("bench", *LITTLE, "parts=[speed,rooms,memory,growth,training,image]", "device=cpu", cwd=cwd)
+    """The table and the folder. The process of its own is forked: a new interpreter would import for seconds."""
+    cwd, printed = tmp_path_factory.mktemp("bench"), io.StringIO()
+    given = ("parts=[speed,rooms,memory,growth,training,image]", "device=cpu", f"runs={cwd}", f"data.root={cwd / 'rooms'}")
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
+        patch.setattr("multiprocessing.get_context", lambda _: SERVER)
+        folder = bench.run(configured(*given))
+    return printed.getvalue(), folder
+
+
+def test_the_command_prints_its_table(tmp_path: Path) -> None:
+    done = layoutrl("bench", *LITTLE, "parts=[growth]", "device=cpu", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    return done.stdout, cwd / "runs" / "bench" / "little"
+    assert bench.ROWS["growth"]["moves_a_second_by_items"][0] in done.stdout
+    assert done.stdout.splitlines()[-1] == f"wrote {Path('runs') / 'bench' / 'little'}"
 
 
 def test_every_row_of_the_table_is_measured(benched: tuple[str, Path]) -> None:

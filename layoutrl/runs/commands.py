@@ -26,8 +26,11 @@ from layoutrl.runs.resume import Stopped
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
-def command(name: str, schema: type, run: Callable[[Any], object]) -> Callable[[], None]:
-    """The entry point of `python -m layoutrl.<name>`: calls `run` with what conf/<name>.yaml and the arguments say."""
+def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bool = False) -> Callable[[], None]:
+    """The entry point of `python -m layoutrl.<name>`: calls `run` with what conf/<name>.yaml and the arguments say.
+
+    `sweeps`: conf/<name>.yaml makes a sweep of it, also without -m.
+    """
     register()
 
     @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name=name)
@@ -49,7 +52,7 @@ def command(name: str, schema: type, run: Callable[[Any], object]) -> Callable[[
         if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
             signal.signal(signal.SIGINT, signal.default_int_handler)
         with answers_errors(), raised_errors():
-            sys.argv[1:] = as_written(sys.argv[1:], schema)
+            sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
                 job()
             except HydraException as error:
@@ -148,13 +151,13 @@ def explained(error: HydraException, schema: type) -> str:
     return "; ".join(line.rstrip(".") for line in lines)
 
 
-def as_written(arguments: list[str], schema: type) -> list[str]:
+def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> list[str]:
     """The arguments, those of text quoted, so that Hydra's grammar reads no number, list or blank into them.
 
     In a sweep commas part values; a comma within a text is quoted by the user there.
     """
     texts = {name for name, kind in options(schema).items() if kind in (str, str | None)}
-    sweeps = {"-m", "--multirun"} & {*arguments}
+    sweeps = sweeps or not {"-m", "--multirun"}.isdisjoint(arguments)
 
     def quoted(argument: str) -> str:
         key, equals, value = argument.partition("=")

@@ -6,6 +6,7 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -293,6 +294,7 @@ def _within(name: str, value: Any, holds: bool, expected: str) -> None:
         raise InputError(f"{name}: expected {expected}; got {value}")
 
 
+@cache
 def register() -> None:
     """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
     store = ConfigStore.instance()

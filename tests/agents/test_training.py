@@ -376,11 +376,11 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     with torch.random.fork_rng():
         torch.manual_seed(0)
         network = GeometryNetwork(observe.space.shape[1], 4, element_width=16, width=64)
-    agent = DQN(network, 3e-3, 800, target_period=25, double=True)
-    settings = SETTINGS | {"updates": 800, "batch": 128, "episodes": 16, "max_moves": 12, "warmup_moves": 200}
+    agent = DQN(network, 3e-3, 500, target_period=25, double=True)
+    settings = SETTINGS | {"updates": 500, "batch": 128, "episodes": 16, "max_moves": 12, "warmup_moves": 200}
     views = [Symmetry(0, False, moves), Symmetry(1, True, moves)]
     settings |= {"symmetries": views, "seed": np.random.SeedSequence(0)}
-    schedule, home = LinearSchedule(1.0, 0.5, 400), BatchSimulator(Simulator([room], moves, Reward()))
+    schedule, home = LinearSchedule(1.0, 0.5, 250), BatchSimulator(Simulator([room], moves, Reward()))
     list(Training(agent, home, observe, Replay(10_000, 4), schedule, **settings))
     simulator, index = Simulator(rooms, moves, Reward()), np.repeat([0, 1], 60)
     starts = simulator.starts(index, np.random.default_rng(1))

@@ -119,7 +119,7 @@ def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
     assert len(trained) == 1
 
 
-@pytest.mark.usefixtures("few_tries")
+@pytest.mark.usefixtures("small_planit")
 def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypatch):
     few = ("planit.updates={smoke: 4}", "budget.evaluations=2", "budget.reports=4", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami", *few)
@@ -142,7 +142,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
     assert cell(again)["rows"] == whole["rows"]
 
 
-@pytest.mark.usefixtures("few_tries")
+@pytest.mark.usefixtures("small_planit")
 def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
     few = ("planit.updates={smoke: 6}", "budget.evaluations=3", "budget.reports=6", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit", "room=tatami", *few)

@@ -127,7 +127,7 @@ def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch)
     assert "scored in all rooms or none" in (folder_of(config) / f"{name_of(config)}.error").read_text()
 
 
-@pytest.mark.usefixtures("few_tries")
+@pytest.mark.usefixtures("small_planit")
 def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, designed, monkeypatch):
     few = ("room=tatami", "budget.evaluation_rooms=1", "data.test_rooms=2")
     fill(configured(tmp_path, designed, "column=planit", *few))

@@ -25,13 +25,13 @@ from tests.experiments.builders import LITTLE, REAL, script
 
 def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
     both = ("room=tatami,kitchen", "seed=0", designed, "room.item=platform")  # no kitchen has one
-    options = (*LITTLE, "column=geometric,rules", *both, f"results={tmp_path / 'results'}")
+    options = (*LITTLE, "column=oracle,rules", *both, f"results={tmp_path / 'results'}")
     done = fresh(str(PROJECT / "experiments" / "table1.py"), *options, cwd=tmp_path)  # workers cannot be forked
     assert done.returncode == 1
-    assert "kitchen-platform-own-geometric-seed0 failed: error: room.item" in done.stderr
+    assert "kitchen-platform-own-oracle-seed0 failed: error: room.item" in done.stderr
     folder = tmp_path / "results" / "smoke" / "table1"
     assert {path.name for path in folder.glob("*.json")} == {
-        f"tatami-platform-own-{column}-seed0.json" for column in ("geometric", "rules")
+        f"tatami-platform-own-{column}-seed0.json" for column in ("oracle", "rules")
     }
     assert len(list(folder.glob("*.error"))) == 2
     printed = [line.split(" |")[0] for line in done.stdout.splitlines() if line.startswith("| ")]

@@ -235,7 +235,7 @@ def test_the_scorer_learns_a_rule_and_finds_the_place_in_rooms_that_it_never_saw
     rng = np.random.default_rng(0)
     training, unseen = ([room_with_a_rule(rng) for _ in range(count)] for count in (60, 30))
     network = train_scorer(
-        simulator_of(*training), observe_of(*training), updates_budget(300), seeded(0), batch=128, learning_rate=3e-3
+        simulator_of(*training), observe_of(*training), updates_budget(130), seeded(0), batch=128, learning_rate=3e-3
     )
     simulator = simulator_of(*unseen)
     places = scored_places(network, simulator, observe_of(*unseen), VIEWS[:1])

@@ -97,6 +97,7 @@ def test_only_texts_are_quoted_and_a_sweep_goes_on_to_be_one() -> None:
     expected = ["name='1e3'", "seed=1e3", "data.root='my rooms'", "room=bedroom", "+name=x", "out", "name=null"]
     assert as_written(arguments, TrainCommand) == expected
     assert as_written(["-m", "name=a,b", "name=a b"], TrainCommand) == ["-m", "name=a,b", "name='a b'"]
+    assert as_written(["name=a,b", "name=a b"], TrainCommand, sweeps=True) == ["name=a,b", "name='a b'"]
 
 
 def test_texts_arrive_as_they_were_written(ask) -> None:

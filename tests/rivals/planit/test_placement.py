@@ -30,6 +30,7 @@ from layoutrl.rivals.planit.graph import (
     gap,
     scene_of,
 )
+from layoutrl.rivals.planit.networks import HEAT_SIDE
 from layoutrl.rivals.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
 from layoutrl.rivals.planit.scoring import scored
 from layoutrl.rivals.planit.training import planned, with_last
@@ -39,6 +40,7 @@ from tests.rivals.planit.rooms import designed, placer_of
 
 TYPES_OF_ROOMS = ("bathroom", "study", "kitchen", "dining_room")
 LOWER_WALL = 0
+pytestmark = pytest.mark.usefixtures("small_networks")
 
 
 def search(seed: int) -> Search:
@@ -58,8 +60,9 @@ def test_a_room_without_walls_lets_nothing_reach_over_its_outline() -> None:
 
 @pytest.mark.parametrize("room_type", TYPES_OF_ROOMS)
 @pytest.mark.parametrize("sampled", [True, False])
-def test_nothing_is_put_outside_or_into_another(room_type: str, sampled: bool) -> None:
+def test_nothing_is_put_outside_or_into_another(room_type: str, sampled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """But what stands under another by intent, by more than a centimetre."""
+    monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 8)
     rooms = designed(room_type, 3)
     placer = placer_of(rooms)
     placed = 0
@@ -220,6 +223,34 @@ def test_an_item_beside_another_is_not_in_front_of_it() -> None:
     for way, holds in ((LEFT, True), (FRONT, False)):
         query = Query(0, "chair", [Relation(first, first + 1, edge_type(way, ADJACENT))], {first: table})
         assert (placer._held(query, placer._snapped(query, chair)) == 1) is holds
+
+
+@pytest.mark.parametrize("facing", [0, 90, 180, 270])
+def test_heat_is_of_the_asked_category_and_where_the_network_sees_it_from_the_anchor(
+    facing: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From a bed in the middle, by a network that is sure of one pixel a category."""
+    ahead_and_left = {"desk": (1.2, 0.4), "chair": (-0.8, 1.4)}  # metres, as the bed faces
+    bed = Item("bed", (1.0, 0.8), (3.0, 2.5), facing)
+    others = tuple(Item(name, (0.4, 0.4), (0.5 + k, 0.5)) for k, name in enumerate(ahead_and_left))
+    placer = placer_of([rectangular_room(6.0, 5.0, bed, others=others)])
+    statistics, first = placer.model.statistics, placer.scenes[0].fixed
+
+    def sure(picture: torch.Tensor, _: torch.Tensor) -> torch.Tensor:
+        answer = torch.zeros(len(picture), 1 + len(statistics.categories), HEAT_SIDE, HEAT_SIDE)
+        for name, place in ahead_and_left.items():
+            column, row = (int((along / statistics.span + 1) / 2 * HEAT_SIDE) for along in place)
+            answer[:, 1 + statistics.categories.index(name), row, column] = 20.0
+        return answer
+
+    monkeypatch.setattr(placer.model, "location", sure)
+    for name, (ahead, left) in ahead_and_left.items():
+        edges = [Relation(first, first + 1, edge_type(FRONT, DISTANT))]
+        (heat,) = placer.heat([Query(0, name, edges, {first: bed})])
+        turn = np.deg2rad(facing)
+        off = ahead * np.cos(turn) - left * np.sin(turn), ahead * np.sin(turn) + left * np.cos(turn)
+        found = placer.cells[0][heat.argmax()]
+        np.testing.assert_allclose(found, np.add(bed.center, off), atol=1.5 * placer.pixel)
 
 
 @pytest.mark.parametrize("room_type", list(MAIN_ITEM))

@@ -32,6 +32,7 @@ from tests.builders import rectangular_room
 from tests.rivals.planit.rooms import designed, placer_of
 
 ROOMS = designed("bathroom", 3)
+pytestmark = pytest.mark.usefixtures("small_networks")
 
 
 def test_the_designers_places_score_one_and_no_place_scores_nothing() -> None:
@@ -220,7 +221,7 @@ def test_graphs_hold_what_is_given() -> None:
         assert len(names) == len(graph) <= placer.model.statistics.most
 
 
-@pytest.mark.usefixtures("few_tries")
+@pytest.mark.usefixtures("small_planit")
 def test_a_score_hangs_on_the_seed_alone_and_says_what_the_table_shows() -> None:
     placer = placer_of(ROOMS)
     first, again = (evaluated(placer, 1, np.random.SeedSequence(3)) for _ in range(2))
@@ -235,7 +236,7 @@ def test_a_score_hangs_on_the_seed_alone_and_says_what_the_table_shows() -> None
         assert f"{first['all items'][name]['mean_iou']:.3f}" in line
 
 
-@pytest.mark.usefixtures("few_tries")
+@pytest.mark.usefixtures("small_planit")
 def test_every_room_gets_an_answer() -> None:
     placer = placer_of(ROOMS[:2])
     targets = place_targets(placer, np.random.SeedSequence(0))

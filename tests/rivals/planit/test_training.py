@@ -7,12 +7,16 @@ import io
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
+from torch.nn.functional import one_hot
 
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit import generator
+from layoutrl.rivals.planit.canvas import FURNITURE
 from layoutrl.rivals.planit.generator import Decision
-from layoutrl.rivals.planit.graph import scene_of
+from layoutrl.rivals.planit.graph import MIRRORED, scene_of
 from layoutrl.rivals.planit.model import PlanIT, counted
+from layoutrl.rivals.planit.networks import SIDE, signed_distance
 from layoutrl.rivals.planit.placement import Placer, Search
 from layoutrl.rivals.planit.scoring import given_query
 from layoutrl.rivals.planit.training import DECISIONS, LOSSES, Training
@@ -70,12 +74,59 @@ def test_the_item_goes_where_it_was_and_as_it_was(overfitted: tuple[PlanIT, list
     assert np.median(errors) < 0.06  # it draws sizes from a distribution
 
 
+@pytest.mark.usefixtures("small_networks")
+def test_each_network_is_asked_about_the_item_that_is_to_be_placed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it overfits could be told by less: three rooms are known by their walls."""
+    run, drawn = training(1, batch=64), []
+    example = run._example
+    monkeypatch.setattr(run, "_example", lambda: drawn.append(example()) or drawn[-1])
+    asked: dict[str, tuple[Tensor, Tensor]] = {}
+    model = run.model
+    networks = {"location": model.location, "orientation": model.orientation, "discriminator": run._discriminator}
+    networks |= {"prior": model.size.prior, "encoder": model.size.encoder}
+    for name, network in networks.items():
+        network.register_forward_hook(lambda _, inputs, __, name=name: asked.update({name: inputs}))
+    run._update()
+    assert len(drawn) == 64
+    items = [ROOMS[e.room].furniture[e.item - e.scene.fixed] for e in drawn]
+    categories = torch.tensor([model.statistics.categories.index(item.category) for item in items])
+    for name in ("orientation", "prior", "encoder", "discriminator"):
+        assert torch.equal(asked[name][1], one_hot(categories, len(model.statistics.categories)).float()), name
+    size = torch.tensor([item.size for item in items]) / (model.statistics.span / 2)
+    torch.testing.assert_close(asked["encoder"][0][:, -1:], signed_distance(size))
+    assert torch.equal(asked["encoder"][0][:, :-1], asked["prior"][0])
+    types = np.array([e.edge.type for e in drawn])
+    seen = asked["location"][1].numpy()
+    assert ((seen == types) | (seen == MIRRORED[types])).all()
+    one_sided = types != MIRRORED[types]
+    assert {*(seen == types)[one_sided]} == {True, False}  # about half of the pictures are mirrored
+    pixels = asked["orientation"][0][:, FURNITURE].sum((1, 2)).numpy()  # of furniture, in a view that may cut some
+    pixel = (model.statistics.span / SIDE) ** 2
+    area = [sum(np.prod(ROOMS[e.room].furniture[k - e.scene.fixed].size) for k in e.placed) for e in drawn]
+    assert (pixels * pixel <= np.array(area) + 1e-3).all()  # the item itself is not shown
+    assert (pixels * pixel > 0.5 * np.array(area)).any()
+
+
+@pytest.mark.usefixtures("small_networks")
+def test_the_discriminator_learns_to_tell_true_sizes_from_new_ones() -> None:
+    """Of a size network that learns nothing meanwhile."""
+    run, said = training(20, batch=8), []
+    run.model.size.requires_grad_(False)
+    run._discriminator.register_forward_hook(lambda _, __, output: said.append(output.detach()))
+    list(run)
+    true, new = said[-2:]
+    assert (true > 0).float().mean() > 0.8
+    assert (new < 0).float().mean() > 0.8
+
+
+@pytest.mark.usefixtures("small_networks")
 def test_the_same_seed_learns_the_same_and_another_something_else() -> None:
     one, same, other = (list(training(4, report_every=2, seed=seed)) for seed in (0, 0, 1))
     assert one == same
     assert one != other
 
 
+@pytest.mark.usefixtures("small_networks")
 def test_a_training_that_goes_on_is_the_one_that_never_stopped() -> None:
     """Bit for bit, through a file that is loaded without running code."""
     whole = training(6, report_every=4)
