@@ -45,6 +45,7 @@ tables: setup  ## the paper's tables, and real rooms: make tables ROOM=kitchen b
 	@status=0; trap 'exit 130' INT; \
 	$(BIN)/python experiments/table1.py $(TYPES) $(OPTIONS) || status=1; \
 	$(BIN)/python experiments/table2.py $(TYPES) $(OPTIONS) || status=1; \
+	$(BIN)/python experiments/table3.py $(filter designer_rooms=%,$(REAL)) $(TYPES) $(OPTIONS) || status=1; \
 	$(BIN)/python experiments/real_rooms.py $(REAL) $(TYPES) $(OPTIONS) || status=1; \
 	exit $$status
 

@@ -25,16 +25,30 @@ from typing import Any
 
 import numpy as np
 import torch
-from columns import FILLS, RESULTS, CellConfig, folder_of, name_of, setting_of
+from columns import (
+    FILLS,
+    FURNISHES,
+    RESULTS,
+    CellConfig,
+    folder_of,
+    name_of,
+    setting_of,
+    whole_rooms_of,
+)
 
 from layoutrl import InputError
+from layoutrl.env.measures import measured
+from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
+from layoutrl.rooms.files import room_to_dict
 from layoutrl.runs import resume
 from layoutrl.runs.commands import command
 from layoutrl.runs.folder import differences, write_json
 from layoutrl.runs.machine import device_of, machine
 
+LAYOUTS = "layouts"  # the row of whole rooms
+DRAWN_ROOMS = 2  # layouts that are kept, to be drawn
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
 SEEDLESS = ("rules", "oracle")  # columns that draw nothing but the starts, which are always the same
 TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
@@ -80,6 +94,48 @@ def filled(config: CellConfig) -> dict[str, Any]:
     if device.type == "cpu":
         torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds
     about = machine(device)
+    return {
+        **(furnished if config.fill in FURNISHES else placed)(config, device),
+        "date": f"{began:%Y-%m-%d}",
+        "minutes": (datetime.now(UTC) - began).total_seconds() / 60,
+        "machine": about,
+        "config": stated(config),
+    }
+
+
+def furnished(config: CellConfig, device: torch.device) -> dict[str, Any]:
+    """Whole rooms: their measures, and what they are for each room where tables compare it."""
+    rooms = whole_rooms_of(config, device)
+    furnish = FURNISHES[config.fill](config, rooms)
+    began = time.process_time()
+    layouts = furnish()
+    seconds = time.process_time() - began
+    found = measured(layouts, rooms.designs)
+    told = summary(found)
+    numbers = {name: value["mean"] for name, value in told.items()}
+    errors = {f"{name}_error": value["standard_error"] for name, value in told.items()}
+    names = sorted({*found.group})
+    row = (
+        numbers
+        | errors
+        | {
+            "mean_iou": numbers["iou"],
+            "iou": packed(np.round(found.iou * 65535), IOU),
+            "faultless_rooms": packed(found.faultless, FLAG),
+            "group": packed([names.index(group) for group in found.group], INDEX),
+            "seconds": seconds / len(layouts),
+        }
+    )
+    return {
+        "rows": {LAYOUTS: row},
+        "layouts": [room_to_dict(layout) for layout in layouts[:DRAWN_ROOMS]],
+        "rooms": len(layouts),
+        "training_rooms": len(rooms.training),
+    }
+
+
+def placed(config: CellConfig, device: torch.device) -> dict[str, Any]:
+    """One item in each room: a row for each set of places."""
     setting = setting_of(config, device)
     found = FILLS[config.fill](config, setting)
     simulator = setting.simulator
@@ -109,10 +165,6 @@ def filled(config: CellConfig) -> dict[str, Any]:
         **found,
         "rooms": len(simulator.rooms),
         "training_rooms": len(setting.training),
-        "date": f"{began:%Y-%m-%d}",
-        "minutes": (datetime.now(UTC) - began).total_seconds() / 60,
-        "machine": about,
-        "config": stated(config),
     }
 
 

@@ -27,7 +27,13 @@ from layoutrl.planit import train as planit_entry
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.placement import Placer
-from layoutrl.rivals.planit.scoring import score_all
+from layoutrl.rivals.planit.scoring import furnished_rooms, score_all
+from layoutrl.rivals.rooms.annealer import Annealing, anneal
+from layoutrl.rivals.rooms.baselines import nearest_layout, random_layout
+from layoutrl.rivals.rooms.relations import mine
+from layoutrl.rivals.rooms.search import Searching, search
+from layoutrl.rivals.rooms_pointer import furnish as furnish_by_pointer
+from layoutrl.rivals.rooms_pointer import train_rooms_pointer
 from layoutrl.rivals.rules import best_wall_place, far_end_place, nearest_room_place, nearest_wall_place
 from layoutrl.rivals.supervised import (
     Network,
@@ -38,8 +44,9 @@ from layoutrl.rivals.supervised import (
     train_regressor,
     train_scorer,
 )
+from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts
+from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts, whole_parts
 from layoutrl.runs import resume
 from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
 from layoutrl.runs.folder import differences, folders_of, load_config, locked, wanted_folder, write_json
@@ -54,18 +61,23 @@ STARTS_SEED = 0  # of the one list of starts that every method is scored from
 @dataclass
 class CellConfig(TrainConfig):
     planit: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
+    annealer: Annealing = MISSING
+    search: Searching = MISSING
     table: str = MISSING
     column: str = MISSING
-    fill: Any = MISSING  # agent, regressor, pointer, scorer, planit, rules or oracle
+    fill: Any = MISSING  # one of FILLS, or of FURNISHES for whole rooms
     protocol: Any = "unseen"  # this and what follows: conf/cell.yaml says what each is
     trained_on: Any = "own"
     planit_time: Any = "agent"
+    seconds_a_room: float = 1.0
+    training_minutes: float = 10.0
+    share_of_rooms: float = 1.0
     results: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.planit.check("planit")
-        one_of("fill", self.fill, *FILLS)
+        one_of("fill", self.fill, *FILLS, *FURNISHES)
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
         one_of("planit_time", self.planit_time, "agent", "updates")
@@ -236,7 +248,7 @@ def supervised(
 ) -> tuple[Network, GeometryObservation, dict[str, Any]]:
     """A network, told the answer for as long as the agent was trained: (network, what it sees in a test, about it)."""
     seconds = agent_seconds(config, setting)
-    spent = seconds_budget(seconds, clock_of(setting))
+    spent = seconds_budget(seconds, clock_of(setting.device))
     keep_freed_memory()
     categories = categories_of(setting.training)
     training = Simulator(setting.training, config.method.moves, config.reward.weights)
@@ -273,14 +285,15 @@ def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any])
         raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")
 
 
-def clock_of(setting: Setting) -> Callable[[], float]:
+def clock_of(device: torch.device) -> Callable[[], float]:
     """What seconds of training are counted by: on a processor its own time, whatever else runs on the machine."""
-    return time.process_time if setting.device.type == "cpu" else time.perf_counter
+    return time.process_time if device.type == "cpu" else time.perf_counter
 
 
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """PlanIT: the moving item among all others, and whole rooms from nothing."""
-    placer, about = trained_planit(config, setting)
+    seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
+    placer, about = trained_planit(config, setting.training, setting.simulator.rooms, setting.device, seconds)
     seed = resume.seeds(config)[3]
     one, every = score_all(placer, config.budget.evaluation_rooms, seed)
     return {
@@ -294,27 +307,27 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
     }
 
 
-def trained_planit(config: CellConfig, setting: Setting) -> tuple[Placer, dict[str, Any]]:
-    """PlanIT, trained on these rooms in this way, in the rooms to be scored in; and about its training."""
-    rooms = setting.simulator.rooms
-    training, held_out = planit_entry.usable(setting.training, rooms)
+def trained_planit(
+    config: CellConfig, training_rooms: list[Room], rooms: list[Room], device: torch.device, seconds: float | None
+) -> tuple[Placer, dict[str, Any]]:
+    """PlanIT, trained on rooms for so long or for its own updates, in the rooms to be scored in; and about that."""
+    training, held_out = planit_entry.usable(training_rooms, rooms)
     if len(held_out.rooms) < len(rooms):
         raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
-    seconds = agent_seconds(config, setting) if config.planit_time == "agent" else None
     updates = config.planit.updates[config.budget.name]
     what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
     how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
     rival = PlanitConfig(**how, budget=config.budget, method=config.planit)
 
     def train(rival: PlanitConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
-        spent = seconds_budget(seconds, clock_of(setting)) if seconds else updates_budget(updates)
-        trained = planit_entry.train(rival, training, held_out, spent, setting.device, begun)
+        spent = seconds_budget(seconds, clock_of(device)) if seconds else updates_budget(updates)
+        trained = planit_entry.train(rival, training, held_out, spent, device, begun)
         if trained.stopped:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
 
     folder, about = trained_once(config, rival, what, train)
-    return planit_entry.load(folder, training, held_out, setting.device), about
+    return planit_entry.load(folder, training, held_out, device), about
 
 
 def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:
@@ -345,4 +358,76 @@ FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
     "planit": planit,
     "rules": rules,
     "oracle": oracle,
+}
+
+
+@dataclass(frozen=True)
+class WholeRooms:
+    """Designed rooms to learn from, and designs whose briefs are to be furnished."""
+
+    training: list[Room]
+    designs: list[Room]
+    device: torch.device
+
+    @property
+    def briefs(self) -> list[Room]:
+        """What who furnishes the rooms is given."""
+        return [brief_of(design) for design in self.designs]
+
+
+def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
+    """The whole rooms of a cell: the same for every column and seed, or the first of them."""
+    training, designs = whole_parts(config.room.type, config.data, config.fold)
+    if config.trained_on != "own":
+        raise InputError(f"trained_on: expected own, as whole rooms are learned from; got {config.trained_on}")
+    return WholeRooms(training, designs[: max(1, round(config.share_of_rooms * len(designs)))], device)
+
+
+def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.random.Generator], Room]) -> list[Room]:
+    """Each brief furnished on its own; what is drawn hangs on the seed and on the room's number alone."""
+    return [furnish(brief, np.random.default_rng([config.seed, k])) for k, brief in enumerate(rooms.briefs)]
+
+
+def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, rooms.training, rng))
+
+
+def by_annealer(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    relations = mine(rooms.training)
+
+    def furnish(brief: Room, rng: np.random.Generator) -> Room:
+        return anneal(brief, relations, config.annealer, seconds_budget(config.seconds_a_room, time.process_time), rng)
+
+    return lambda: each(config, rooms, furnish)
+
+
+def by_search(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    relations = mine(rooms.training)
+
+    def furnish(brief: Room, rng: np.random.Generator) -> Room:
+        return search(brief, relations, config.search, seconds_budget(config.seconds_a_room, time.process_time), rng)
+
+    return lambda: each(config, rooms, furnish)
+
+
+def by_pointer(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    spent = seconds_budget(60 * config.training_minutes, clock_of(rooms.device))
+    network = train_rooms_pointer(rooms.training, spent, np.random.SeedSequence(config.seed), device=rooms.device)
+    return lambda: furnish_by_pointer(network, rooms.briefs, config.method.views(rooms.device))
+
+
+def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    placer, _ = trained_planit(config, rooms.training, rooms.designs, rooms.device, None)
+    return lambda: furnished_rooms(placer, resume.seeds(config)[3])
+
+
+Furnish = Callable[[], list[Room]]  # layouts; what comes before it is called is no time of furnishing
+FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
+    "designer": lambda _, rooms: lambda: rooms.designs,
+    "random": lambda config, rooms: lambda: each(config, rooms, random_layout),
+    "nearest": by_nearest_room,
+    "annealer": by_annealer,
+    "search": by_search,
+    "rooms_pointer": by_pointer,
+    "rooms_planit": by_planit,
 }

@@ -65,6 +65,21 @@ def choose_item(collection: Collection, category: str) -> Collection:
     return chosen
 
 
+def all_standing(collection: Collection) -> Collection:
+    """The rooms that are furnished, and of which every item stands within the outer walls."""
+    chosen = Collection(f"{collection.source}, whole rooms", left_out=list(collection.left_out))
+    for room in collection.rooms:
+        if not room.furniture:
+            chosen.left_out.append((room.id, "the room holds no furniture"))
+        elif some := [item.category for item in room.furniture if item.center is None]:
+            chosen.left_out.append((room.id, f"the {some[0]} has no center, so the designer's place is unknown"))
+        elif some := [i.category for i in room.furniture if not (collection.inside or room.holds(i, FIT))]:
+            chosen.left_out.append((room.id, f"the {some[0]} reaches beyond the outer walls"))
+        else:
+            chosen.rooms.append(room)
+    return chosen
+
+
 def choose_missing(collection: Collection, category: str) -> Collection:
     """The rooms in which just one item of `category`, or of any (`all`), has no center, as their target.
 

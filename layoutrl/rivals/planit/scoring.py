@@ -221,20 +221,44 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
     rng, noise = _generators(placer, seed)
     found: dict[str, list[Layout]] = {}
     for room in tqdm(range(len(placer.rooms)), "all items", leave=False):
-        standing = [item for item in placer.rooms[room].furniture if item.center is not None]
         for kind in GRAPHS:
             for choice, whose in _variants(kind):
                 search = Search(rng, noise) if choice == "sampled" else Search()
-                layouts: list[Layout] = []
-                for _ in range(_tries(kind)):
-                    names, graph, stands_for = room_graph(placer, room, kind, rng)
-                    sizes = [standing[k] for k in stands_for] if whose == "true size" else None
-                    layouts.append(placer.furnish(room, names, graph, search, sizes))
-                    if not layouts[-1].missing:
-                        break
-                fullest = min(layouts, key=lambda layout: len(layout.missing))
-                found.setdefault(f"{kind}, {choice}, {whose}", []).append(fullest)
+                layout, _ = _fullest(placer, room, kind, whose, rng, search)
+                found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
     return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
+
+
+def _fullest(
+    placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search
+) -> tuple[Layout, list[int]]:
+    """A room's layout that lacks least, of TRIES graphs; and which of the standing items each node stands for."""
+    standing = [item for item in placer.rooms[room].furniture if item.center is not None]
+    made: list[tuple[Layout, list[int]]] = []
+    for _ in range(_tries(kind)):
+        names, graph, stands_for = room_graph(placer, room, kind, rng)
+        sizes = [standing[k] for k in stands_for] if whose == "true size" else None
+        made.append((placer.furnish(room, names, graph, search, sizes), stands_for))
+        if not made[-1][0].missing:
+            break
+    return min(made, key=lambda one: len(one[0].missing))
+
+
+def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
+    """The placer's rooms furnished from nothing, each item at its likeliest place, told categories and true sizes.
+
+    Items without a place have no center.
+    """
+    rng, _ = _generators(placer, seed)
+    layouts = []
+    for number, room in enumerate(placer.rooms):
+        layout, stands_for = _fullest(placer, number, "given categories", "true size", rng, Search())
+        fixed = placer.scenes[number].fixed
+        places = {k: layout.placed.get(fixed + n) for n, k in enumerate(stands_for)}
+        bare = [replace(item, center=None, rotation=None) for item in room.furniture]
+        furniture = tuple(places[k] or item for k, item in enumerate(bare))
+        layouts.append(replace(room, furniture=furniture, target=None))
+    return layouts
 
 
 def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -> tuple[list[str], Graph, list[int]]:

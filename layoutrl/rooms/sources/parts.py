@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from layoutrl import InputError
-from layoutrl.rooms.collection import Collection, choose_item, split
+from layoutrl.rooms.collection import Collection, all_standing, choose_item, split
 from layoutrl.rooms.designer.generator import Part
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache, read_files
@@ -43,6 +43,16 @@ def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[R
     return split(_with_item(collection, room_type, item), fold)
 
 
+def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why."""
+    assert data.source is not None
+    if data.source == "designer":
+        return _designed(room_type, data, "train").rooms, _designed(room_type, data, "test").rooms
+    chosen = all_standing(read_files(data.source, room_type, data.path, data.labels, data.strict))
+    print(chosen)
+    return split(chosen.rooms, fold)
+
+
 def two_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms as `read_parts` has them. Raises InputError where either part is empty."""
     training, held_out = read_parts(room_type, item, data, fold)
@@ -56,12 +66,16 @@ def two_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Ro
 
 def designed_rooms(room_type: str, item: str, data: Data, part: Part) -> list[Room]:
     """One part of the designer's rooms in which `item` moves; prints how each template fared."""
+    return _with_item(_designed(room_type, data, part), room_type, item)
+
+
+def _designed(room_type: str, data: Data, part: Part) -> Collection:
     count = {"train": data.train_rooms, "test": data.test_rooms}[part]
     if count is None or data.seed is None:
         raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
     designs = designer_cache.read(data.path, room_type, part, data.seed, count)
     print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
-    return _with_item(Collection(f"designer, {part}", designs.rooms, inside=True), room_type, item)
+    return Collection(f"designer, {part}", designs.rooms, inside=True)
 
 
 def _with_item(collection: Collection, room_type: str, item: str) -> list[Room]:

@@ -1,0 +1,163 @@
+"""Table 3: whole rooms, furnished from nothing; eight room types, held-out briefs, all measures.
+
+    python experiments/table3.py [room=kitchen,study] [column=annealer] [designer_rooms=<folder>] [budget=smoke]
+
+Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
+were asked for; the files have all rooms. The quick methods furnish all held-out rooms, those that take more than a
+second a room a fifth of them. With `designer_rooms`, the folder of the authors' real bedrooms and tatami rooms, these
+are furnished, too.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cells import FLAG, LAYOUTS, asked, cells_of, given, multirun, seeds_of, some_of, unpacked
+from printing import Row, Table, listed, row, show, write
+
+from layoutrl.evaluation.statistics import paired_p_value
+from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.runs.commands import answers_errors
+
+# What furnishes rooms, by its words in the tables: the column of its cells.
+METHODS = {
+    "designer": "designer",
+    "pointer in sequence": "rooms_pointer",
+    "annealer, 10 s": "annealer_long",
+    "annealer, 1 s": "annealer",
+    "search, 10 s": "search_long",
+    "search, 1 s": "search",
+    "PlanIT": "rooms_planit",
+    "nearest room": "nearest",
+    "random": "random",
+}
+REAL = ("bedroom", "tatami")  # the types of which there are real rooms
+SWEEPS = ("designer,random,nearest", "annealer,search", "rooms_pointer", "annealer_long,search_long", "rooms_planit")
+BEST = {
+    "": "{room}",
+    "method": "{method}",
+    "mean IoU": "{mean_iou:.3f} ({iou_error:.3f})",
+    "p, to the best rival": "{p_iou!p}",
+    "facing": "{facing:.3f}",
+    "faultless": "{faultless:.3f} ({faultless_error:.3f})",
+    "p, to the best rival of these": "{p_faultless!p}",
+    "seconds a room": "{seconds:.3f}",
+}
+FAULTS = {
+    "": "{room}",
+    "method": "{method}",
+    "no place": "{missing:.3f}",
+    "overlap": "{overlap:.3f}",
+    "outside": "{outside:.3f}",
+    "blocked": "{blocked:.3f}",
+    "reached": "{reached:.3f}",
+    "front free": "{fronts:.3f}",
+}
+FLOOR = {
+    "": "{room}",
+    "method": "{method}",
+    "overlapping area": "{overlap_area:.3f}",
+    "area outside": "{outside_area:.3f}",
+    "walkable": "{walkable:.3f}",
+    "reach": "{reach:.3f}",
+    "moved, m": "{moved:.2f}",
+}
+NUMBERS = (
+    "iou_error", "facing", "faultless", "faultless_error", "missing", "overlap", "outside", "blocked", "reached",
+    "fronts", "overlap_area", "outside_area", "walkable", "reach", "moved", "seconds",
+)  # fmt: skip
+
+
+def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
+    """Sweeps, one after the other: of designed rooms, and of real ones. Raises InputError for other types."""
+    rooms = some_of("room", chosen, MAIN_ITEM)
+    common = {name: value for name, value in chosen.items() if name not in ("floorplans", "designer_rooms")}
+    made = []
+    for columns in [chosen["column"]] if "column" in chosen else SWEEPS:
+        sweep = common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
+        made.append(sweep | {"room": ",".join(rooms)})
+        if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
+            root = str(Path(chosen["designer_rooms"]).absolute())
+            own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}
+            made.append({name: value for name, value in sweep.items() if name != "data.root"} | own)
+    return made
+
+
+@answers_errors()
+def main(arguments: list[str]) -> int:
+    chosen = given(arguments)
+    status = max([multirun("table3", sweep) for sweep in stages(chosen)])
+    folder = cells_of("table3", chosen)
+    show(tables(folder, some_of("room", chosen, MAIN_ITEM)))
+    write(tables(folder), folder.with_name("table3"))
+    return status
+
+
+def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
+    """What the filled cells of a folder say of these rooms: a table for each question, designed rooms and real ones."""
+    rooms = list(rooms)
+    made: list[Table] = []
+    for name, title, suffix, types in (
+        ("table3", "Table 3", "", rooms),
+        ("table3-real", "Table 3, real rooms", "-designer_rooms-snapped", [room for room in rooms if room in REAL]),
+    ):
+        records: list[dict[str, Any]] = []
+        used: list[Row] = []
+        for room in types:
+            found = {words: row(folder, f"{room}{suffix}-own-{column}", LAYOUTS) for words, column in METHODS.items()}
+            known = {words: rows for words, rows in found.items() if rows}
+            records += [record(room, words, known) for words in known]
+            used += known.values()
+        made += [
+            listed(f"{name}-best", f"{title}: how good are whole rooms, furnished from nothing?", BEST, records, used),
+            listed(f"{name}-faults", f"{title}: what is wrong with them? (share of items)", FAULTS, records, used),
+            listed(f"{name}-floor", f"{title}: how much, and can one walk there?", FLOOR, records, used),
+        ]
+    return made
+
+
+def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
+    """A line of the tables. Rivals are compared with the best of the others; the designer's layout is no rival's."""
+    own = known[method]
+    rivals = {words: rows for words, rows in known.items() if words not in (method, "designer")}
+    numbers = {name: None if own.numbers[0][name] is None else own.number(name) for name in NUMBERS}
+    return {
+        "room": room,
+        "method": method,
+        "mean_iou": own.mean,
+        **numbers,
+        "n": own.iou.shape[1],
+        "seeds": own.iou.shape[0],
+        "p_iou": None,
+        "p_faultless": None,
+        **(compared_with(own, rivals) if rivals and method != "designer" else {}),
+    }
+
+
+def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
+    """p-values against the rival that is best in IoU, and the one that is best in faultless, in the rooms of both."""
+    best = max(rivals.values(), key=lambda rows: rows.mean)
+    tidy = max(rivals.values(), key=lambda rows: rows.number("faultless"))
+    return {
+        "p_iou": p_value(own.iou.mean(0), best.iou.mean(0), own),
+        "p_faultless": p_value(faultless(own), faultless(tidy), own),
+    }
+
+
+def p_value(first: np.ndarray, second: np.ndarray, own: Row) -> float:
+    """Paired, over the rooms that both furnished: the first of the held-out ones."""
+    both = min(len(first), len(second))
+    return paired_p_value(first[:both], second[:both], own.group[:both], np.random.default_rng(0))
+
+
+def faultless(found: Row) -> np.ndarray:
+    """Of each room, over seeds: (B,)."""
+    return np.mean([unpacked(numbers["faultless_rooms"], FLAG) for numbers in found.numbers], axis=0, dtype=float)
+
+
+if __name__ == "__main__":
+    sys.exit(main(asked(__doc__)))
