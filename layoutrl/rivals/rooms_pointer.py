@@ -44,13 +44,23 @@ class RoomsPointer(nn.Module):
     def __init__(self, categories: Sequence[str], width: int = 96):
         super().__init__()
         self.categories = tuple(categories)
-        self.pointing = PointingNetwork(len(COLUMNS) + 1 + len(categories), width)
+        columns = len(COLUMNS) + 1 + len(categories)
+        self.pointing = PointingNetwork(columns, width)
+        self.own = nn.Linear(width, width)
+        self.turned = nn.Linear(columns, width)
+        self.out = nn.Linear(width, width)
         self.facing = nn.Linear(3 * width, 1)
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Scores of the ways, log weights and centres, as the class says."""
-        shape, elements = elements.shape[:2], elements.flatten(0, 1)
-        told = self.pointing.told(elements)
+        """Scores of the ways, log weights and centres, as the class says.
+
+        The elements tell each other what they know once, of an item that faces nowhere and is as wide as deep, the mean
+        of the ways; then each hears how it is turned.
+        """
+        shape = elements.shape[:2]
+        told = self.pointing.told(elements.mean(1))[:, None]
+        told = told + self.out((self.own(told) + self.turned(elements[:, :, :1])).relu())
+        elements, told = elements.flatten(0, 1), told.flatten(0, 1)
         said = self.facing(pooled(elements, told))[:, 0], *self.pointing.places(elements, told)
         score, weight, center = (t.unflatten(0, shape) for t in said)
         return score, weight, center
