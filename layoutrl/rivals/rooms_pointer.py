@@ -173,8 +173,10 @@ def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
     return seen.gather(2, order[:, None, :, None].expand_as(seen))
 
 
-def furnish(network: RoomsPointer, briefs: Sequence[Room], views: Sequence[Symmetry] | None = None) -> list[Room]:
-    """Layouts of briefs: every item at the likeliest place, pushed to where it fits into the envelope.
+def furnish(
+    network: RoomsPointer, briefs: Sequence[Room], views: Sequence[Symmetry] | None = None, free: bool = True
+) -> list[Room]:
+    """Layouts of briefs: every item at the likeliest free place, pushed to where it fits into the envelope.
 
     What stands already stays. With `views` the likelihood is the mean over them. Raises InputError where an item fits
     in no way.
@@ -182,49 +184,76 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room], views: Sequence[Symme
     device = next(network.parameters()).device
     simulator = RoomsSimulator(briefs, None, Moves(), Reward())
     observe = RoomsObservation(simulator, network.categories, device)
-    order = sequence(simulator).argsort(1, kind="stable")
+    views = symmetries(simulator.moves, device)[:1] if views is None else views
+    order, ways, hosted = sequence(simulator).argsort(1, kind="stable"), _ways(simulator), _hosted(simulator)
     every = np.arange(len(briefs))
     begun = np.zeros(simulator.ways.shape, dtype=int)
     state = State(every, np.zeros((*begun.shape, 2)), begun, begun > 0, 0 * every)
-    ways = _ways(simulator)
     for n in range(order.shape[1]):
-        room = every[simulator.count > n]
-        item = order[room, n]
-        now = State(*(values[room] for values in state))._replace(moving=item)
-        center, quarter = _pointed(network, observe, now, ways[room, item], views or symmetries(Moves(), device)[:1])
-        center = _pushed(simulator.simulator.legal[simulator.entry[room, item, quarter]], center)
-        after = simulator.put(now, item, center, quarter)
-        for values, new in zip(state, after, strict=True):
-            values[room] = new
+        for room in np.array_split(every[simulator.count > n], max(1, len(every) // BLOCK)):
+            item = order[room, n]
+            now = State(*(values[room] for values in state))._replace(moving=item)
+            center, quarter = _pointed(
+                network, observe, State(*map(_on(device), now)), *map(_on(device), (ways[room, item], hosted[room, item])), views, free
+            )
+            center = _pushed(simulator.simulator.legal[simulator.entry[room, item, quarter]], center)
+            for values, new in zip(state, simulator.put(now, item, center, quarter), strict=True):
+                values[room] = new
     return [simulator.layout(state, b) for b in every]
+
+def _on(device): return lambda t: torch.as_tensor(t, device=device)
+
+def _hosted(simulator: RoomsSimulator) -> np.ndarray:
+    from layoutrl.rooms.clearances import HOSTS
+    under=np.zeros((*simulator.ways.shape, simulator.ways.shape[1]),dtype=bool)
+    for r, items in enumerate(simulator.items):
+        for n, item in enumerate(items):
+            under[r, n, :len(items)] = [item.tucked and other.category in HOSTS and not other.tucked for other in items]
+    return under | under.transpose(0,2,1)
 
 
 @torch.no_grad()
 def _pointed(
     network: RoomsPointer,
     observe: RoomsObservation,
-    state: State[np.ndarray],
-    ways: np.ndarray,
+    state: State[Tensor],
+    ways: Tensor,
+    hosted: Tensor,
     views: Sequence[Symmetry],
+    free: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The likeliest centers (B, 2) and quarters (B,) of the moving items, of the `ways` (B, QUARTERS) they can face."""
-    device = observe.origin.device
-    centers, quarters = [], []
-    for first in range(0, len(ways), BLOCK):
-        block = slice(first, first + BLOCK)
-        seen = each_way(observe, State(*(torch.as_tensor(values[block], device=device) for values in state)))
-        score, weight, center = network(seen)
-        score = score.masked_fill(~torch.as_tensor(ways[block], device=device), -torch.inf).log_softmax(1)
-        likely, which = weight.topk(min(LIKELY, weight.shape[-1]))
-        center = center.gather(-1, which)
-        off = (center[..., None] - center[..., None, :]).abs()
-        density = torch.logsumexp(likely[..., None, :] - off / BREADTH, -1)
-        best = density.max(-1)  # (B, QUARTERS, 2)
-        quarter = (score + best.values.sum(-1)).argmax(1)
-        place = center.gather(-1, best.indices[..., None])[..., 0]
-        centers.append(place[torch.arange(len(place)), quarter].double() + observe.origin[state.room[block]])
-        quarters.append(quarter)
-    return torch.cat(centers).cpu().numpy(), torch.cat(quarters).cpu().numpy()
+    seen = each_way(observe, state)
+    facing, weight, center = [], [], []
+    for view in views:
+        score, w, c = network(observe.turned(seen, view))
+        facing.append(score.masked_fill(~ways, -torch.inf).log_softmax(1))
+        weight.append(torch.einsum("ji,bqjm->bqim", view.matrix.abs(), w))
+        center.append(torch.einsum("ji,bqjm->bqim", view.matrix, c))
+    score = torch.stack(facing).logsumexp(0)
+    likely, which = torch.cat(weight, -1).topk(LIKELY)
+    center = torch.cat(center, -1).gather(-1, which)
+    off = (center[..., None] - center[..., None, :]).abs()
+    density = torch.logsumexp(likely[..., None, :] - off / BREADTH, -1)  # (B, QUARTERS, 2, LIKELY)
+    x, y = density.unbind(2)
+    joint = score[..., None, None] + x[..., :, None] + y[..., None, :]
+    if free:
+        from layoutrl.agents.networks import upright_box, PRESENT, COS2, CIRCLE
+        from layoutrl.rooms.room import TOLERANCE
+        middle, half = (t.movedim(0, -1) for t in upright_box(seen.movedim(-1, 0)))
+        rest = seen[:, 0, 1:]
+        solid = (rest[..., len(COLUMNS)] == 1) & ((rest[..., CIRCLE]==1)|(rest[..., COS2] > 0.9999))
+        h = hosted.clone().scatter(1, state.moving[:, None], hosted[:, :1])[:, 1:]
+        solid[:, :h.shape[1]] &= ~h
+        depth = (half[:, :, :1] + half[:, :, 1:]).transpose(2, 3)[..., None, :] - (center[..., None] - middle[:, :, 1:].transpose(2, 3)[..., None, :]).abs()
+        deep = ((depth > TOLERANCE) & solid[:, None, None, None]).float()
+        joint = joint - 1e3 * (deep[:, :, 0] @ deep[:, :, 1].transpose(2, 3))
+    best = joint.flatten(1).argmax(1)
+    k = joint.shape[-1]
+    quarter, i, j = best // k**2, best // k % k, best % k
+    every = torch.arange(len(best), device=best.device)
+    place = torch.stack([center[every, quarter, 0, i], center[every, quarter, 1, j]], 1)
+    return (place.double() + observe.origin[state.room]).cpu().numpy(), quarter.cpu().numpy()
 
 
 def _pushed(regions: np.ndarray, center: np.ndarray) -> np.ndarray:
