@@ -74,14 +74,7 @@ class GeometryObservation:
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same rooms look mirrored and turned. (An element at 45 degrees can come out as one at -45.)"""
-        turned = observation.clone()
-        for first, last in ((X, Y), (COS, SIN)):
-            turned[..., first : last + 1] = observation[..., first : last + 1] @ symmetry.matrix.T
-        if symmetry.quarters % 2:
-            turned[..., WIDTH], turned[..., DEPTH] = observation[..., DEPTH], observation[..., WIDTH]
-        if symmetry.mirror:
-            turned[..., SIN2].neg_()
-        return turned
+        return elements_turned(observation, symmetry)
 
 
 class ImageObservation:
@@ -201,6 +194,18 @@ def described(size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
     size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])
     double, facing = np.deg2rad(2 * (degrees - 90 * quarters)), np.deg2rad(degrees)
     return np.column_stack([size, np.cos(double), np.sin(double), np.zeros(len(size)), np.cos(facing), np.sin(facing)])
+
+
+def elements_turned(elements: Tensor, symmetry: Symmetry) -> Tensor:
+    """Elements (..., columns) that stand somewhere, mirrored and turned."""
+    turned = elements.clone()
+    for first, last in ((X, Y), (COS, SIN)):
+        turned[..., first : last + 1] = elements[..., first : last + 1] @ symmetry.matrix.T
+    if symmetry.quarters % 2:
+        turned[..., WIDTH], turned[..., DEPTH] = elements[..., DEPTH], elements[..., WIDTH]
+    if symmetry.mirror:
+        turned[..., SIN2].neg_()
+    return turned
 
 
 def _rectangles(shapes: np.ndarray) -> np.ndarray:

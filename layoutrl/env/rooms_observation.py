@@ -15,8 +15,21 @@ from gymnasium import spaces
 from torch import Tensor
 
 from layoutrl.env.geometry import padded
-from layoutrl.env.observation import COLUMNS, COS, DEPTH, SIN, WIDTH, X, Y, categories_of, elements_of, items_described
+from layoutrl.env.observation import (
+    COLUMNS,
+    COS,
+    DEPTH,
+    SIN,
+    WIDTH,
+    X,
+    Y,
+    categories_of,
+    elements_of,
+    elements_turned,
+    items_described,
+)
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.room import envelopes
 
 PRESENT, MOVING, ITEM = (COLUMNS.index(name) for name in ("present", "moving", "item"))
@@ -78,3 +91,10 @@ class RoomsObservation:
         items[..., ITEM] = items[..., PRESENT] - items[..., MOVING]
         items[..., len(COLUMNS)] = state.stands.float()
         return torch.cat([items, self._shell.index_select(0, state.room)], 1)
+
+    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
+        """How the same rooms look mirrored and turned: the size of what does not stand is no matter of directions."""
+        turned, sizes = elements_turned(observation, symmetry), slice(WIDTH, DEPTH + 1)
+        stands = observation[..., len(COLUMNS), None] == 1
+        turned[..., sizes] = torch.where(stands, turned[..., sizes], observation[..., sizes])
+        return turned

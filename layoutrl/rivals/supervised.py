@@ -34,8 +34,8 @@ BLOCK = 4096  # poses seen at once: memory, not speed
 ANCHORS = 5  # an item touches either side of an element, from within or without, or shares its middle
 BREADTH = 0.02  # metres: of the density around each place that the pointer holds for possible
 
-Draw = Callable[[torch.Generator], tuple[Tensor, Tensor]]  # a batch: what is seen (B, ...), what to say of it (B, n)
-Loss = Callable[[Any, Tensor], Tensor]
+Draw = Callable[[torch.Generator], tuple[Tensor, Any]]  # a batch: what is seen (B, ...), what to say of it (B, n)
+Loss = Callable[[Any, Any], Tensor]
 Network = TypeVar("Network", bound=nn.Module)
 
 
@@ -66,7 +66,7 @@ def train_regressor(
         turned = torch.cat([share @ view.matrix.T for view, share in shares(views, way)])
         return in_every_view(observe, views, observe(room, start)), turned
 
-    return _trained(lambda: _agents_network(observe, 2), draw, l1_loss, spent, seed, learning_rate, device)
+    return trained(lambda: _agents_network(observe, 2), draw, l1_loss, spent, seed, learning_rate, device)
 
 
 def regressed_places(
@@ -101,18 +101,24 @@ class PointingNetwork(nn.Module):
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
         """Log weights and centres, (B, 2, elements x ANCHORS) each, of elements (B, elements, columns)."""
-        middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
-        present = elements[..., PRESENT, None]
-        state = self.embed(torch.cat([elements, (middle - half)[..., 0], (middle + half)[..., 0]], -1))
+        return self.places(elements, self.told(elements))
+
+    def told(self, elements: Tensor) -> Tensor:
+        """What each element knows after the rounds: (B, elements, width)."""
+        middle, half = (t.movedim(0, -1) for t in upright_box(elements.movedim(-1, 0)))
+        state = self.embed(torch.cat([elements, middle - half, middle + half], -1))
         for own, heard, out in zip(self.own, self.heard, self.out, strict=True):
-            highest = state.masked_fill(present == 0, -torch.inf).amax(1)
-            pooled = torch.cat([state[:, 0], highest, (state * present).sum(1) / present.sum(1)], -1)
-            state = state + out((own(state) + heard(pooled)[:, None]).relu())
+            state = state + out((own(state) + heard(pooled(elements, state))[:, None]).relu())
+        return state
+
+    def places(self, elements: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """Log weights and centres as `forward` has them, of what elements know (B, elements, width)."""
+        middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
         weight, offset = self.head(state).unflatten(-1, (2, ANCHORS, 2)).unbind(-1)  # (B, N, 2, ANCHORS)
         item = half[:, :1]
         touching = [middle - half - item, middle - half + item, middle, middle + half - item, middle + half + item]
         center = torch.cat(touching, -1) + offset
-        weight = weight.masked_fill(present[..., None] == 0, -1e9)
+        weight = weight.masked_fill(elements[..., PRESENT, None, None] == 0, -1e9)
         weight, center = (t.transpose(1, 2).flatten(2) for t in (weight, center))
         return weight.log_softmax(-1), center
 
@@ -120,6 +126,13 @@ class PointingNetwork(nn.Module):
         """The likeliest place: (B, 2)."""
         weight, center = self(elements)
         return center.gather(-1, weight.argmax(-1, keepdim=True))[..., 0]
+
+
+def pooled(elements: Tensor, state: Tensor) -> Tensor:
+    """What all elements know, (B, elements, width), in one: of the moving item, the highest, the mean; (B, 3 width)."""
+    present = elements[..., PRESENT, None]
+    highest = state.masked_fill(present == 0, -torch.inf).amax(1)
+    return torch.cat([state[:, 0], highest, (state * present).sum(1) / present.sum(1)], -1)
 
 
 def train_pointer(
@@ -148,7 +161,7 @@ def train_pointer(
         weight, center = said
         return -torch.logsumexp(weight - (center - goal[..., None]).abs() / BREADTH, -1).mean()
 
-    return _trained(lambda: PointingNetwork(observe.space.shape[1]), draw, loss, spent, seed, learning_rate, device)
+    return trained(lambda: PointingNetwork(observe.space.shape[1]), draw, loss, spent, seed, learning_rate, device)
 
 
 def pointed_places(network: PointingNetwork, observe: GeometryObservation, views: Sequence[Symmetry]) -> np.ndarray:
@@ -194,7 +207,7 @@ def train_scorer(
         iou = batch_simulator.reward(room, place).iou
         return in_every_view(observe, views, observe(room, place)), iou[:, None]
 
-    return _trained(lambda: _agents_network(observe, 1), draw, mse_loss, spent, seed, learning_rate, device)
+    return trained(lambda: _agents_network(observe, 1), draw, mse_loss, spent, seed, learning_rate, device)
 
 
 def scored_places(
@@ -241,7 +254,7 @@ def _agents_network(observe: GeometryObservation, outputs: int) -> GeometryNetwo
     return GeometryNetwork(observe.space.shape[1], outputs, dueling=False)
 
 
-def _trained(
+def trained(
     make: Callable[[], Network],
     draw: Draw,
     loss: Loss,

@@ -67,7 +67,7 @@ def lopsided() -> Room:
 
 def drawn_batch(monkeypatch: pytest.MonkeyPatch, train, rooms: list[Room], batch: int, seed: int = 0):
     """One batch that a network is trained on, (observations, what to say), instead of the training."""
-    monkeypatch.setattr(supervised, "_trained", lambda make, draw, *_: draw)
+    monkeypatch.setattr(supervised, "trained", lambda make, draw, *_: draw)
     draw = train(simulator_of(*rooms), observe_of(*rooms), updates_budget(1), seeded(0), batch=batch)
     return draw(torch.Generator().manual_seed(seed))
 

@@ -1,0 +1,221 @@
+"""The pointer in sequence: what it is trained on, that it learns it, and how it furnishes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from layoutrl import InputError
+from layoutrl.env.faults import faults
+from layoutrl.env.measures import measured
+from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y, categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_observation import MOVING
+from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.simulator import Moves
+from layoutrl.env.symmetry import symmetries
+from layoutrl.rivals import rooms_pointer
+from layoutrl.rivals.budgets import updates_budget
+from layoutrl.rivals.rooms_pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import SYMMETRIES, Item, Room
+from tests.builders import assert_seeded, opening, rectangular_room
+
+STANDS = len(COLUMNS)
+DOOR = opening("door", 0.3, -0.2, 1.2, 0)
+SEED = np.random.SeedSequence(0)
+
+
+def bedroom() -> Room:
+    """A bed at the wall above between two nightstands, and a wardrobe at the wall on the right; no symmetry."""
+    stand = Item("nightstand", (0.4, 0.4), (0.4, 2.8), 270.0)
+    return rectangular_room(
+        4.0,
+        3.0,
+        Item("bed", (2.0, 1.4), (1.3, 2.0), 270.0),
+        others=(
+            stand,
+            replace(stand, center=(2.2, 2.8)),
+            Item("wardrobe", (0.6, 1.8), (3.7, 1.2), 180.0),
+            Item("rug", (0.5, 0.5), (2.6, 0.9), form="circle"),
+        ),
+        openings=(DOOR,),
+    )
+
+
+def designed(count: int) -> list[Room]:
+    return design_rooms("bedroom", "train", 0, count).rooms
+
+
+def untrained(rooms: Sequence[Room], seed: int = 0) -> RoomsPointer:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return RoomsPointer(categories_of(rooms), width=16)
+
+
+def drawn_batch(monkeypatch: pytest.MonkeyPatch, rooms: list[Room], batch: int) -> tuple[torch.Tensor, Poses]:
+    """One batch that a network is trained on, instead of the training."""
+    monkeypatch.setattr(rooms_pointer, "trained", lambda make, draw, *_: draw)
+    draw = train_rooms_pointer(rooms, updates_budget(1), SEED, batch=batch)
+    return draw(torch.Generator().manual_seed(0))
+
+
+def test_it_is_trained_on_rooms_that_hold_the_largest_and_points_where_equals_may_stand(monkeypatch):
+    room = bedroom()
+    seen, right = drawn_batch(monkeypatch, [room], 800)
+    categories = categories_of([room])
+    by_category = {item.category: item for item in room.furniture}
+    largest_first = ["bed", "wardrobe", "rug", "nightstand", "nightstand"]
+    assert seen.shape[:2] == (800, 4)
+    met = set()
+    for elements, center, quarter, free in zip(seen[:100], right.center, right.quarter, right.free, strict=False):
+        assert (elements[:, 0, MOVING] == 1).all() and (elements[:, 1:, MOVING] == 0).all()  # in the first view
+        assert (elements[:, 0, X : Y + 1] == 0).all()
+        rows = elements[0, 1:]
+        rows = rows[rows[:, STANDS + 1 :].any(1)]
+        names = [categories[int(row[STANDS + 1 :].argmax())] for row in rows]
+        standing = [name for name, row in zip(names, rows, strict=True) if row[STANDS] == 1]
+        to_come = [name for name, row in zip(names, rows, strict=True) if row[STANDS] == 0]
+        mine = categories[int(elements[0, 0, STANDS + 1 :].argmax())]
+        assert sorted(standing) == sorted(largest_first[: len(standing)])
+        assert mine == largest_first[len(standing)]
+        assert sorted(to_come) == sorted(largest_first[len(standing) + 1 :])
+
+        places = {tuple(place) for place in np.round(center[free].numpy() + (2.0, 1.5), 3).tolist()}
+        if mine == "nightstand":
+            taken = {
+                tuple(np.round(row[X : Y + 1].numpy() + (2.0, 1.5), 3).tolist())
+                for name, row in zip(names, rows, strict=True)
+                if name == mine and row[STANDS] == 1
+            }
+            assert places | taken == {(0.4, 2.8), (2.2, 2.8)}
+            assert not places & taken
+            met.add(frozenset(places))
+        else:
+            assert places == {by_category[mine].center}
+        if mine != "rug":
+            assert {90.0 * q for q in quarter[free].tolist()} == {by_category[mine].rotation}
+    assert len(met) == 3  # both are free, the one, the other
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_in_each_symmetry_it_is_shown_the_turned_room_and_its_poses(k, monkeypatch):
+    room = bedroom()
+    seen, right = drawn_batch(monkeypatch, [room], 80)
+    turned = room.turned(*SYMMETRIES[k])
+    origin = np.reshape(turned.envelope.bounds, (2, 2)).mean(0)
+    poses = {
+        (item.category, *np.round(item.center, 3).tolist(), item.degrees % 360)
+        for item in turned.furniture
+        if item.form == "rectangle"
+    }
+    categories = categories_of([room])
+    for b in range(10 * k, 10 * k + 10):
+        name = categories[int(seen[b, 0, 0, STANDS + 1 :].argmax())]
+        for n in np.flatnonzero(right.free[b]) if name != "rug" else ():
+            cos, sin = seen[b, right.quarter[b, n], 0, [COS, SIN]].tolist()
+            degrees = round(np.rad2deg(np.arctan2(sin, cos))) % 360
+            x, y = (right.center[b, n].numpy() + origin).round(3).tolist()
+            assert (name, x, y, degrees) in poses
+
+
+def test_a_network_hangs_on_the_seed_and_on_no_other_randomness():
+    rooms = [bedroom()]
+
+    def weights(seed: int) -> torch.Tensor:
+        network = train_rooms_pointer(rooms, updates_budget(2), np.random.SeedSequence(seed), batch=16)
+        return torch.cat([p.detach().flatten() for p in network.parameters()])
+
+    assert_seeded(weights)
+
+
+def test_it_learns_one_room_and_furnishes_it_again():
+    room = bedroom()
+    room = replace(room, furniture=room.furniture[:4])
+    network = train_rooms_pointer([room], updates_budget(500), SEED, batch=16, learning_rate=3e-3)
+    (layout,) = furnish(network, [brief_of(room)])
+    found = measured([layout], [room])
+    assert found.iou.item() > 0.9
+    assert found.facing.item() == 1
+
+
+def test_the_largest_is_placed_first_and_all_are(monkeypatch):
+    states = []
+
+    def spied(observe, state):
+        states.append(state)
+        return each_way(observe, state)
+
+    each_way = rooms_pointer.each_way
+    monkeypatch.setattr(rooms_pointer, "each_way", spied)
+    brief = brief_of(bedroom())
+    (layout,) = furnish(untrained([brief]), [brief])
+    categories = [brief.furniture[int(state.moving)].category for state in states]
+    assert categories == ["bed", "wardrobe", "rug", "nightstand", "nightstand"]
+    assert [int(state.stands.sum()) for state in states] == [0, 1, 2, 3, 4]
+    assert len({int(state.moving) for state in states}) == 5
+    assert all(item.center is not None and item.rotation is not None for item in layout.furniture)
+
+
+def test_layouts_are_briefs_with_poses_within_the_envelope():
+    briefs = [brief_of(room) for room in designed(5)]
+    layouts = furnish(untrained(briefs), briefs)
+    for brief, layout in zip(briefs, layouts, strict=True):
+        assert brief_of(layout).furniture == brief.furniture
+        assert replace(layout, furniture=brief.furniture) == brief
+        assert all(layout.holds(item) for item in layout.furniture)
+
+
+def test_rooms_that_differ_only_in_the_designers_places_are_furnished_alike():
+    rooms = designed(3)
+    rng = np.random.default_rng(0)
+    moved = [
+        replace(
+            room,
+            furniture=tuple(
+                replace(room.furniture[k], center=(1.0, 1.0), rotation=90.0 * rng.integers(4))
+                for k in rng.permutation(len(room.furniture))
+            ),
+            target=None,
+        )
+        for room in rooms
+    ]
+    network = untrained(rooms)
+    first, second = (furnish(network, [brief_of(room) for room in those]) for those in (rooms, moved))
+    assert [room.furniture for room in first] == [room.furniture for room in second]
+
+
+def test_a_room_is_furnished_alike_whatever_others_are():
+    rooms = designed(4)
+    briefs = [brief_of(room) for room in rooms]
+    network = untrained(rooms)
+    together = furnish(network, briefs)
+    for brief, layout in zip(briefs, together, strict=True):
+        (alone,) = furnish(network, [brief])
+        for item, other in zip(alone.furniture, layout.furniture, strict=True):
+            assert item.rotation == other.rotation
+            np.testing.assert_allclose(item.center, other.center, atol=1e-5)
+
+
+def test_what_stands_stays_and_a_given_rotation_is_kept():
+    room = bedroom()
+    bed, *others = room.furniture
+    brief = replace(
+        room, furniture=(bed, *(replace(item, center=None, rotation=90.0) for item in others)), target=None
+    )
+    (layout,) = furnish(untrained([room]), [brief])
+    assert layout.furniture[0] == bed
+    for item, given in zip(layout.furniture[1:], brief.furniture[1:], strict=True):
+        assert item.center is not None
+        assert item.rotation == given.rotation
+
+
+def test_what_fits_nowhere_is_refused():
+    brief = brief_of(rectangular_room(2, 2, Item("bed", (9.0, 9.0), (1.0, 1.0))))
+    with pytest.raises(InputError, match="the bed does not fit"):
+        furnish(untrained([brief]), [brief])
