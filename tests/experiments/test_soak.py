@@ -18,7 +18,8 @@ pytestmark = pytest.mark.skipif(
     not Path("/proc/self/status").exists(), reason="only Linux says how much memory a process has"
 )
 STAND_IN = """
-import pathlib, signal, sys, time
+import os, pathlib, signal, sys, time
+pathlib.Path("pid").write_text(str(os.getpid()))
 held = bytearray(200_000_000)
 pathlib.Path("checkpoints").mkdir()
 pathlib.Path("checkpoints/1.pt").write_bytes(bytes(3_000_000))
@@ -40,14 +41,16 @@ def test_memory_checkpoints_and_other_files_are_watched_until_the_time_is_over(
 ) -> None:
     """Of a process that holds 200 MB and writes 3.5 MB; then it is told to stop."""
     monkeypatch.chdir(tmp_path)
-    began = time.monotonic()
+    began, asked, resident = time.monotonic(), [], soak.resident
+    monkeypatch.setattr(soak, "resident", lambda process: asked.append(process) or resident(process))
     seen = soak.watched([sys.executable, "-c", STAND_IN], tmp_path, minutes=0.05, every=0.2)
     assert time.monotonic() - began > 3
+    assert {*asked[1:]} == {int((tmp_path / "pid").read_text())}
     minutes, memory, checkpoints, others = zip(*seen, strict=True)
     assert minutes == tuple(sorted(minutes))
     assert 200 < memory[-1] < 300
     assert checkpoints[-1] == 3
-    assert others[-1] == pytest.approx(0.5)
+    assert others[-1] == pytest.approx(0.5, abs=1e-4)  # and its process id
     assert (tmp_path / "told").exists()
 
 
