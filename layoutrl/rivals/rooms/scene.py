@@ -56,7 +56,6 @@ class Scene:
     half: Array  # (n, 4, 2) half the item's extents
     front_half: Array  # (n, 4, 2) the same of the floor before it
     front_offset: Array  # (n, 4, 2) from its middle to that of the floor before it
-    has_front: Array  # (n,) bool
     stands_aside: Array  # (n,) bool: not in the way of who walks: tucked or raised
     may_overlap: Array  # (n, n) bool: the first is tucked, the second its host, or the other way round
     may_stand_before: Array  # (n, n) bool: the second in the floor before the first
@@ -111,7 +110,6 @@ def scene_of(brief: Room) -> Scene:
         half=half,
         front_half=half * (1 - along) + front / 2 * along,
         front_offset=DIRECTIONS * (half + front / 2),
-        has_front=front[:, 0, 0] > 0,
         stands_aside=aside,
         may_overlap=under | under.T | np.eye(len(items), dtype=bool),
         may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised,
