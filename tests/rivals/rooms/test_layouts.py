@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from layoutrl.evaluation.metrics import kept_free
 from layoutrl.rivals.budgets import updates_budget
@@ -16,7 +18,7 @@ from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rivals.rooms.search import Finder, Searching, search
 from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.room import TOLERANCE, Item, Room
-from tests.builders import opening, rectangular_room
+from tests.builders import opening, random_room, rectangular_room
 from tests.rivals.rooms.builders import configured, designed, disarranged
 
 ANNEALING = replace(configured(Annealing, "annealer"), chains=8)
@@ -125,6 +127,21 @@ def test_a_room_without_door_and_window_and_categories_never_seen_are_furnished(
     a, b = layout.furniture
     assert layout.indoor.covers(a.footprint.union(b.footprint).buffer(-TOLERANCE))
     assert a.footprint.intersection(b.footprint).area < 1e-6
+
+
+@both
+@settings(max_examples=8)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_any_room_is_furnished_and_search_breaks_no_rule(method, seed):
+    brief = brief_of(random_room(np.random.default_rng(seed)))
+    layout = method(brief, 0, 1 if method is searched else 400)
+    assert [item.category for item in layout.furniture] == [item.category for item in brief.furniture]
+    if method is searched:
+        placed = [item for item in layout.furniture if item.center is not None]
+        for k, item in enumerate(placed):
+            assert brief.indoor.buffer(2e-5, join_style="mitre").covers(item.footprint)
+            assert kept_free(brief).intersection(item.footprint).area < 1e-4
+            assert not any(item.footprint.intersection(other.footprint).area > 1e-4 for other in placed[:k])
 
 
 def test_search_leaves_out_what_fits_nowhere_and_places_the_rest():
