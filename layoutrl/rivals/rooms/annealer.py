@@ -1,8 +1,9 @@
 """Simulated annealing of whole rooms, after Merrell et al. 2011 and Yu et al. 2011: nothing is learned but distances.
 
 Many chains of one room take a move of one kind at a time, as arrays: a step of all costs little more than of one.
-Merrell's term -(8c^4 - 8c^2 + 1) and their alignment -cos 4a are the same for all items along the walls, so they are
-not here; which way items face is a relation.
+Access (the floor before items), circulation (who cannot be reached), distances of pairs, distance to the wall and
+visual balance are theirs. Merrell's term of angles -(8c^4 - 8c^2 + 1) and alignment -cos 4a are the same for all items
+along the walls, so they are not here: which way items face, and lie, is a share of training rooms (`relations`).
 """
 
 from __future__ import annotations

@@ -11,8 +11,6 @@ from layoutrl.rivals.rooms.scene import Array, Scene, boxes_at, daylight, depth,
 from layoutrl.rooms.room import TOLERANCE
 
 FAULT = 0.3  # metres that anything deeper than TOLERANCE counts on top, so that none is bought for a better place
-RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")
-SOFT = (*ALONE_TERMS, *PAIR_TERMS, "balance")
 
 
 class Cost:
@@ -30,7 +28,9 @@ class Cost:
         self.pair_weights = np.array([weights[term] for term in PAIR_TERMS])
         _, self.category, count = np.unique(names, return_inverse=True, return_counts=True)
         self.itself = np.eye(len(names), dtype=bool)
-        self.alone = np.where(count[self.category] > 1, np.inf, 0.0)  # as its own partner
+        self.with_itself = np.where(
+            count[self.category] > 1, np.inf, 0.0
+        )  # one alone of its category has no partner there
         self.apart = np.triu(~scene.may_overlap, 1)  # each pair once
         self.area = 4 * scene.half[:, 0].prod(-1)
         self.middle = (scene.bounds[:2] + scene.bounds[2:]) / 2
@@ -49,11 +49,11 @@ class Cost:
             "overlap": (_fault(depth(box[:, :, None], box[:, None])) * self.apart).sum((1, 2)),
             "doors": _fault(depth(box[:, :, None], self.doors)).sum((1, 2)),
             "daylight": _fault(depth(box[:, self.tall, None], self.windows)).sum((1, 2)),
-            "fronts": (others.sum(2) + walls.sum(2))[:, self.scene.has_front].sum(1),
+            "fronts": others.sum((1, 2)) + walls.sum((1, 2)),
         }
 
     def fronts(self, center: Array, quarter: Array) -> Array:
-        """The floor (C, n, 4) before the items."""
+        """The floor (C, n, 4) before the items; of those that keep none free a line, which nothing is in."""
         at = self.item, quarter
         return boxes_at(center + self.scene.front_offset[at], self.scene.front_half[at])
 
@@ -72,7 +72,7 @@ class Cost:
         every = slice(None)
         cost = self.kept.pairs(box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], every, every)
         one_way = cost @ self.pair_weights
-        both = np.where(self.itself, self.alone, one_way + one_way.swapaxes(1, 2))
+        both = np.where(self.itself, self.with_itself, one_way + one_way.swapaxes(1, 2))
         return self.best_partners(both, self.item).sum(1) / 2
 
     def best_partners(self, both: Array, others: Array) -> Array:
@@ -85,11 +85,12 @@ class Cost:
 
     def rules(self, center: Array, quarter: Array, box: Array) -> Array:
         """The weighted faults (C,) but for `unreached`, which takes longer."""
-        return sum(self.weights[name] * value for name, value in self.faults(center, quarter, box).items())
+        found = self.faults(center, quarter, box)
+        return np.sum([self.weights[name] * value for name, value in found.items()], axis=0)
 
     def preference(self, center: Array, quarter: Array, box: Array) -> Array:
         """The weighted soft terms (C,)."""
-        return sum(self.soft(center, quarter, box).values())
+        return np.sum(list(self.soft(center, quarter, box).values()), axis=0)
 
     def unreached(self, box: Array) -> Array:
         """The weighted number of items (C,) that nobody reaches."""

@@ -17,12 +17,12 @@ from layoutrl.rooms.room import TOLERANCE, Room
 
 STEADY = 0.3  # metres
 RELATED = 1.0  # metres: pairs whose distance varies by more are no pairs
-RANGE = (0.25, 0.75)
+RANGE = (0.25, 0.75)  # quantiles
 FEWEST = 3  # observations: less is chance
 FAR = 1.0  # metres: beyond, an offset is as bad as any
 NEAREST = 0.05  # metres: shorter distances count as this, so that no ratio of them runs away
 
-Range = tuple[float, float]  # a tenth of all is below the first, a tenth above the second, in metres
+Range = tuple[float, float]  # half of all lie between
 Shares = Array  # (3,) ahead, beside, behind; or the same way, across, opposite
 
 
@@ -32,17 +32,17 @@ class Alone:
 
     back: float | None  # from its back to the wall
     side: float | None  # from the nearer of its sides to the wall
-    door: Range
+    door: Range  # how far it is from the nearest, as a share of the farthest corner's distance
     window: Range
-    to_door: Shares  # it looks as who comes in, across, or towards the door
+    to_door: Shares  # it looks as who comes in by the widest door, across, or towards it
     to_window: Shares
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two categories: how the second stands as seen from the first."""
+    """Two categories: how the nearest item of the second stands, as seen from one of the first."""
 
-    distance: Range  # between their middles
+    distance: Range  # metres between their middles
     gap: float | None  # between their sides, where it is steady
     turn: Shares  # it faces the same way, across, opposite
     bearing: Shares  # it lies ahead, beside, behind
@@ -70,10 +70,10 @@ def mine(rooms: Sequence[Room]) -> Relations:
         box, quarter = boxes_at(scene.center, scene.half[np.arange(len(scene.center)), scene.quarter]), scene.quarter
         features = alone_features(scene, box, quarter)
         between = pair_features(box[:, None], quarter[:, None], box[None], quarter[None])
-        dark = (depth(box[:, None], daylight(scene)) > TOLERANCE).any(1)
+        dark = depth(box[:, None], daylight(scene)).max(1, initial=0.0)
         for i, item in enumerate(room.furniture):
             single[item.category].append(features[i])
-            if dark[i]:
+            if dark[i] > TOLERANCE:
                 before_window.add(item.category)
             nearest: dict[str, int] = {}
             for j in np.argsort(between[i, :, DISTANCE]).tolist():
@@ -98,9 +98,9 @@ DISTANCE, GAP, TURN, BEARING, ALONG = range(5)
 
 
 def alone_features(scene: Scene, box: Array, quarter: Array) -> Array:
-    """(..., 6): metres from back and nearer side to the wall, to the nearest door and window; how it looks at them.
+    """(..., 6): metres from back and nearer side to the wall, shares of the way to door and window, and two looks.
 
-    The last two: 0 away from the widest one, as who comes in by it, 1 across, 2 towards it, 3 where there is none.
+    At doors, at windows: 0 away from the widest, as who comes in by it, 1 across, 2 towards it, 3 where there is none.
     """
     room = ahead(box, scene.solids)  # (..., 4) by direction
     at = np.arange(4)

@@ -42,10 +42,7 @@ class Gate:
 
 @dataclass(frozen=True)
 class Scene:
-    """A brief in its own frame. n items; the arrays by facing have the four DIRECTIONS on axis 1.
-
-    `lean` (n,) degrees are added to the rotation of an item that may not be turned.
-    """
+    """A brief in its own frame. n items; the arrays by facing have the four DIRECTIONS on axis 1."""
 
     brief: Room
     base: float  # degrees by which the frame is turned
@@ -56,13 +53,11 @@ class Scene:
     half: Array  # (n, 4, 2) half the item's extents
     front_half: Array  # (n, 4, 2) the same of the floor before it
     front_offset: Array  # (n, 4, 2) from its middle to that of the floor before it
-    has_front: Array  # (n,) bool
     stands_aside: Array  # (n,) bool: not in the way of who walks: tucked or raised
     may_overlap: Array  # (n, n) bool: the first is tucked, the second its host, or the other way round
     may_stand_before: Array  # (n, n) bool: the second in the floor before the first
     movable: Array  # indices of the items to place
     turnable: Array  # (n,) bool
-    lean: Array  # (n,)
     center: Array  # (n, 2) where they stand already; of the movable ones the middle of the room
     quarter: Array  # (n,) which of the facings
 
@@ -99,7 +94,7 @@ def scene_of(brief: Room) -> Scene:
     before = [[b.category in MAY_STAND_BEFORE.get(a.category, ()) for b in brief.furniture] for a in brief.furniture]
     aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
     raised = np.array([item.category in RAISED for item in brief.furniture], dtype=bool)
-    half = np.array([h for h, _, _ in items]).reshape(-1, 4, 2)
+    half = np.array([h for h, _ in items]).reshape(-1, 4, 2)
     along = np.abs(DIRECTIONS)
     return Scene(
         brief=brief,
@@ -111,15 +106,13 @@ def scene_of(brief: Room) -> Scene:
         half=half,
         front_half=half * (1 - along) + front / 2 * along,
         front_offset=DIRECTIONS * (half + front / 2),
-        has_front=front[:, 0, 0] > 0,
         stands_aside=aside,
         may_overlap=under | under.T | np.eye(len(items), dtype=bool),
         may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised,
         movable=np.flatnonzero(~np.array(standing, dtype=bool)),
         turnable=np.array([item.rotation is None for item in brief.furniture], dtype=bool),
-        lean=np.array([lean for _, _, lean in items]),
         center=np.array(center).reshape(-1, 2),
-        quarter=np.array([quarter for _, quarter, _ in items], dtype=int),
+        quarter=np.array([quarter for _, quarter in items], dtype=int),
     )
 
 
@@ -127,18 +120,18 @@ def _front_depth(item: Item) -> float:
     return FRONT_DEPTH.get(item.category, 0.0) if item.form == "rectangle" else 0.0
 
 
-def _item(item: Item, base: float) -> tuple[Array, int, float]:
-    """(half extents (4, 2) by facing, the facing it has, degrees that are left over)"""
+def _item(item: Item, base: float) -> tuple[Array, int]:
+    """(half extents (4, 2) by facing, the facing it has, or nearly has where it leans)"""
     width, depth = item.size
     halves = np.array([(width, depth), (depth, width)] * 2) / 2
     if item.rotation is None:
-        return halves, 0, 0.0
+        return halves, 0
     quarter = round((item.rotation - base) / 90)
     lean = item.rotation - base - 90 * quarter
     if abs(lean) > 1e-6 and item.form != "circle":
         x0, y0, x1, y1 = rotate(shapely.box(*-halves[0], *halves[0]), item.rotation - base, origin=(0, 0)).bounds
         halves = np.tile([(x1 - x0) / 2, (y1 - y0) / 2], (4, 1))
-    return halves, quarter % 4, lean
+    return halves, quarter % 4
 
 
 def _gate(opening: Opening, base: float, indoor: shapely.Polygon) -> Gate:
@@ -273,7 +266,7 @@ def unreached(scene: Scene, boxes: Array) -> Array:
 
 
 _WITHIN_A_LAYOUT = np.zeros((3, 3, 3), dtype=bool)
-_WITHIN_A_LAYOUT[1] = True  # cells that meet at a corner are joined: between touching corners nobody fits all the same
+_WITHIN_A_LAYOUT[1] = True  # cells that meet at a corner are joined: two boxes grown so far lie a passage apart there
 
 
 def _turn(point: tuple[float, float], degrees: float) -> tuple[float, float]:

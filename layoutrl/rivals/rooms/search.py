@@ -125,10 +125,8 @@ class Finder:
         front = self.cost.fronts(self.center[None], self.quarter[None])[0, others]
         scene, kept, weights = self.scene, self.cost.kept, self.cost.pair_weights
         clash = (depth(places.box[:, None], box) > FIT) & ~scene.may_overlap[i, others]
-        clash |= (depth(places.front[:, None], box) > FIT) & ~scene.may_stand_before[i, others] & scene.has_front[i]
-        clash |= (depth(places.box[:, None], front) > FIT) & (
-            ~scene.may_stand_before[others, i] & scene.has_front[others]
-        )
+        clash |= (depth(places.front[:, None], box) > FIT) & ~scene.may_stand_before[i, others]
+        clash |= (depth(places.box[:, None], front) > FIT) & ~scene.may_stand_before[others, i]
         places = places[~clash.any(1)]
         mine, facing, its = places.box[:, None], places.quarter[:, None], self.quarter[others]
         pairs = kept.pairs(mine, facing, box, its, i, others) + kept.pairs(box, its, mine, facing, others, i)
@@ -188,7 +186,6 @@ class Finder:
         front = boxes_at(center + scene.front_offset[i, quarter], scene.front_half[i, quarter])
         solids = np.concatenate([scene.solids, cost.doors, *([cost.windows] if cost.tall[i] else [])])
         fits = (depth(box[:, None], solids) <= FIT).all(1)
-        if scene.has_front[i]:
-            fits &= (depth(front[:, None], scene.solids) <= FIT).all(1)
+        fits &= (depth(front[:, None], scene.solids) <= FIT).all(1)
         alone = cost.kept.alone(box[fits], quarter[fits], i) @ cost.alone_weights
         return Places(center[fits], quarter[fits], box[fits], front[fits], alone)

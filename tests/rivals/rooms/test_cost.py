@@ -102,3 +102,26 @@ def test_the_order_of_the_list_does_not_matter(seed):
             cost.preference(center[:, at], quarter[:, at], box) + cost.rules(center[:, at], quarter[:, at], box)
         )
     np.testing.assert_allclose(*costs)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_item_has_a_partner_in_every_category_the_one_that_suits_best(seed):
+    rng = np.random.default_rng(seed)
+    rooms = designed("dining_room", 4)
+    scene = scene_of(rooms[seed % 4])
+    cost = Cost(scene, mine(rooms), WEIGHTS)
+    center, quarter = random_poses(scene, rng, 1)
+    box, names = cost.boxes(center, quarter), [item.category for item in scene.brief.furniture]
+
+    def between(i, j) -> float:
+        ways = ((i, j), (j, i))
+        return sum(
+            cost.kept.pairs(box[0, a], quarter[0, a], box[0, b], quarter[0, b], a, b) @ cost.pair_weights
+            for a, b in ways
+        )
+
+    whole = 0.0
+    for i in range(len(names)):
+        for category in set(names):
+            whole += min((between(i, j) for j in range(len(names)) if names[j] == category and j != i), default=0.0)
+    np.testing.assert_allclose(cost.pairs(box, quarter), whole / 2)

@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from layoutrl.env.faults import kept_free
 from layoutrl.rivals.budgets import updates_budget
@@ -16,7 +18,7 @@ from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rivals.rooms.search import Finder, Searching, search
 from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.room import TOLERANCE, Item, Room
-from tests.builders import opening, rectangular_room
+from tests.builders import opening, random_room, rectangular_room
 from tests.rivals.rooms.builders import configured, designed, disarranged
 
 ANNEALING = replace(configured(Annealing, "annealer"), chains=8)
@@ -70,18 +72,28 @@ def test_another_seed_gives_another_layout():
     assert annealed(brief, 0, 800) != annealed(brief, 1, 800)
 
 
-def test_the_first_restart_is_greedy_and_others_are_drawn():
+def test_the_first_restart_is_greedy_others_are_drawn_and_the_best_is_kept():
     relations, brief = relations_of("study"), brief_of(designed("study", 1)[0])
-    found = set()
+    found = []
     for seed in range(3):
         finder = Finder(scene_of(brief), relations, SEARCHING, np.random.default_rng(seed))
-        finder.restart(lambda: False)
-        first = finder.best[0].tobytes()
-        finder.restarts, finder.lowest = 1, (9, np.inf)
-        finder.restart(lambda: False)
-        found |= {("first", first), ("second", finder.best[0].tobytes())}
-    assert len([name for name, _ in found if name == "first"]) == 1
-    assert len([name for name, _ in found if name == "second"]) > 1
+        scores, best = [], []
+        for _ in range(4):
+            kept, finder.lowest = finder.lowest, (9, np.inf)
+            finder.restart(lambda: False)
+            scores.append(finder.lowest)
+            finder.lowest = min(kept, finder.lowest)
+            assert not finder.placed.any()  # an empty room again
+        found.append(scores)
+        finder = Finder(scene_of(brief), relations, SEARCHING, np.random.default_rng(seed))
+        for k in range(4):
+            finder.restart(lambda: False)
+            best.append(finder.lowest)
+            assert best[k] == min(scores[: k + 1])
+        box = finder.cost.boxes(finder.best[0][None], finder.best[1][None])
+        assert best[-1] == (0, finder.cost.preference(finder.best[0][None], finder.best[1][None], box)[0])
+    assert len({scores[0] for scores in found}) == 1
+    assert len({scores[1] for scores in found}) > 1
 
 
 @both
@@ -117,6 +129,21 @@ def test_a_room_without_door_and_window_and_categories_never_seen_are_furnished(
     assert a.footprint.intersection(b.footprint).area < 1e-6
 
 
+@both
+@settings(max_examples=8)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_any_room_is_furnished_and_search_breaks_no_rule(method, seed):
+    brief = brief_of(random_room(np.random.default_rng(seed)))
+    layout = method(brief, 0, 1 if method is searched else 400)
+    assert [item.category for item in layout.furniture] == [item.category for item in brief.furniture]
+    if method is searched:
+        placed = [item for item in layout.furniture if item.center is not None]
+        for k, item in enumerate(placed):
+            assert brief.indoor.buffer(2e-5, join_style="mitre").covers(item.footprint)
+            assert kept_free(brief).intersection(item.footprint).area < 1e-4
+            assert not any(item.footprint.intersection(other.footprint).area > 1e-4 for other in placed[:k])
+
+
 def test_search_leaves_out_what_fits_nowhere_and_places_the_rest():
     items = Item("wardrobe", (0.6, 9.0), None, None), Item("bed", (2.0, 1.5), None, None)
     wardrobe, bed = searched(rectangular_room(4, 3, items[0], others=items[1:], target=None)).furniture
@@ -138,16 +165,34 @@ def test_annealing_ends_no_worse_than_it_began_and_the_more_moves_the_better():
     assert lowest[0] > lowest[1] > lowest[2]
 
 
-def test_the_costs_that_chains_keep_are_those_of_their_layouts():
-    relations = relations_of("dining_room")
-    chains = Chains(scene_of(brief_of(designed("dining_room", 1)[0])), relations, ANNEALING, np.random.default_rng(0))
-    for k in range(200):
-        chains.step(k / 200)
+def test_chains_remember_the_best_that_they_met_and_know_the_costs_of_where_they_are():
+    room = designed("dining_room", 1)[0]
+    brief = brief_of(room)
+    given = replace(brief.furniture[-1], rotation=90.0)
+    brief = replace(brief, furniture=(room.furniture[0], *brief.furniture[1:-1], given))
+    scene = scene_of(brief)
+    chains = Chains(scene, relations_of("dining_room"), ANNEALING, np.random.default_rng(0))
+    lowest = chains.lowest
+    for k in range(300):
+        chains.step(0.7 * (k < 200))  # then hot, so that they leave the best behind
+        lowest = min(lowest, (chains.preference + ANNEALING.last_rules * chains.rules).min())
+        assert chains.lowest == lowest
     cost, (center, quarter) = chains.cost, (chains.center, chains.quarter)
     box = cost.boxes(center, quarter)
     np.testing.assert_allclose(chains.preference, cost.preference(center, quarter, box))
     np.testing.assert_allclose(chains.rules, cost.rules(center, quarter, box) + cost.unreached(box))
+    assert (center[:, 0] == scene.center[0]).all()
+    assert (quarter[:, [0, -1]] == scene.quarter[[0, -1]]).all()
+    assert (quarter[:, 1:-1].std(0) > 0).all()
     center, quarter = (best[None] for best in chains.best)
     box = cost.boxes(center, quarter)
     rules = cost.rules(center, quarter, box) + cost.unreached(box)
     np.testing.assert_allclose(chains.lowest, cost.preference(center, quarter, box) + ANNEALING.last_rules * rules)
+
+
+def test_search_keeps_a_given_rotation_in_mind():
+    desk = Item("desk", (0.6, 1.2), None, 90.0)
+    finder = Finder(
+        scene_of(rectangular_room(4, 3, desk, target=None)), relations_of("study"), SEARCHING, np.random.default_rng(0)
+    )
+    assert set(finder.places[0].quarter.tolist()) == {1}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from layoutrl.rivals.rooms.relations import Kept, mine
+from layoutrl.rivals.rooms.relations import Kept, _off, _within, mine
 from layoutrl.rivals.rooms.scene import boxes_at, scene_of
 from layoutrl.rooms.room import SYMMETRIES, Item
 from tests.builders import opening, rectangular_room
@@ -63,3 +63,11 @@ def test_the_rooms_they_are_mined_from_keep_them_best():
     for _ in range(100):
         worse = cost(rng.uniform(scene.bounds[:2], scene.bounds[2:], (2, 2)), rng.integers(4, size=2))
         assert best < worse
+
+
+def test_distances_cost_as_merrell_has_it_and_offsets_by_the_metre():
+    usual, unknown = np.array([1.0, 2.0]), np.array([np.nan, np.nan])
+    assert _within(np.array([0.5, 1.0, 1.5, 2.0, 4.0]), usual).tolist() == [-0.25, -1, -1, -1, -0.25]
+    assert _within(np.array([0.0]), unknown).tolist() == [0]
+    assert _off(np.array([0.2, 3.0]), np.array([0.5, 0.5])).tolist() == pytest.approx([0.3, 1])
+    assert _off(np.array([0.2]), np.array([np.nan])).tolist() == [0]
