@@ -1,23 +1,35 @@
-"""python -m layoutrl.place run=<folder> rooms=<file> [item=<category>] [out=<file>]"""
+"""python -m layoutrl.place run=<folder> rooms=<file> [item=<category>] [out=<file>]
+
+One item a room, by a trained agent; or, with by=search or by=annealer instead of run=, all items that have no center.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from layoutrl import InputError
+from layoutrl.env.answerable import answerable
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.faults import faults
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import blocks_openings
 from layoutrl.evaluation.protocols import greedy
-from layoutrl.rooms.brief import facings
+from layoutrl.rivals.budgets import seconds_budget
+from layoutrl.rivals.rooms.annealer import anneal
+from layoutrl.rivals.rooms.relations import Relations, mine
+from layoutrl.rivals.rooms.search import search
+from layoutrl.rooms.brief import facings, missing
 from layoutrl.rooms.collection import Collection, choose_missing
-from layoutrl.rooms.files import write_rooms
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.room import Item, Room, envelopes
 from layoutrl.rooms.sources import main_item, read_files
 from layoutrl.runs.commands import command
@@ -26,17 +38,32 @@ from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
+DESIGNED = 200  # rooms of each type, whose relations a rival keeps
+
 
 def run(config: PlaceConfig) -> Path:
-    """Put an item that has no center where a trained agent moves it, in rooms of a file; returns the file written.
+    """Put what has no center where it belongs, in rooms of a file; returns the file written.
 
     Raises InputError where no room lacks such an item, or the file to write is there already.
     """
-    folder, source = Path(config.run), Path(config.rooms).expanduser()
+    source = Path(config.rooms).expanduser()
     out = Path(config.out or source.absolute().parent / f"{source.absolute().stem}-placed.jsonl").expanduser()
     if out.exists() or out.suffix != ".jsonl":
         what = "is there already" if out.exists() else "is no .jsonl file"
         raise InputError(f"out: {out} {what}; expected the name of a new .jsonl file, as out=<file>")
+    if (config.run is None) == (config.by is None):
+        raise InputError(
+            "run: expected either run=<folder> of a training, or by=search or by=annealer, which need none"
+        )
+    done = by_rival(config, source) if config.run is None else by_agent(config, Path(config.run), source)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_rooms(out, done)
+    print(f"wrote {out}")
+    return out
+
+
+def by_agent(config: PlaceConfig, folder: Path, source: Path) -> list[Room]:
+    """The rooms with the one item that has no center where a trained agent moves it."""
     trained, device = load_config(folder, TrainConfig), device_of(config.device)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)
@@ -72,14 +99,36 @@ def run(config: PlaceConfig) -> Path:
             f"{', blocks an opening' if blocks[n] else ''}"
         )
     target = {room.id: room.target for room in collection.rooms}  # as it was read
-    out.parent.mkdir(parents=True, exist_ok=True)
     centers = [(round(x, 4), round(y, 4)) for x, y in place.tolist()]
-    done = [
+    return [
         replace(placed(rooms[k], center), target=target[rooms[k].id]) for k, center in zip(index, centers, strict=True)
     ]
-    write_rooms(out, done)
-    print(f"wrote {out}")
-    return out
+
+
+def by_rival(config: PlaceConfig, source: Path) -> list[Room]:
+    """The rooms with all items that have no center where a rival puts them, which knows designed rooms of each type."""
+    collection = read_rooms(source)
+    print(collection)
+    if not (briefs := [room for room in collection.rooms if missing(room)]):
+        raise InputError(f"rooms: {source} has no room with an item without a center; expected one or more")
+    relations: dict[str, Relations] = {}
+    done = []
+    for k, room in enumerate(tqdm(briefs, "furnishing", unit="room", delay=1, disable=None)):
+        if room.room_type not in relations:
+            relations[room.room_type] = mine(design_rooms(room.room_type, "train", 0, DESIGNED).rooms)
+        known = relations[room.room_type]
+        asked = answerable(room, known.alone)
+        spent, rng = seconds_budget(config.seconds, time.process_time), np.random.default_rng([config.seed, k])
+        if config.by == "search":
+            layout = search(asked.brief, known, config.search, spent, rng)
+        else:
+            layout = anneal(asked.brief, known, config.annealer, spent, rng)
+        done.append(asked.answer(layout))
+        wrong = [
+            f"the {done[-1].furniture[n].category}: {fault}" for n, fault in faults(done[-1]) if n not in asked.refused
+        ]
+        tqdm.write(f"{room.id}: {'; '.join([*asked.lines, *wrong]) or 'all is placed, and nothing is wrong'}")
+    return done
 
 
 def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) -> str:

@@ -47,7 +47,12 @@ def configured(*overrides: str) -> BenchConfig:
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """The table and the folder. The process of its own is forked: a new interpreter would import for seconds."""
     cwd, printed = tmp_path_factory.mktemp("bench"), io.StringIO()
-    given = ("parts=[speed,rooms,memory,growth,training,image]", "device=cpu", f"runs={cwd}", f"data.root={cwd / 'rooms'}")
+    given = (
+        "parts=[speed,rooms,memory,growth,training,image]",
+        "device=cpu",
+        f"runs={cwd}",
+        f"data.root={cwd / 'rooms'}",
+    )
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
         patch.setattr("multiprocessing.get_context", lambda _: SERVER)
         folder = bench.run(configured(*given))

@@ -87,6 +87,37 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
     assert [rotations(facing) for facing in range(4)] == [[90.0 * facing, 180.0] for facing in range(4)]
 
 
+@pytest.mark.parametrize("by", ["search", "annealer"])
+def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is_named(
+    by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(layoutrl.place, "DESIGNED", 20)
+    documents = [json.loads(json.dumps(document)) for document in DOCUMENTS]
+    for document in documents[:2]:
+        for item in document["furniture"]:
+            del item["center"], item["rotation"]
+    documents[1]["furniture"][0] |= {"category": "waterbed"}
+    documents[1]["furniture"][1]["size"] = [9, 9]
+    file = written(tmp_path, documents)
+    placed = run(composed("place", f"by={by}", f"rooms={file}", "seconds=0.1"))
+    rooms = [json.loads(line) for line in placed.read_text().splitlines()]
+    assert [room["id"] for room in rooms] == [document["id"] for document in documents[:2]]
+    assert all({"center", "rotation"} <= item.keys() for item in rooms[0]["furniture"])
+    assert [k for k, item in enumerate(rooms[1]["furniture"]) if "center" not in item] == [0, 1]
+    said = capsys.readouterr().out
+    assert f"{rooms[1]['id']}: the waterbed is not placed: nobody knows it; expected a category as " in said
+    assert f"the {documents[1]['furniture'][1]['category']} of 9 by 9 m is not placed: it fits into the room" in said
+
+
+def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
+    file = written(tmp_path, DOCUMENTS)
+    for given in ((), ("by=search", "run=runs/bedroom/some")):
+        with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=search"):
+            run(composed("place", *given, f"rooms={file}"))
+    with pytest.raises(InputError, match="has no room with an item without a center"):
+        run(composed("place", "by=search", f"rooms={file}"))
+
+
 def test_where_nothing_is_placed_the_last_line_says_why(agent: Path, tmp_path: Path) -> None:
     whole, strange, large = DOCUMENTS[0], without_place(DOCUMENTS[1]), without_place(DOCUMENTS[2], size=[99, 99])
     strange["furniture"][strange["target"]]["category"] = "waterbed"

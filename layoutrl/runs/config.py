@@ -19,6 +19,8 @@ from layoutrl import InputError
 from layoutrl.agents.learner import Method
 from layoutrl.agents.replay import MOST_ACTIONS
 from layoutrl.env.reward import Reward
+from layoutrl.rivals.rooms.annealer import Annealing
+from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.collection import FOLDS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
@@ -187,9 +189,13 @@ class WatchConfig(RunConfig):
 
 @dataclass
 class PlaceConfig:
-    """A trained agent, and rooms that lack an item."""
+    """Rooms that lack items, and a trained agent or a rival that places them."""
 
-    run: str = MISSING
+    run: str | None = None
+    by: Any = None
+    seconds: float = 1.0
+    search: Searching = MISSING
+    annealer: Annealing = MISSING
     rooms: str = MISSING
     item: str | None = None
     out: str | None = None
@@ -199,6 +205,9 @@ class PlaceConfig:
 
     def __post_init__(self) -> None:
         one_of("checkpoint", self.checkpoint, "last", "best")
+        if self.by is not None:
+            one_of("by", self.by, "search", "annealer")
+        _within("seconds", self.seconds, self.seconds > 0, "more than 0")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
 
 

@@ -1,0 +1,71 @@
+"""What of a user's brief can be furnished, and a line for each thing that stands in the way."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import shapely
+
+from layoutrl.env.geometry import fitting_positions
+from layoutrl.rooms.brief import facings, missing
+from layoutrl.rooms.room import Item, Room
+
+SAME_PLACE = 0.5  # share of the smaller of two footprints above which items stand at one place
+
+
+@dataclass(frozen=True)
+class Answerable:
+    """A brief as it was asked, as far as it can be furnished (`brief`), and what is in the way, a line each."""
+
+    asked: Room
+    refused: frozenset[int]  # items of `asked` that are not in `brief`
+    lines: list[str]
+
+    @property
+    def brief(self) -> Room:
+        """The room without what cannot be placed."""
+        kept = tuple(item for k, item in enumerate(self.asked.furniture) if k not in self.refused)
+        return replace(self.asked, furniture=kept, target=None)
+
+    def answer(self, layout: Room) -> Room:
+        """The room as it was asked, with the poses of a layout of `brief`; what was refused has no center."""
+        items = iter(layout.furniture)
+        furniture = tuple(i if k in self.refused else next(items) for k, i in enumerate(self.asked.furniture))
+        return replace(self.asked, furniture=furniture)
+
+
+def answerable(room: Room, known: Collection[str]) -> Answerable:
+    """Hold a room against what can be furnished: `known` categories, items that fit, one place each, a door."""
+    refused, lines = set(), []
+    for k in missing(room):
+        item = room.furniture[k]
+        if item.category not in known:
+            near = difflib.get_close_matches(item.category, known, 3, 0) or sorted(known)
+            lines.append(
+                f"the {item.category} is not placed: nobody knows it; expected a category as {', '.join(near)}"
+            )
+            refused.add(k)
+        elif not fits(room, item):
+            size = " by ".join(f"{side:g}" for side in item.size)
+            lines.append(f"the {item.category} of {size} m is not placed: it fits into the room in no way")
+            refused.add(k)
+    standing = [item for item in room.furniture if item.center is not None]
+    for one, other in combinations(standing, 2):
+        shared = one.footprint.intersection(other.footprint).area
+        if shared > SAME_PLACE * min(one.footprint.area, other.footprint.area):
+            x, y = one.center or (0.0, 0.0)
+            lines.append(f"the {one.category} and the {other.category} stand at one place, {x:g}, {y:g}; both are kept")
+    if not room.doors:
+        lines.append("it has no door: who walks there begins on the largest free floor")
+    return Answerable(room, frozenset(refused), lines)
+
+
+def fits(room: Room, item: Item) -> bool:
+    """Whether there is a place indoors at which an item lies in the room, empty, in one of the ways it may face."""
+    ways = facings(room) if item.rotation is None else (item.rotation,)
+    templates = np.array([replace(item, rotation=degrees).template for degrees in ways])
+    return not shapely.is_empty(fitting_positions(np.array([room.indoor] * len(ways)), templates)).all()

@@ -1,0 +1,82 @@
+"""What a brief asks for that cannot be, a line each, and the rest of it all the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl.env.answerable import answerable, fits
+from layoutrl.rooms.brief import missing
+from layoutrl.rooms.room import Item
+from tests.builders import opening, random_brief, random_room, rectangular_room
+
+DOOR = opening("door", -0.2, 1.0, 0.0, 2.0)
+KNOWN = ("bed", "chair", "desk", "wardrobe")
+BED = Item("bed", (2.0, 1.5), None, None)
+
+
+def room_with(*items: Item, **fields):
+    return rectangular_room(4.0, 3.0, items[0], others=items[1:], **{"openings": (DOOR,), "target": None} | fields)
+
+
+def test_a_sound_brief_is_answered_whole_and_nothing_is_said() -> None:
+    room = room_with(BED, Item("desk", (0.6, 1.2), (3.0, 1.0), 90.0))
+    found = answerable(room, KNOWN)
+    assert (found.brief, found.lines) == (room, [])
+    assert found.answer(room) == room
+
+
+@pytest.mark.parametrize(
+    ("furniture", "line"),
+    [
+        (
+            (BED, Item("wardrobe", (5.0, 3.5), None, None)),
+            "wardrobe of 5 by 3.5 m is not placed: it fits into the room in",
+        ),
+        ((BED, Item("wardrobe", (0.6, 3.5), None, 0.0)), "wardrobe of 0.6 by 3.5 m is not placed: it fits into"),
+        (
+            (BED, Item("wardrob", (0.6, 1.0), None, None)),
+            "wardrob is not placed: nobody knows it; expected a category as w",
+        ),
+    ],
+)
+def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tuple[Item, ...], line: str) -> None:
+    room = room_with(*furniture)
+    found = answerable(room, KNOWN)
+    (said,) = found.lines
+    assert line in said
+    assert found.brief.furniture == (BED,)
+    placed = replace(BED, center=(1.0, 1.5), rotation=90.0)
+    assert found.answer(replace(found.brief, furniture=(placed,))).furniture == (placed, furniture[1])
+
+
+def test_an_item_that_fits_turned_is_placed() -> None:
+    assert fits(room_with(BED), Item("wardrobe", (0.6, 3.5), None, None))
+    assert not fits(room_with(BED), Item("wardrobe", (0.6, 3.5), None, 0.0))
+
+
+def test_two_items_at_one_place_and_a_missing_door_are_said_and_all_is_kept() -> None:
+    desks = [Item("desk", (0.6, 1.2), (3.0, 1.0 + by), 90.0) for by in (0.0, 0.1)]
+    chair = Item("chair", (0.5, 0.5), (3.0, 1.5), 90.0)
+    room = room_with(BED, *desks, chair, openings=())
+    found = answerable(room, KNOWN)
+    assert found.lines == [
+        "the desk and the desk stand at one place, 3, 1; both are kept",
+        "it has no door: who walks there begins on the largest free floor",
+    ]
+    assert found.brief == room
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_any_brief_is_answered_as_far_as_it_goes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    room = random_brief(rng, random_room(rng))
+    found = answerable(room, KNOWN)
+    assert {*missing(room)} >= found.refused
+    assert len(missing(found.brief)) == len(missing(room)) - len(found.refused)
+    assert len([line for line in found.lines if "is not placed" in line]) == len(found.refused)
+    assert replace(found.answer(found.brief), target=room.target) == room
