@@ -26,6 +26,9 @@ from omegaconf import OmegaConf
 
 import layoutrl
 from layoutrl import InputError
+from layoutrl.env.answerable import answerable
+from layoutrl.env.faults import faults
+from layoutrl.rivals.rooms.baselines import random_layout
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
@@ -190,6 +193,27 @@ def test_a_room_of_json_is_a_room_or_an_error_of_its_own(count, documents):
             assert isinstance(room, Room)
             answered(lambda room=room: (room.indoor, room.envelope), RoomError, content)
     assert 0.02 * count < read < 0.6 * count  # some changes are none, most are
+
+
+@times(60, 3_000)
+def test_a_brief_is_furnished_as_far_as_it_goes(count, documents):
+    """What is read is held against what can be furnished, furnished by chance, and its faults found."""
+    dice, read = random.Random(count), 0
+    known = {item["category"] for document in documents for item in document["furniture"]}
+    for _ in range(count):
+        document = json.loads(json.dumps(dice.choice(documents)))
+        for item in document["furniture"]:
+            if dice.random() < 0.7:
+                del item["center"], item["rotation"]
+        content = json.dumps(mutated_document(document, dice))
+        room = answered(lambda content=content: parse_room(content), RoomError, content)
+        if room is not None:
+            read += 1
+            asked = answered(lambda room=room: answerable(room, known), (), content)
+            rng = np.random.default_rng(0)
+            layout = answered(lambda asked=asked, rng=rng: asked.answer(random_layout(asked.brief, rng)), (), content)
+            answered(lambda layout=layout: faults(layout), (), content)
+    assert read > 0.02 * count
 
 
 @pytest.mark.parametrize("corners", [1_000, 100_000])
