@@ -1,0 +1,76 @@
+"""Table 3: what furnishes whole rooms, what is kept of it, and what is printed."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+import table3
+from cells import FLAG, IOU, fill, unpacked
+from columns import FURNISHES, folder_of
+
+from layoutrl import InputError
+from layoutrl.rooms.files import room_from_dict
+from tests.experiments.builders import REAL, cell, configured, script
+
+TINY = ("table=table3", "room=bedroom", "seconds_a_room=0.05", "training_minutes=0.02", "planit.updates={smoke: 2}")
+
+
+@pytest.mark.parametrize("column", [*FURNISHES, "annealer_long", "search_long"])
+def test_every_column_furnishes_the_held_out_rooms(column, tmp_path, designed):
+    few = ("share_of_rooms=0.34",) if column != "designer" else ()
+    config = configured(tmp_path, *TINY, f"column={column}", designed, *few)
+    fill(config)
+    kept = cell(config)
+    (row,) = kept["rows"].values()
+    count = 6 if column == "designer" else 2
+    assert kept["rooms"] == len(unpacked(row["iou"], IOU)) == len(unpacked(row["faultless_rooms"], FLAG)) == count
+    assert row["seconds"] >= 0
+    assert len([room_from_dict(layout) for layout in kept["layouts"]]) == 2
+    if column == "designer":
+        assert row["mean_iou"] == row["facing"] == row["faultless"] == row["reached"] == 1
+        assert row["overlap"] == row["outside"] == row["blocked"] == row["missing"] == 0
+    else:
+        assert row["mean_iou"] < 1
+
+
+def test_the_table_compares_with_the_best_rival_in_the_rooms_of_both(tmp_path, designed):
+    for room in ("bedroom", "tatami"):
+        for column in ("designer", "nearest", "random"):
+            few = ("share_of_rooms=0.5",) if column == "random" else ()
+            fill(configured(tmp_path, *TINY, f"column={column}", f"room={room}", designed, *few))
+    done = script("table3.py", "column=designer", "room=tatami", *TINY[2:], designed, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "results" / "smoke"
+    with (folder / "table3-best.csv").open() as file:
+        rows = {(row["room"], row["method"]): row for row in csv.DictReader(file)}
+    methods = ("designer", "nearest room", "random")
+    assert [*rows] == [(room, method) for room in ("bedroom", "tatami") for method in methods]
+    for room in ("bedroom", "tatami"):
+        assert float(rows[room, "designer"]["mean_iou"]) == float(rows[room, "designer"]["faultless"]) == 1
+        assert rows[room, "designer"]["p_iou"] == ""
+        assert rows[room, "nearest room"]["p_iou"] == rows[room, "random"]["p_iou"] != ""  # each other's best rival
+        assert (rows[room, "nearest room"]["n"], rows[room, "random"]["n"]) == ("6", "3")
+    assert "| tatami | nearest room |" in done.stdout
+    assert "| bedroom" not in done.stdout  # what was asked for
+    assert "Table 3: what is wrong with them?" in (folder / "table3.md").read_text()
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
+def test_real_rooms_are_a_table_of_their_own(tmp_path):
+    real = ("data=designer_rooms", f"data.root={REAL / 'designer_rooms'}")
+    config = configured(tmp_path, *TINY, "column=nearest", "room=tatami", *real)
+    fill(config)
+    *_, best, _, _ = table3.tables(folder_of(config))
+    assert [line[:2] for line in best.lines] == [["tatami", "nearest room"]]
+    assert cell(config)["rooms"] > 2
+
+
+def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
+    assert {stage["column"] for stage in table3.stages({})} == {*table3.SWEEPS}
+    assert {column for sweep in table3.SWEEPS for column in sweep.split(",")} == {*table3.METHODS.values()}
+    sweeps = table3.stages({"designer_rooms": "x", "room": "kitchen,tatami", "column": "search", "floorplans": "y"})
+    assert [sweep["room"] for sweep in sweeps] == ["kitchen,tatami", "tatami"]
+    assert all("floorplans" not in sweep for sweep in sweeps)
+    with pytest.raises(InputError, match="room: expected some of"):
+        table3.stages({"room": "attic"})
