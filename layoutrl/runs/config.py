@@ -45,11 +45,12 @@ class RewardConfig:
     theta2: float = -100.0
     theta3: float = -100.0
     inside: Any = "share"
+    faces_away: float = 0.5
 
     @property
     def weights(self) -> Reward:
         """The reward itself."""
-        return Reward(self.theta1, self.theta2, self.theta3, self.inside)
+        return Reward(self.theta1, self.theta2, self.theta3, self.inside, self.faces_away)
 
 
 @dataclass
