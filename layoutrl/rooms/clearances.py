@@ -46,7 +46,7 @@ RAISED = frozenset({"platform"})  # floor to walk on
 HOSTS = frozenset({"desk", "table"})
 
 # What may stand in the floor before a category: who sits at a desk; wardrobes round a corner, one before the other's
-# end. What is tucked may stand before all HOSTS.
+# end.
 MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset({"wardrobe"})}
 
 PASSAGE = 0.6  # to every item, in rooms of which the designer knows nothing
