@@ -108,7 +108,7 @@ def scene_of(brief: Room) -> Scene:
         front_offset=DIRECTIONS * (half + front / 2),
         stands_aside=aside,
         may_overlap=under | under.T | np.eye(len(items), dtype=bool),
-        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised,
+        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised | under.T,
         movable=np.flatnonzero(~np.array(standing, dtype=bool)),
         turnable=np.array([item.rotation is None for item in brief.furniture], dtype=bool),
         center=np.array(center).reshape(-1, 2),

@@ -18,6 +18,7 @@ from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, boxes_at, dept
 from layoutrl.rooms.room import FIT, Room
 
 Pose = tuple[Array, int]  # centre (2,) and facing
+LOOKED_AT = 4  # times as many places as are tried: for some within reach
 AWAY = np.full(4, -1e3)  # a box outside: of what is not placed
 
 
@@ -88,8 +89,8 @@ class Finder:
         self.nodes = self.settings.nodes
         if not self._extended(0, over):
             self.placed[:] = standing
-            for i in self.order.tolist():  # without going back: who finds no place is left out
-                for place in self._ranked(i)[:1]:
+            for i in self.order.tolist():  # without going back: who finds no place, even out of reach, is left out
+                for place in (self._ranked(i) or self._ranked(i, anywhere=True))[:1]:
                     self._put(i, place)
             self._remember()
         self.placed[:] = standing
@@ -115,8 +116,8 @@ class Finder:
         self.center[i], self.quarter[i] = place
         self.placed[i] = True
 
-    def _ranked(self, i: int) -> list[Pose]:
-        """The best places of an item among what stands, all within reach. The first restart has no noise."""
+    def _ranked(self, i: int, anywhere: bool = False) -> list[Pose]:
+        """The best places of an item among what stands; all within reach, or `anywhere`. Without noise at first."""
         places = self.places[i]
         if self.settings.flush and self.placed.any():
             places = places + self._legal(i, *self._beside(i))
@@ -133,17 +134,18 @@ class Finder:
         cost = places.cost + self.cost.best_partners(pairs @ weights, others)
         if self.restarts:
             cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
-        best = places[np.argsort(cost, kind="stable")[: self.settings.best]]
-        boxes = np.tile(AWAY, (len(best.box), len(self.placed), 1))
-        boxes[:, others], boxes[:, i] = box, best.box
-        best = best[unreached(scene, boxes) <= len(self.placed) - len(others) - 1]
-        return list(zip(best.center, best.quarter.tolist(), strict=True))
+        best = places[np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best]]
+        if not anywhere:
+            boxes = np.tile(AWAY, (len(best.box), len(self.placed), 1))
+            boxes[:, others], boxes[:, i] = box, best.box
+            best = best[unreached(scene, boxes) <= len(self.placed) - len(others) - 1]
+        return list(zip(best.center, best.quarter.tolist(), strict=True))[: self.settings.best]
 
     def _remember(self) -> None:
         """Keep the layout if it is the best so far."""
         on = self.placed
         boxes = self.cost.boxes(self.center[None], self.quarter[None])
-        lost = unreached(self.scene, np.where(on[:, None], boxes, AWAY))
+        lost = np.maximum(unreached(self.scene, np.where(on[:, None], boxes, AWAY)), (~on).sum())  # 0 without doors
         soft = self.cost.preference(self.center[None], self.quarter[None], boxes)
         score = int(lost[0]), float(soft[0])
         if score < self.lowest:

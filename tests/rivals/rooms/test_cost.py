@@ -53,6 +53,7 @@ def slow_faults(layout: Room, solids, doors, windows) -> dict[str, float]:
             found["fronts"] += sum(fault(front, solid) for solid in solids)
             for j, other in enumerate(items):
                 welcome = other.category in RAISED or other.category in MAY_STAND_BEFORE.get(item.category, ())
+                welcome |= other.tucked and item.category in HOSTS
                 found["fronts"] += 0 if j == i or welcome else fault(front, boxes[j])
     return found
 

@@ -146,9 +146,19 @@ def test_any_room_is_furnished_and_search_breaks_no_rule(method, seed):
 
 def test_search_leaves_out_what_fits_nowhere_and_places_the_rest():
     items = Item("wardrobe", (0.6, 9.0), None, None), Item("bed", (2.0, 1.5), None, None)
-    wardrobe, bed = searched(rectangular_room(4, 3, items[0], others=items[1:], target=None)).furniture
-    assert (wardrobe.center, wardrobe.rotation) == (None, None)
-    assert bed.center is not None
+    for openings in ((), (opening("door", 3, 3, 3.8, 3.2),)):
+        wardrobe, bed = searched(
+            rectangular_room(4, 3, items[0], others=items[1:], openings=openings, target=None)
+        ).furniture
+        assert (wardrobe.center, wardrobe.rotation) == (None, None)
+        assert bed.center is not None
+
+
+def test_search_places_what_cannot_be_reached_where_there_is_no_way_in():
+    bed, barred = Item("bed", (2.0, 1.5), None, None), Item("wardrobe", (0.6, 1.2), (0.7, 1.5), 180.0)
+    door = opening("door", -0.2, 1, 0, 1.9)
+    layout = searched(rectangular_room(4, 3, bed, others=(barred,), openings=(door,), target=None))
+    assert layout.furniture[0].center is not None
 
 
 def test_annealing_ends_no_worse_than_it_began_and_the_more_moves_the_better():
