@@ -10,14 +10,9 @@ import pytest
 import torch
 
 from layoutrl import InputError
-from layoutrl.env.faults import faults
 from layoutrl.env.measures import measured
 from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y, categories_of
-from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import MOVING
-from layoutrl.env.rooms_simulator import RoomsSimulator
-from layoutrl.env.simulator import Moves
-from layoutrl.env.symmetry import symmetries
 from layoutrl.rivals import rooms_pointer
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms_pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
@@ -28,6 +23,7 @@ from tests.builders import assert_seeded, opening, rectangular_room
 
 STANDS = len(COLUMNS)
 DOOR = opening("door", 0.3, -0.2, 1.2, 0)
+MIDDLE = np.array([2.0, 1.5])  # of a room of 4 by 3 m
 SEED = np.random.SeedSequence(0)
 
 
@@ -74,7 +70,8 @@ def test_it_is_trained_on_rooms_that_hold_the_largest_and_points_where_equals_ma
     assert seen.shape[:2] == (800, 4)
     met = set()
     for elements, center, quarter, free in zip(seen[:100], right.center, right.quarter, right.free, strict=False):
-        assert (elements[:, 0, MOVING] == 1).all() and (elements[:, 1:, MOVING] == 0).all()  # in the first view
+        assert (elements[:, 0, MOVING] == 1).all()
+        assert (elements[:, 1:, MOVING] == 0).all()
         assert (elements[:, 0, X : Y + 1] == 0).all()
         rows = elements[0, 1:]
         rows = rows[rows[:, STANDS + 1 :].any(1)]
@@ -86,10 +83,10 @@ def test_it_is_trained_on_rooms_that_hold_the_largest_and_points_where_equals_ma
         assert mine == largest_first[len(standing)]
         assert sorted(to_come) == sorted(largest_first[len(standing) + 1 :])
 
-        places = {tuple(place) for place in np.round(center[free].numpy() + (2.0, 1.5), 3).tolist()}
+        places = {tuple(place) for place in np.round(center[free].numpy() + MIDDLE, 3).tolist()}
         if mine == "nightstand":
             taken = {
-                tuple(np.round(row[X : Y + 1].numpy() + (2.0, 1.5), 3).tolist())
+                tuple(np.round(row[X : Y + 1].numpy() + MIDDLE, 3).tolist())
                 for name, row in zip(names, rows, strict=True)
                 if name == mine and row[STANDS] == 1
             }
@@ -205,9 +202,7 @@ def test_a_room_is_furnished_alike_whatever_others_are():
 def test_what_stands_stays_and_a_given_rotation_is_kept():
     room = bedroom()
     bed, *others = room.furniture
-    brief = replace(
-        room, furniture=(bed, *(replace(item, center=None, rotation=90.0) for item in others)), target=None
-    )
+    brief = replace(room, furniture=(bed, *(replace(item, center=None, rotation=90.0) for item in others)), target=None)
     (layout,) = furnish(untrained([room]), [brief])
     assert layout.furniture[0] == bed
     for item, given in zip(layout.furniture[1:], brief.furniture[1:], strict=True):
