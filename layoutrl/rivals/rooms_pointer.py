@@ -85,7 +85,7 @@ def train_rooms_pointer(
     seed: np.random.SeedSequence,
     *,
     batch: int = 64,
-    learning_rate: float = 1e-3,
+    learning_rate: float = 3e-3,
     device: torch.device | str = "cpu",
 ) -> RoomsPointer:
     """A network that points at the designer's pose of the next item, by its likelihood.
