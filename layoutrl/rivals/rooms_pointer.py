@@ -15,9 +15,9 @@ import shapely
 import torch
 from torch import Tensor, nn
 
-from layoutrl.agents.training import in_every_view
+from layoutrl.agents.networks import CIRCLE, upright_box
 from layoutrl.env.geometry import snap
-from layoutrl.env.observation import COLUMNS, categories_of
+from layoutrl.env.observation import COLUMNS, SIN2, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
@@ -26,11 +26,15 @@ from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
 from layoutrl.rooms.brief import brief_of
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.clearances import HOSTS
+from layoutrl.rooms.room import TOLERANCE, Item, Room
 
 QUARTERS = 4
+STANDS = len(COLUMNS)  # the column that follows them
 BLOCK = 64  # rooms furnished at once: memory, not speed
 LIKELY = 24  # places along each axis, of the highest weight, that are looked at
+PENALTY = 1e3  # of log-likelihood, for an overlap: more than any difference
+SLANTED = 1e-3  # sine of the double angle
 
 
 class RoomsPointer(nn.Module):
@@ -81,7 +85,7 @@ def train_rooms_pointer(
     seed: np.random.SeedSequence,
     *,
     batch: int = 64,
-    learning_rate: float = 1e-3,
+    learning_rate: float = 3e-3,
     device: torch.device | str = "cpu",
 ) -> RoomsPointer:
     """A network that points at the designer's pose of the next item, by its likelihood.
@@ -106,7 +110,8 @@ def train_rooms_pointer(
         moving = turn.argsort(1).gather(1, standing)
         equal = rank[room] == rank[room].gather(1, moving)
         state = State(room, center[room], quarter[room], stands, moving[:, 0])
-        seen = in_every_view(observe, views, each_way(observe, state))
+        seen = each_way(observe, state)
+        seen = torch.cat([observe.turned(share, view) for view, share in shares(views, seen)])
         goal = (center[room] - observe.origin[room][:, None]).float()
         goal = torch.cat([share @ view.matrix.T for view, share in shares(views, goal)])
         return seen, Poses(ways[room, moving[:, 0]], goal, quarter[room], equal & ~stands)
@@ -165,51 +170,35 @@ def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
         center=state.center.scatter(1, moving[..., None].expand(-1, 1, 2), middle),
         stands=state.stands.scatter(1, moving, True),
     )
-    seen = torch.stack(
-        [observe(state._replace(quarter=state.quarter.scatter(1, moving, q))) for q in range(QUARTERS)], 1
-    )
-    order = torch.arange(seen.shape[2], device=seen.device).repeat(len(moving), 1).scatter(1, moving, 0)
-    order[:, :1] = moving
-    return seen.gather(2, order[:, None, :, None].expand_as(seen))
+    turned = (state._replace(quarter=state.quarter.scatter(1, moving, q)) for q in range(QUARTERS))
+    return torch.stack([_moving_first(observe(each), state.moving) for each in turned], 1)
 
 
-def furnish(
-    network: RoomsPointer, briefs: Sequence[Room], views: Sequence[Symmetry] | None = None, free: bool = True
-) -> list[Room]:
-    """Layouts of briefs: every item at the likeliest free place, pushed to where it fits into the envelope.
+def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
+    """Layouts of briefs: every item in the likeliest free pose, pushed to where it fits into the envelope.
 
-    What stands already stays. With `views` the likelihood is the mean over them. Raises InputError where an item fits
-    in no way.
+    What stands already stays. Raises InputError where an item fits in no way.
     """
     device = next(network.parameters()).device
     simulator = RoomsSimulator(briefs, None, Moves(), Reward())
     observe = RoomsObservation(simulator, network.categories, device)
-    views = symmetries(simulator.moves, device)[:1] if views is None else views
-    order, ways, hosted = sequence(simulator).argsort(1, kind="stable"), _ways(simulator), _hosted(simulator)
-    every = np.arange(len(briefs))
-    begun = np.zeros(simulator.ways.shape, dtype=int)
+    views = symmetries(simulator.moves, device)
+    order = sequence(simulator).argsort(1, kind="stable")
+    can_face, stays_off = _ways(simulator), _stays_off(simulator, observe.space.shape[0])
+    every, begun = np.arange(len(briefs)), np.zeros(simulator.ways.shape, dtype=int)
     state = State(every, np.zeros((*begun.shape, 2)), begun, begun > 0, 0 * every)
     for n in range(order.shape[1]):
-        for room in np.array_split(every[simulator.count > n], max(1, len(every) // BLOCK)):
+        rooms = every[simulator.count > n]
+        for room in np.array_split(rooms, -(-len(rooms) // BLOCK)):
             item = order[room, n]
             now = State(*(values[room] for values in state))._replace(moving=item)
-            center, quarter = _pointed(
-                network, observe, State(*map(_on(device), now)), *map(_on(device), (ways[room, item], hosted[room, item])), views, free
-            )
+            told = State(*(torch.as_tensor(values, device=device) for values in now))
+            ways, solid = (torch.as_tensor(table[room, item], device=device) for table in (can_face, stays_off))
+            center, quarter = (t.cpu().numpy() for t in _pointed(network, observe, told, ways, solid, views))
             center = _pushed(simulator.simulator.legal[simulator.entry[room, item, quarter]], center)
             for values, new in zip(state, simulator.put(now, item, center, quarter), strict=True):
                 values[room] = new
-    return [simulator.layout(state, b) for b in every]
-
-def _on(device): return lambda t: torch.as_tensor(t, device=device)
-
-def _hosted(simulator: RoomsSimulator) -> np.ndarray:
-    from layoutrl.rooms.clearances import HOSTS
-    under=np.zeros((*simulator.ways.shape, simulator.ways.shape[1]),dtype=bool)
-    for r, items in enumerate(simulator.items):
-        for n, item in enumerate(items):
-            under[r, n, :len(items)] = [item.tucked and other.category in HOSTS and not other.tucked for other in items]
-    return under | under.transpose(0,2,1)
+    return [simulator.layout(state, b) for b in range(len(briefs))]
 
 
 @torch.no_grad()
@@ -218,42 +207,72 @@ def _pointed(
     observe: RoomsObservation,
     state: State[Tensor],
     ways: Tensor,
-    hosted: Tensor,
+    solid: Tensor,
     views: Sequence[Symmetry],
-    free: bool,
-) -> tuple[np.ndarray, np.ndarray]:
-    """The likeliest centers (B, 2) and quarters (B,) of the moving items, of the `ways` (B, QUARTERS) they can face."""
+) -> tuple[Tensor, Tensor]:
+    """The likeliest centers (B, 2) and quarters (B,) of the moving items, of the `ways` (B, QUARTERS) they can face.
+
+    Of LIKELY places along each axis, in which the box around the item is deep in as few of the boxes around `solid`
+    elements (B, elements) as may be. Likelihoods of ways, and of places along an axis, are means over the views.
+    """
     seen = each_way(observe, state)
-    facing, weight, center = [], [], []
+    facing, weights, centers = [], [], []
     for view in views:
-        score, w, c = network(observe.turned(seen, view))
+        score, weight, center = network(observe.turned(seen, view))
         facing.append(score.masked_fill(~ways, -torch.inf).log_softmax(1))
-        weight.append(torch.einsum("ji,bqjm->bqim", view.matrix.abs(), w))
-        center.append(torch.einsum("ji,bqjm->bqim", view.matrix, c))
-    score = torch.stack(facing).logsumexp(0)
-    likely, which = torch.cat(weight, -1).topk(LIKELY)
-    center = torch.cat(center, -1).gather(-1, which)
+        weights.append(torch.einsum("ji,bqjm->bqim", view.matrix.abs(), weight))  # the inverse is the transpose
+        centers.append(torch.einsum("ji,bqjm->bqim", view.matrix, center))
+    weight, which = torch.cat(weights, -1).topk(LIKELY)
+    center = torch.cat(centers, -1).gather(-1, which)
     off = (center[..., None] - center[..., None, :]).abs()
-    density = torch.logsumexp(likely[..., None, :] - off / BREADTH, -1)  # (B, QUARTERS, 2, LIKELY)
-    x, y = density.unbind(2)
-    joint = score[..., None, None] + x[..., :, None] + y[..., None, :]
-    if free:
-        from layoutrl.agents.networks import upright_box, PRESENT, COS2, CIRCLE
-        from layoutrl.rooms.room import TOLERANCE
-        middle, half = (t.movedim(0, -1) for t in upright_box(seen.movedim(-1, 0)))
-        rest = seen[:, 0, 1:]
-        solid = (rest[..., len(COLUMNS)] == 1) & ((rest[..., CIRCLE]==1)|(rest[..., COS2] > 0.9999))
-        h = hosted.clone().scatter(1, state.moving[:, None], hosted[:, :1])[:, 1:]
-        solid[:, :h.shape[1]] &= ~h
-        depth = (half[:, :, :1] + half[:, :, 1:]).transpose(2, 3)[..., None, :] - (center[..., None] - middle[:, :, 1:].transpose(2, 3)[..., None, :]).abs()
-        deep = ((depth > TOLERANCE) & solid[:, None, None, None]).float()
-        joint = joint - 1e3 * (deep[:, :, 0] @ deep[:, :, 1].transpose(2, 3))
-    best = joint.flatten(1).argmax(1)
-    k = joint.shape[-1]
-    quarter, i, j = best // k**2, best // k % k, best % k
+    x, y = torch.logsumexp(weight[..., None, :] - off / BREADTH, -1).unbind(2)  # (B, QUARTERS, LIKELY)
+    likelihood = torch.stack(facing).logsumexp(0)[..., None, None] + x[..., None] + y[..., None, :]
+
+    boxes = upright_box(seen.movedim(-1, 0))
+    middle, half = (t.movedim(0, 2)[..., None, :] for t in boxes)  # (B, QUARTERS, 2, 1, elements)
+    depth = half[..., :1] + half - (center[..., None] - middle).abs()
+    stands = (seen[:, 0, :, STANDS] == 1) & _moving_first(solid, state.moving) & _fills_its_box(seen[:, 0])
+    stands[:, 0] = False  # itself
+    deep = ((depth > TOLERANCE) & stands[:, None, None, None]).float()
+    overlaps = deep[:, :, 0] @ deep[:, :, 1].transpose(2, 3)  # (B, QUARTERS, LIKELY, LIKELY)
+    best = (likelihood - PENALTY * overlaps).flatten(1).argmax(1)
+
+    quarter, column, row = best // LIKELY**2, best // LIKELY % LIKELY, best % LIKELY
     every = torch.arange(len(best), device=best.device)
-    place = torch.stack([center[every, quarter, 0, i], center[every, quarter, 1, j]], 1)
-    return (place.double() + observe.origin[state.room]).cpu().numpy(), quarter.cpu().numpy()
+    place = torch.stack([center[every, quarter, 0, column], center[every, quarter, 1, row]], 1)
+    return place.double() + observe.origin[state.room], quarter
+
+
+def _moving_first(values: Tensor, moving: Tensor) -> Tensor:
+    """Values (B, elements, ...) in which the moving item's have changed places with the first."""
+    order = torch.arange(values.shape[1], device=values.device).repeat(len(moving), 1)
+    order = order.scatter(1, moving[:, None], 0)
+    order[:, 0] = moving
+    return values[torch.arange(len(moving), device=values.device)[:, None], order]
+
+
+def _fills_its_box(elements: Tensor) -> Tensor:
+    """Whether an element (..., columns) is no slanted rectangle: bool (...)."""
+    return (elements[..., SIN2].abs() < SLANTED) | (elements[..., CIRCLE] == 1)
+
+
+def _stays_off(simulator: RoomsSimulator, elements: int) -> np.ndarray:
+    """Which of so many elements, as observed, an item must stay off: bool (rooms, N, elements).
+
+    All, but what it is tucked under, and what is tucked under it.
+    """
+    off = np.ones((*simulator.ways.shape, elements), dtype=bool)
+    for r, (room, items) in enumerate(zip(simulator.rooms, simulator.items, strict=True)):
+        first = off.shape[1] + len(room.walls) + len(room.openings)
+        others = [*enumerate(items), *enumerate((item for item in room.furniture if item.center), first)]
+        for n, item in enumerate(items):
+            for k, other in others:
+                off[r, n, k] = not (_under(item, other) or _under(other, item))
+    return off
+
+
+def _under(item: Item, host: Item) -> bool:
+    return item.tucked and host.category in HOSTS and not host.tucked
 
 
 def _pushed(regions: np.ndarray, center: np.ndarray) -> np.ndarray:

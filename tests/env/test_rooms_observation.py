@@ -13,9 +13,10 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.simulator import Moves
+from layoutrl.env.symmetry import symmetries
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, Room, symmetry
 
 STANDS = len(COLUMNS)
 
@@ -114,3 +115,25 @@ def test_observations_lie_in_their_space() -> None:
     for seed in range(5):
         seen = observe(some_state(simulator, seed)).numpy()
         assert all(observe.space.contains(one) for one in seen)
+
+
+@pytest.mark.parametrize("k", range(8))
+def test_turned_it_is_what_the_turned_room_looks_like(k: int) -> None:
+    """Each item faces where its turned one does, whichever way that is called there."""
+    rooms = design_rooms("bedroom", "train", 0, 4).rooms
+    matrix = torch.tensor(symmetry(*SYMMETRIES[k])).double()
+    turned = [room.turned(*SYMMETRIES[k]) for room in rooms]
+    simulator, other = (simulator_of([brief_of(room) for room in those], those) for those in (rooms, turned))
+    state = some_state(simulator, 3, batch=12)
+    degrees = torch.tensor(simulator.degrees)[state.room].gather(2, state.quarter[..., None])[..., 0].deg2rad()
+    way = torch.stack([degrees.cos(), degrees.sin()], -1) @ matrix.T
+    quarter = (torch.atan2(way[..., 1], way[..., 0]) / (torch.pi / 2)).round().long() % 4
+    there = state._replace(center=state.center @ matrix.T, quarter=quarter)
+    seen = RoomsObservation(simulator).turned(RoomsObservation(simulator)(state), symmetries(Moves())[k])
+    torch.testing.assert_close(sorted_rows(seen), sorted_rows(RoomsObservation(other)(there)), atol=1e-5, rtol=0)
+
+
+def sorted_rows(seen: torch.Tensor) -> torch.Tensor:
+    """The elements of each room in an order that does not hang on how they are listed."""
+    rounded = (seen.double() * 1e4).round() + 0.0
+    return torch.stack([one[np.lexsort(rows.numpy().T)] for one, rows in zip(seen, rounded, strict=True)])

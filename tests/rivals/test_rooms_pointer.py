@@ -10,12 +10,9 @@ import pytest
 import torch
 
 from layoutrl import InputError
-from layoutrl.env.faults import faults
 from layoutrl.env.measures import measured
 from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y, categories_of
-from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import MOVING
-from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import symmetries
 from layoutrl.rivals import rooms_pointer
@@ -28,6 +25,7 @@ from tests.builders import assert_seeded, opening, rectangular_room
 
 STANDS = len(COLUMNS)
 DOOR = opening("door", 0.3, -0.2, 1.2, 0)
+MIDDLE = np.array([2.0, 1.5])  # of a room of 4 by 3 m
 SEED = np.random.SeedSequence(0)
 
 
@@ -74,7 +72,8 @@ def test_it_is_trained_on_rooms_that_hold_the_largest_and_points_where_equals_ma
     assert seen.shape[:2] == (800, 4)
     met = set()
     for elements, center, quarter, free in zip(seen[:100], right.center, right.quarter, right.free, strict=False):
-        assert (elements[:, 0, MOVING] == 1).all() and (elements[:, 1:, MOVING] == 0).all()  # in the first view
+        assert (elements[:, 0, MOVING] == 1).all()
+        assert (elements[:, 1:, MOVING] == 0).all()
         assert (elements[:, 0, X : Y + 1] == 0).all()
         rows = elements[0, 1:]
         rows = rows[rows[:, STANDS + 1 :].any(1)]
@@ -86,10 +85,10 @@ def test_it_is_trained_on_rooms_that_hold_the_largest_and_points_where_equals_ma
         assert mine == largest_first[len(standing)]
         assert sorted(to_come) == sorted(largest_first[len(standing) + 1 :])
 
-        places = {tuple(place) for place in np.round(center[free].numpy() + (2.0, 1.5), 3).tolist()}
+        places = {tuple(place) for place in np.round(center[free].numpy() + MIDDLE, 3).tolist()}
         if mine == "nightstand":
             taken = {
-                tuple(np.round(row[X : Y + 1].numpy() + (2.0, 1.5), 3).tolist())
+                tuple(np.round(row[X : Y + 1].numpy() + MIDDLE, 3).tolist())
                 for name, row in zip(names, rows, strict=True)
                 if name == mine and row[STANDS] == 1
             }
@@ -205,9 +204,7 @@ def test_a_room_is_furnished_alike_whatever_others_are():
 def test_what_stands_stays_and_a_given_rotation_is_kept():
     room = bedroom()
     bed, *others = room.furniture
-    brief = replace(
-        room, furniture=(bed, *(replace(item, center=None, rotation=90.0) for item in others)), target=None
-    )
+    brief = replace(room, furniture=(bed, *(replace(item, center=None, rotation=90.0) for item in others)), target=None)
     (layout,) = furnish(untrained([room]), [brief])
     assert layout.furniture[0] == bed
     for item, given in zip(layout.furniture[1:], brief.furniture[1:], strict=True):
@@ -219,3 +216,71 @@ def test_what_fits_nowhere_is_refused():
     brief = brief_of(rectangular_room(2, 2, Item("bed", (9.0, 9.0), (1.0, 1.0))))
     with pytest.raises(InputError, match="the bed does not fit"):
         furnish(untrained([brief]), [brief])
+
+
+class Pointing(torch.nn.Module):
+    """It likes x and y, metres from the middle of the room, the first best, and to face right; it sees nothing."""
+
+    def __init__(self, categories: Sequence[str], x: Sequence[float], y: Sequence[float]):
+        super().__init__()
+        self.categories = tuple(categories)
+        self.nothing = torch.nn.Parameter(torch.zeros(1))
+        count = rooms_pointer.LIKELY
+        self.center = torch.tensor([[*values, *[values[-1]] * (count - len(values))] for values in (x, y)])
+        self.weight = -torch.arange(float(count)).expand(2, count)
+
+    def forward(self, elements: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        shape = elements.shape[:2]
+        score = -torch.arange(4.0).expand(shape)
+        return score, *(table.expand(*shape, *table.shape) for table in (self.weight, self.center))
+
+
+def pointed(monkeypatch: pytest.MonkeyPatch, brief: Room, x: Sequence[float], y: Sequence[float]) -> Room:
+    """The brief, furnished by who likes these places, counted from the middle of the room, seen in one view."""
+    one = symmetries(Moves())[:1]
+    monkeypatch.setattr(rooms_pointer, "symmetries", lambda moves, device: one)
+    (layout,) = furnish(Pointing(categories_of([brief]), x, y), [brief])
+    return layout
+
+
+def test_of_the_likely_places_the_first_is_taken_that_is_free_of_items_and_walls(monkeypatch):
+    chair = Item("chair", (0.5, 0.5), None, 0.0)
+    brief = rectangular_room(4.0, 3.0, Item("bed", (2.0, 1.4), (2.0, 1.5)), others=(chair,), target=None)
+    for x, y, expected in (
+        ([-1.0, 1.0], [-1.0, 1.0], (-1.0, -1.0)),
+        ([0.0, 1.9, 1.5], [0.0, 0.1], (1.5, 0.0)),  # in the bed, in the wall
+        ([0.0, 0.1], [0.0, 0.9, 0.945], (0.0, 0.945)),  # by 5 cm, by half a centimetre
+        ([0.0], [0.0], (0.0, 0.0)),  # there is no other
+    ):
+        layout = pointed(monkeypatch, brief, x, y)
+        assert layout.furniture[1].center == pytest.approx(MIDDLE + expected, abs=1e-5)
+        assert layout.furniture[1].rotation == 0
+
+
+@pytest.mark.parametrize("given", ["desk", "chair", None])
+def test_a_tucked_chair_may_stand_under_its_desk_whichever_was_there_first(given, monkeypatch):
+    items = {"desk": Item("desk", (0.6, 1.2)), "chair": Item("chair", (0.5, 0.5), tucked=True)}
+    if given is not None:
+        items[given] = replace(items[given], center=(2.0, 1.5))
+    brief = rectangular_room(4.0, 3.0, items["desk"], others=(items["chair"],), openings=(DOOR,), target=None)
+    layout = pointed(monkeypatch, brief, [0.0, 1.0], [0.0, 1.0])
+    assert [item.center for item in layout.furniture] == [(2.0, 1.5), (2.0, 1.5)]
+    loose = replace(brief, furniture=tuple(replace(item, tucked=False) for item in brief.furniture))
+    layout = pointed(monkeypatch, loose, [0.0, 1.0], [0.0, 1.0])
+    assert len({item.center for item in layout.furniture}) == 2
+
+
+def test_places_are_pushed_to_where_the_item_fits(monkeypatch):
+    brief = rectangular_room(4.0, 3.0, Item("bed", (2.0, 1.4), None, 0.0), target=None)
+    layout = pointed(monkeypatch, brief, [-9.0], [0.25])
+    assert layout.furniture[0].center == pytest.approx((1.0 - 0.2, 1.75), abs=1e-4)  # into the wall, not beyond
+
+
+@pytest.mark.parametrize("which", SYMMETRIES)
+def test_a_turned_room_is_furnished_alike(which):
+    room = bedroom()
+    network = untrained([room])
+    first, second = (furnish(network, [brief_of(one)])[0] for one in (room, room.turned(*which)))
+    for item, other in zip(first.turned(*which).furniture, second.furniture, strict=True):
+        np.testing.assert_allclose(item.center, other.center, atol=1e-4)
+        assert item.form == "circle" or (item.degrees - other.degrees) % 360 == 0
