@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,20 @@ from matplotlib.patches import Polygon
 from shapely.geometry import Point
 
 from layoutrl import InputError
+from layoutrl.env.faults import faults
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.figures import STYLE, draw_episode, draw_room, positions, room_legend, save, scale_bar
+from layoutrl.figures import (
+    FAULT_MARKS,
+    STYLE,
+    draw_episode,
+    draw_faults,
+    draw_room,
+    positions,
+    room_legend,
+    save,
+    scale_bar,
+)
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
 
@@ -39,6 +51,18 @@ def test_a_room_is_drawn_with_and_without_the_item_that_moves(room):
     assert len(rest.patches) == len(whole.patches) - 1
     assert [text.get_text() for text in whole.texts] == ["bed", "desk"]
     assert not rest.texts
+
+
+def test_what_is_wrong_with_a_layout_is_hatched_and_lettered(room):
+    axes = Figure().subplots()
+    chair = Item("chair", (0.5, 0.5), (2.0, 1.5))
+    layout = replace(room, furniture=(*room.furniture, chair, Item("desk", (1, 1), None, None)))
+    draw_faults(axes, layout)
+    hatched = [patch for patch in axes.patches if patch.get_hatch()]
+    named = {(k, fault) for k, fault in faults(layout) if fault in FAULT_MARKS}
+    assert len(hatched) == len({k for k, _ in named}) >= 2
+    assert "O" in axes.texts[0].get_text()
+    assert sum(len(text.get_text()) for text in axes.texts) == len(named)
 
 
 def test_an_episode_shows_where_it_ends_and_where_the_designer_put_it(room):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from layoutrl import InputError
+from layoutrl.env.faults import faults
 from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.room import Item, Room
@@ -30,12 +32,22 @@ BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#e69f00", "#009e73", "#cc79a7"
 # The designer's place, over all else.
 DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}
 
+HALO = [withStroke(linewidth=1.5, foreground="white")]
 # An outline over a map, whatever colours the map has.
 OUTLINE: dict[str, Any] = {
     "fill": False,
     "linewidth": 1.0,
     "path_effects": [withStroke(linewidth=2.5, foreground="white")],
 }
+
+
+FAULT_MARKS = {
+    "overlaps": "O",
+    "outside": "W",
+    "blocks an opening": "B",
+    "out of reach": "R",
+    "front not free": "F",
+}  # of what a picture shows: overlaps, in a wall, blocks, not reached, front
 
 
 def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4) -> None:
@@ -68,6 +80,20 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
     angle = np.deg2rad(item.degrees)
     front = np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
     return [outline, *axes.plot(*front.T, color="black", linewidth=0.8, alpha=looks.get("alpha"))]
+
+
+def draw_faults(axes: Axes, layout: Room, size: float = 5) -> None:
+    """A whole room without names: what has faults is hatched, with the first letters of each fault (FAULT_MARKS)."""
+    draw_room(axes, replace(layout, target=None), names=None)
+    marks: dict[int, str] = {}
+    for k, fault in faults(layout):
+        marks[k] = marks.get(k, "") + FAULT_MARKS.get(fault, "")
+    for k, letters in marks.items():
+        item = layout.furniture[k]
+        if item.center is None:
+            continue
+        draw_item(axes, item, item.center, fill=False, hatch="////", edgecolor=ORANGE, linewidth=1.2)
+        axes.text(*item.center, letters, fontsize=size, weight="bold", ha="center", va="center", path_effects=HALO)
 
 
 def draw_placed(axes: Axes, room: Room, place: Sequence[float], names: float | None = None) -> None:
