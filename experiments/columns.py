@@ -413,7 +413,7 @@ def by_search(config: CellConfig, rooms: WholeRooms) -> Furnish:
 def by_pointer(config: CellConfig, rooms: WholeRooms) -> Furnish:
     spent = seconds_budget(60 * config.training_minutes, clock_of(rooms.device))
     network = train_rooms_pointer(rooms.training, spent, np.random.SeedSequence(config.seed), device=rooms.device)
-    return lambda: furnish_by_pointer(network, rooms.briefs, config.method.views(rooms.device))
+    return lambda: furnish_by_pointer(network, rooms.briefs)
 
 
 def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
