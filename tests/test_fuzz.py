@@ -28,7 +28,10 @@ import layoutrl
 from layoutrl import InputError
 from layoutrl.env.answerable import answerable
 from layoutrl.env.faults import faults
+from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.baselines import random_layout
+from layoutrl.rivals.rooms.relations import mine
+from layoutrl.rivals.rooms.search import search
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
@@ -40,6 +43,7 @@ from tests.builders import random_room
 
 resource = pytest.importorskip("resource", reason="time and memory are watched as POSIX has it")
 DATA = Path(__file__).parents[2] / "shared" / "data"
+SEARCHING = composed("place", "rooms=some.jsonl").search
 SECONDS = 2.0  # of the processor, that an input may take
 MAXRSS = 1 if sys.platform == "darwin" else 1024  # bytes, the unit of ru_maxrss
 BYTES = 2**30  # that all of them may take, beyond what was taken before
@@ -197,9 +201,10 @@ def test_a_room_of_json_is_a_room_or_an_error_of_its_own(count, documents):
 
 @times(60, 3_000)
 def test_a_brief_is_furnished_as_far_as_it_goes(count, documents):
-    """What is read is held against what can be furnished, furnished by chance, and its faults found."""
+    """What is read is held against what can be furnished, furnished by chance and by search, and its faults found."""
     dice, read = random.Random(count), 0
     known = {item["category"] for document in documents for item in document["furniture"]}
+    relations = mine(design_rooms("bedroom", "train", 0, 10).rooms)
     for _ in range(count):
         document = json.loads(json.dumps(dice.choice(documents)))
         for item in document["furniture"]:
@@ -211,8 +216,12 @@ def test_a_brief_is_furnished_as_far_as_it_goes(count, documents):
             read += 1
             asked = answered(lambda room=room: answerable(room, known), (), content)
             rng = np.random.default_rng(0)
-            layout = answered(lambda asked=asked, rng=rng: asked.answer(random_layout(asked.brief, rng)), (), content)
-            answered(lambda layout=layout: faults(layout), (), content)
+            for furnish in (
+                lambda brief, rng=rng: random_layout(brief, rng),
+                lambda brief, rng=rng: search(brief, relations, SEARCHING, updates_budget(1), rng),
+            ):
+                layout = answered(lambda asked=asked, furnish=furnish: asked.answer(furnish(asked.brief)), (), content)
+                answered(lambda layout=layout: faults(layout), (), content)
     assert read > 0.02 * count
 
 

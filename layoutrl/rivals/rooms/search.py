@@ -14,7 +14,7 @@ import numpy as np
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.cost import Cost
 from layoutrl.rivals.rooms.relations import Relations
-from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, boxes_at, depth, scene_of, unreached
+from layoutrl.rivals.rooms.scene import DIRECTIONS, STRIP, Array, Scene, boxes_at, depth, scene_of, unreached
 from layoutrl.rooms.room import FIT, Room
 
 Pose = tuple[Array, int]  # centre (2,) and facing
@@ -152,15 +152,18 @@ class Finder:
             self.lowest, self.best = score, (self.center.copy(), self.quarter.copy(), on.copy())
 
     def _grid(self, i: int) -> tuple[Array, Array]:
-        """Centres (N, 2) and facings (N,): a grid, and what touches a wall."""
+        """Centres (N, 2) and facings (N,): a grid, and what touches a wall along an axis.
+
+        Of a slanting wall, which is many strips, no strip is touched: places would be tens of thousands.
+        """
         found = []
+        solids = self.scene.solids[self.scene.solids[:, 2] - self.scene.solids[:, 0] > STRIP + FIT]
         for quarter in self._facings(i):
             half = self.scene.half[i, quarter]
             lines = []
             for axis in (0, 1):
                 low, high = self.scene.bounds[axis] + half[axis], self.scene.bounds[axis + 2] - half[axis]
-                walls = self.scene.solids[:, axis], self.scene.solids[:, axis + 2]
-                touching = np.concatenate([walls[0] - half[axis], walls[1] + half[axis]])
+                touching = np.concatenate([solids[:, axis] - half[axis], solids[:, axis + 2] + half[axis]])
                 line = np.concatenate([np.arange(low, high, self.settings.grid), touching])
                 lines.append(np.unique(line[(line > low - FIT) & (line < high + FIT)].round(6)))
             x, y = np.meshgrid(*lines)
