@@ -36,7 +36,7 @@ def test_the_memory_of_this_process_is_what_the_system_says() -> None:
     assert len(held) > 0
 
 
-def test_memory_checkpoints_and_other_files_are_watched_until_the_time_is_over(
+def test_soak_watches_memory_checkpoints_and_other_files_until_the_time_is_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a process that holds 200 MB and writes 3.5 MB; then it is told to stop."""

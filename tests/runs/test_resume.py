@@ -127,15 +127,35 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number,
     assert outcome(begun) | {"checkpoints": expected["checkpoints"]} == expected
 
 
+def killed(rooms: Path, folder: Path, reports: int, seconds: float) -> None:
+    """A life that is killed some time after so many reports: on a busy machine, too, it came as far."""
+    process = SERVER.Process(target=life, args=(rooms, folder))
+    before, seen = reports_of(folder), 0
+    process.start()
+    while process.is_alive() and seen < reports:
+        now = reports_of(folder)
+        seen, before = seen + max(0, now - before), now  # as it goes on, those since its checkpoint are taken back
+        time.sleep(0.01)
+    process.join(seconds)
+    process.kill()
+    process.join()
+
+
+def reports_of(folder: Path) -> int:
+    return sum(file.read_text().count("\n") for file in folder.glob("tatami/*/metrics.csv"))
+
+
 def test_after_twenty_kills_a_run_is_the_run_that_was_never_killed(rooms, whole, tmp_path):
     dice = random.Random(0)
     for _ in range(20):
-        lived(rooms, tmp_path, dice.uniform(0.2, 0.8))
+        reports = dice.choice([0, 1, 3, 5])  # a checkpoint comes after every third
+        killed(rooms, tmp_path, reports, dice.uniform(0, 0.05 if reports else 0.5))
         for finished in tmp_path.glob("tatami/*/evaluation.json"):  # it was faster than twenty kills
             finished.unlink()  # once more from the last checkpoints
-    assert lived(rooms, tmp_path) == 0
     begun = resume.begun(configured(rooms, tmp_path))  # not "one", if that was killed before its config.yaml was there
     assert begun
+    assert checkpoints(begun)
+    assert lived(rooms, tmp_path) == 0
     assert outcome(begun) == outcome(whole)
 
 
