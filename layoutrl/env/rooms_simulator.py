@@ -48,7 +48,8 @@ class RoomsSimulator:
 
     Of the items (rooms, N): `count` (rooms,) is how many each room has to place, `ways` how many ways an item can face
     that look different, `degrees` (rooms, N, 4) its rotation in each, and `entry` (rooms, N, 4) the room of `simulator`
-    in which it moves so turned, -1 where it does not fit. Raises InputError where an item fits in no way.
+    in which it moves so turned, -1 where it does not fit. Raises InputError where an item fits in no way, and where no
+    room has anything to place.
     """
 
     def __init__(self, briefs: Sequence[Room], designs: Sequence[Room | None] | None, moves: Moves, reward: Reward):
@@ -57,7 +58,9 @@ class RoomsSimulator:
         self.weights = reward
         self.items = [[room.furniture[k] for k in missing(room)] for room in briefs]
         self.count = np.array([len(items) for items in self.items])
-        shape = len(briefs), int(self.count.max(initial=0))
+        if not self.count.any():
+            raise InputError("rooms: expected furniture to place; there is none")
+        shape = len(briefs), int(self.count.max())
         self.ways = np.ones(shape, dtype=int)
         self.degrees = np.zeros((*shape, 4))
         self.entry = np.full((*shape, 4), -1)

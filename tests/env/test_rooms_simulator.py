@@ -186,6 +186,17 @@ def test_an_item_that_fits_in_no_way_is_refused() -> None:
         RoomsSimulator([brief], None, Moves(), Reward())
 
 
+def test_rooms_with_nothing_to_place_are_refused_but_beside_others() -> None:
+    empty = replace(rectangular_room(4, 3, BED), furniture=(), target=None)
+    with pytest.raises(InputError, match="rooms: expected furniture to place; there is none"):
+        RoomsSimulator([empty], None, Moves(), Reward())
+    simulator = RoomsSimulator([empty, brief_of(rectangular_room(4, 3, BED))], None, Moves(), Reward())
+    state = simulator.begin(np.array([0, 1]), np.random.default_rng(0))
+    *_, legal = simulator.destinations(state)
+    assert legal.sum(1).tolist() == [0, 1]
+    assert simulator.reward(state).total.tolist() == [0, 0]
+
+
 def test_degrees_after_which_items_look_the_same() -> None:
     assert period(Item("bed", (2.0, 2.0))) == 360
     assert period(Item("table", (1.0, 2.0))) == 180
