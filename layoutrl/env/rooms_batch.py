@@ -41,7 +41,7 @@ class BatchRoomsSimulator:
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
         # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
-        places = [there for targets in simulator.targets for there in (*targets, *[[]] * (most - len(targets)))]
+        places = [there for targets in simulator.targets for there in targets]
         longest = max(map(len, places), default=0)
         table = [_padded(there, longest) for there in places]
         shape = rows * most, longest

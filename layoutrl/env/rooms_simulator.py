@@ -65,10 +65,10 @@ class RoomsSimulator:
         self.degrees = np.zeros((*shape, 4))
         self.entry = np.full((*shape, 4), -1)
         self.simulator = Simulator(self._entries(), moves, reward)
-        self.targets = [
-            [[there for there in (design.furniture if design else ()) if _same(there, item)] for item in items]
-            for design, items in zip(designs or [None] * len(briefs), self.items, strict=True)
-        ]
+        self.targets: list[list[list[Item]]] = [[[] for _ in range(shape[1])] for _ in briefs]
+        for targets, design, items in zip(self.targets, designs or [None] * len(briefs), self.items, strict=True):
+            for n, item in enumerate(items):
+                targets[n] = [there for there in (design.furniture if design else ()) if _same(there, item)]
 
     @property
     def actions(self) -> int:
