@@ -99,8 +99,8 @@ def train_rooms_pointer(
     observe = RoomsObservation(simulator, categories, device)
     views = symmetries(simulator.moves, device)
     center, quarter = (torch.tensor(table, device=device) for table in designed_poses(simulator))
-    order = sequence(simulator)
-    rank, count, ways = (torch.tensor(t, device=device) for t in (order, simulator.count, _ways(simulator)))
+    tables = sequence(simulator), simulator.count, np.arange(QUARTERS) < simulator.ways[..., None]
+    rank, count, ways = (torch.tensor(table, device=device) for table in tables)
 
     def draw(generator: torch.Generator) -> tuple[Tensor, Poses]:
         room = torch.randint(len(designs), (batch,), generator=generator, device=device)
@@ -184,7 +184,7 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
     observe = RoomsObservation(simulator, network.categories, device)
     views = symmetries(simulator.moves, device)
     order = sequence(simulator).argsort(1, kind="stable")
-    can_face, stays_off = _ways(simulator), _stays_off(simulator, observe.space.shape[0])
+    can_face, stays_off = simulator.entry >= 0, _stays_off(simulator, observe.space.shape[0])
     every, begun = np.arange(len(briefs)), np.zeros(simulator.ways.shape, dtype=int)
     state = State(every, np.zeros((*begun.shape, 2)), begun, begun > 0, 0 * every)
     for n in range(order.shape[1]):
@@ -279,8 +279,3 @@ def _pushed(regions: np.ndarray, center: np.ndarray) -> np.ndarray:
     """The places (B, 2) nearest to centers (B, 2) in regions (B,)."""
     way = shapely.shortest_line(regions, shapely.points(center))
     return snap(shapely.get_coordinates(way)[::2])
-
-
-def _ways(simulator: RoomsSimulator) -> np.ndarray:
-    """Which ways items can face, and look different: bool (rooms, N, QUARTERS)."""
-    return (np.arange(QUARTERS) < simulator.ways[..., None]) & (simulator.entry >= 0)
