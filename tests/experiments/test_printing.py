@@ -12,6 +12,7 @@ import pytest
 import real_rooms
 import table1
 import table2
+import table3
 from cells import packed
 from columns import RESULTS
 from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
@@ -28,6 +29,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("printed")
     write(table1.tables(KEPT / "table1"), folder / "table1")
     write(table2.tables(RESULTS / "scene" / "table2", KEPT / "table1"), folder / "table2")
+    write(table3.tables(KEPT / "table3"), folder / "table3")
     write(real_rooms.tables(KEPT / "real"), folder / "real")
     return folder
 

@@ -13,6 +13,7 @@ import pytest
 import real_rooms
 import table1
 import table2
+import table3
 from cells import stated
 from columns import RESULTS, folder_of, name_of
 
@@ -153,7 +154,7 @@ def test_make_tables_takes_a_type_where_one_is_given():
         made = subprocess.run(["make", "-n", "tables", *arguments], cwd=PROJECT, capture_output=True, text=True)
         return re.findall(r"python (experiments/\w+\.py.*?) *\|\|", made.stdout)
 
-    scripts = ["experiments/table1.py", "experiments/table2.py", "experiments/real_rooms.py"]
+    scripts = [f"experiments/{name}.py" for name in ("table1", "table2", "table3", "real_rooms")]
     assert [command.split() for command in commands("DATA=/nowhere")] == [[script] for script in scripts]
     given = commands("DATA=/nowhere", "ROOM=kitchen", "budget=smoke")
     assert [command.split() for command in given] == [[script, "room=kitchen", "budget=smoke"] for script in scripts]
@@ -163,6 +164,7 @@ def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     sources = dict.fromkeys(real_rooms.TASKS, "anywhere")
     sweeps = [("table1", sweep) for sweep in table1.stages({})] + [("table2", sweep) for sweep in table2.stages({})]
+    sweeps += [("table3", sweep) for sweep in table3.stages({"designer_rooms": "anywhere"})]
     sweeps += [("real", sweep) for source in sources for sweep in real_rooms.stages(source, sources)]
     asked = set()
     for table, sweep in sweeps:
