@@ -29,7 +29,7 @@ from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.placement import Placer
 from layoutrl.rivals.planit.scoring import furnished_rooms, score_all
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
-from layoutrl.rivals.rooms.baselines import nearest_layout, random_layout
+from layoutrl.rivals.rooms.baselines import Library, nearest_layout, random_layout
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import Searching, search
 from layoutrl.rivals.rooms_pointer import furnish as furnish_by_pointer
@@ -389,7 +389,8 @@ def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.rand
 
 
 def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, rooms.training, rng))
+    library = Library(rooms.training)
+    return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, library, rng))
 
 
 def by_annealer(config: CellConfig, rooms: WholeRooms) -> Furnish:

@@ -22,13 +22,13 @@ def random_layout(brief: Room, rng: np.random.Generator) -> Room:
     return furnished(brief, {k: pose for k in missing(brief) if (pose := _drawn(brief, k, rng))})
 
 
-def nearest_layout(brief: Room, training: Sequence[Room], rng: np.random.Generator) -> Room:
+def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> Room:
     """The layout of the training room that is most like the brief, in the best of eight views.
 
     Each item takes the pose of the counterpart of its category that is nearest in size, in the same place of the
     outline's bounding box, and is pushed indoors. One without a counterpart goes to a drawn place.
     """
-    room, view = nearest_room(brief, training)
+    room, view = training.nearest(brief)
     model = room.turned(*SYMMETRIES[view])
     poses: dict[int, Pose] = {}
     free = [item for item in model.furniture if item.center is not None]
@@ -45,36 +45,45 @@ def nearest_layout(brief: Room, training: Sequence[Room], rng: np.random.Generat
     return furnished(brief, poses)
 
 
-def nearest_room(brief: Room, training: Sequence[Room]) -> tuple[Room, int]:
-    """The training room most like the brief, the first of equals, and in which of the SYMMETRIES."""
-    wanted, size = Counter(item.category for item in brief.furniture), _extents(brief)
-    least = []  # by how much each is unlike at least, in any view
-    for room in training:
-        other = Counter(item.category for item in room.furniture)
-        lacks = ((wanted - other) + (other - wanted)).total()
-        apart = min(np.abs(size - extents).sum() for extents in (_extents(room), _extents(room)[::-1]))
-        least.append(OTHER_CATEGORY * lacks + apart)
-    best, found = np.inf, (training[0], 0)
-    for k in np.argsort(least, kind="stable"):
-        if least[k] >= best:
-            break
-        unlike = _unlikeness(brief, training[k])
-        if unlike.min() < best:
-            best, found = float(unlike.min()), (training[k], int(unlike.argmin()))
-    return found
+class Library:
+    """Training rooms, with what is compared first: how many items of each category, and the outline's extents."""
+
+    def __init__(self, rooms: Sequence[Room]):
+        self.rooms = list(rooms)
+        self._categories = sorted({item.category for room in rooms for item in room.furniture})
+        self._counts = np.array([self._counted(room) for room in rooms])  # (rooms, categories)
+        self._extents = np.array([_extents(room) for room in rooms])  # (rooms, 2), metres
+
+    def nearest(self, brief: Room) -> tuple[Room, int]:
+        """The room most like the brief, the first of equals, and in which of the SYMMETRIES."""
+        lacks = np.abs(self._counts - self._counted(brief)).sum(1)
+        lacks += sum(item.category not in self._categories for item in brief.furniture)
+        size = _extents(brief)
+        apart = np.minimum(*(np.abs(size - extents).sum(1) for extents in (self._extents, self._extents[:, ::-1])))
+        least = OTHER_CATEGORY * lacks + apart  # by how much each is unlike at least, in any view
+        best, found = np.inf, (self.rooms[0], 0)
+        for k in np.argsort(least, kind="stable"):
+            if least[k] >= best:
+                break
+            unlike = _unlikeness(brief, self.rooms[k])
+            if unlike.min() < best:
+                best, found = float(unlike.min()), (self.rooms[k], int(unlike.argmin()))
+        return found
+
+    def _counted(self, room: Room) -> np.ndarray:
+        counts = Counter(item.category for item in room.furniture)
+        return np.array([counts[category] for category in self._categories])
 
 
 def _unlikeness(brief: Room, room: Room) -> np.ndarray:
     """How unlike the brief a room is in each of the eight views (8,), in metres: outline, openings and furniture."""
     items = _list_distance(brief.furniture, room.furniture)
+    ours, theirs = ({kind: _middles(one, kind) for kind in ("door", "window")} for one in (brief, room))
+    size, extents = _extents(brief), _extents(room)
     result = []
-    for which in SYMMETRIES:
-        turn = symmetry(*which)
-        size = np.abs(_extents(brief) - np.abs(turn) @ _extents(room)).sum()
-        openings = sum(
-            _set_distance(_middles(brief, kind), _middles(room, kind) @ turn.T) for kind in ("door", "window")
-        )
-        result.append(size + openings + items)
+    for turn in (symmetry(*which) for which in SYMMETRIES):
+        openings = sum(_set_distance(ours[kind], theirs[kind] @ turn.T) for kind in ours)
+        result.append(np.abs(size - np.abs(turn) @ extents).sum() + openings + items)
     return np.array(result)
 
 

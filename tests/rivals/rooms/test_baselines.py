@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rivals.rooms.baselines import _unlikeness, nearest_layout, nearest_room, random_layout
+from layoutrl.rivals.rooms.baselines import Library, _unlikeness, nearest_layout, random_layout
 from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.room import SYMMETRIES, Item
 from tests.builders import random_room, rectangular_room
@@ -37,7 +37,7 @@ def test_who_fits_nowhere_has_no_place():
 @pytest.mark.parametrize("view", SYMMETRIES)
 def test_of_the_room_itself_in_any_view_the_designers_layout_comes_back(view):
     rooms = designed("bedroom", 5)
-    layout = nearest_layout(brief_of(rooms[2].turned(*view)), rooms, np.random.default_rng(0))
+    layout = nearest_layout(brief_of(rooms[2].turned(*view)), Library(rooms), np.random.default_rng(0))
     wanted = rooms[2].turned(*view)
     for item in layout.furniture:
         assert (
@@ -49,7 +49,7 @@ def test_of_the_room_itself_in_any_view_the_designers_layout_comes_back(view):
 def test_the_nearest_room_is_that_of_all():
     rooms = designed("living_room", 30)
     for room in designed("study", 3) + designed("living_room", 33)[30:]:
-        found, view = nearest_room(brief_of(room), rooms)
+        found, view = Library(rooms).nearest(brief_of(room))
         assert _unlikeness(brief_of(room), found)[view] == min(
             _unlikeness(brief_of(room), other).min() for other in rooms
         )
@@ -58,5 +58,5 @@ def test_the_nearest_room_is_that_of_all():
 def test_where_the_designer_put_things_has_no_say():
     *rooms, room = designed("bedroom", 5)
     first, second = brief_of(room), brief_of(disarranged(room, np.random.default_rng(0)))
-    for method in (random_layout, lambda brief, rng: nearest_layout(brief, rooms, rng)):
+    for method in (random_layout, lambda brief, rng: nearest_layout(brief, Library(rooms), rng)):
         assert method(first, np.random.default_rng(1)) == method(second, np.random.default_rng(1))
