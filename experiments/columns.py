@@ -30,10 +30,10 @@ from layoutrl.rivals.planit.placement import Placer
 from layoutrl.rivals.planit.scoring import furnished_rooms, score_all
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.baselines import Library, nearest_layout, random_layout
+from layoutrl.rivals.rooms.pointer import furnish as furnish_by_pointer
+from layoutrl.rivals.rooms.pointer import train_rooms_pointer
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import Searching, search
-from layoutrl.rivals.rooms_pointer import furnish as furnish_by_pointer
-from layoutrl.rivals.rooms_pointer import train_rooms_pointer
 from layoutrl.rivals.rules import best_wall_place, far_end_place, nearest_room_place, nearest_wall_place
 from layoutrl.rivals.supervised import (
     Network,

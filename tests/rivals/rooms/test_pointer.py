@@ -17,7 +17,7 @@ from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import symmetries
 from layoutrl.rivals import rooms_pointer
 from layoutrl.rivals.budgets import updates_budget
-from layoutrl.rivals.rooms_pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
+from layoutrl.rivals.rooms.pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
 from layoutrl.rivals.supervised import Loss
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
