@@ -30,6 +30,7 @@ from columns import (
     FURNISHES,
     RESULTS,
     CellConfig,
+    clock_of,
     folder_of,
     name_of,
     setting_of,
@@ -95,7 +96,7 @@ def filled(config: CellConfig) -> dict[str, Any]:
         torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds
     about = machine(device)
     return {
-        **(furnished if config.fill in FURNISHES else placed)(config, device),
+        **(whole_rooms if config.fill in FURNISHES else items)(config, device),
         "date": f"{began:%Y-%m-%d}",
         "minutes": (datetime.now(UTC) - began).total_seconds() / 60,
         "machine": about,
@@ -103,13 +104,14 @@ def filled(config: CellConfig) -> dict[str, Any]:
     }
 
 
-def furnished(config: CellConfig, device: torch.device) -> dict[str, Any]:
+def whole_rooms(config: CellConfig, device: torch.device) -> dict[str, Any]:
     """Whole rooms: their measures, and what they are for each room where tables compare it."""
     rooms = whole_rooms_of(config, device)
     furnish = FURNISHES[config.fill](config, rooms)
-    began = time.process_time()
+    clock = clock_of(device)
+    began = clock()
     layouts = furnish()
-    seconds = time.process_time() - began
+    seconds = clock() - began
     found = measured(layouts, rooms.designs)
     told = summary(found)
     numbers = {name: value["mean"] for name, value in told.items()}
@@ -134,7 +136,7 @@ def furnished(config: CellConfig, device: torch.device) -> dict[str, Any]:
     }
 
 
-def placed(config: CellConfig, device: torch.device) -> dict[str, Any]:
+def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
     """One item in each room: a row for each set of places."""
     setting = setting_of(config, device)
     found = FILLS[config.fill](config, setting)

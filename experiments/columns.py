@@ -69,8 +69,8 @@ class CellConfig(TrainConfig):
     protocol: Any = "unseen"  # this and what follows: conf/cell.yaml says what each is
     trained_on: Any = "own"
     planit_time: Any = "agent"
-    seconds_a_room: float = 1.0
-    training_minutes: float = 10.0
+    seconds_a_room: dict[str, float] = MISSING
+    training_minutes: dict[str, float] = MISSING
     share_of_rooms: float = 1.0
     results: str | None = None
 
@@ -384,7 +384,7 @@ def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
 
 
 def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.random.Generator], Room]) -> list[Room]:
-    """Each brief furnished on its own; what is drawn hangs on the seed and on the room's number alone."""
+    """Each brief furnished on its own; what is drawn hangs on the seed and on the room's number."""
     return [furnish(brief, np.random.default_rng([config.seed, k])) for k, brief in enumerate(rooms.briefs)]
 
 
@@ -393,26 +393,20 @@ def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
     return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, library, rng))
 
 
-def by_annealer(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    relations = mine(rooms.training)
+def by_rules(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    relations, seconds = mine(rooms.training), config.seconds_a_room[config.budget.name]
 
     def furnish(brief: Room, rng: np.random.Generator) -> Room:
-        return anneal(brief, relations, config.annealer, seconds_budget(config.seconds_a_room, time.process_time), rng)
-
-    return lambda: each(config, rooms, furnish)
-
-
-def by_search(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    relations = mine(rooms.training)
-
-    def furnish(brief: Room, rng: np.random.Generator) -> Room:
-        return search(brief, relations, config.search, seconds_budget(config.seconds_a_room, time.process_time), rng)
+        spent = seconds_budget(seconds, time.process_time)
+        if config.fill == "search":
+            return search(brief, relations, config.search, spent, rng)
+        return anneal(brief, relations, config.annealer, spent, rng)
 
     return lambda: each(config, rooms, furnish)
 
 
 def by_pointer(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    spent = seconds_budget(60 * config.training_minutes, clock_of(rooms.device))
+    spent = seconds_budget(60 * config.training_minutes[config.budget.name], clock_of(rooms.device))
     network = train_rooms_pointer(rooms.training, spent, np.random.SeedSequence(config.seed), device=rooms.device)
     return lambda: furnish_by_pointer(network, rooms.briefs)
 
@@ -427,8 +421,8 @@ FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "designer": lambda _, rooms: lambda: rooms.designs,
     "random": lambda config, rooms: lambda: each(config, rooms, random_layout),
     "nearest": by_nearest_room,
-    "annealer": by_annealer,
-    "search": by_search,
+    "annealer": by_rules,
+    "search": by_rules,
     "rooms_pointer": by_pointer,
     "rooms_planit": by_planit,
 }

@@ -11,7 +11,7 @@ are furnished, too.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,7 @@ NUMBERS = (
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other: of designed rooms, and of real ones. Raises InputError for other types."""
     rooms = some_of("room", chosen, MAIN_ITEM)
+    some_of("column", chosen, METHODS.values())
     common = {name: value for name, value in chosen.items() if name not in ("floorplans", "designer_rooms")}
     made = []
     for columns in [chosen["column"]] if "column" in chosen else SWEEPS:
@@ -140,18 +141,17 @@ def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
 
 def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
     """p-values against the rival that is best in IoU, and the one that is best in faultless, in the rooms of both."""
-    best = max(rivals.values(), key=lambda rows: rows.mean)
-    tidy = max(rivals.values(), key=lambda rows: rows.number("faultless"))
     return {
-        "p_iou": p_value(own.iou.mean(0), best.iou.mean(0), own),
-        "p_faultless": p_value(faultless(own), faultless(tidy), own),
+        "p_iou": p_value(own.iou.mean(0), [rival.iou.mean(0) for rival in rivals.values()], own),
+        "p_faultless": p_value(faultless(own), [faultless(rival) for rival in rivals.values()], own),
     }
 
 
-def p_value(first: np.ndarray, second: np.ndarray, own: Row) -> float:
-    """Paired, over the rooms that both furnished: the first of the held-out ones."""
-    both = min(len(first), len(second))
-    return paired_p_value(first[:both], second[:both], own.group[:both], np.random.default_rng(0))
+def p_value(ours: np.ndarray, rivals: Sequence[np.ndarray], own: Row) -> float:
+    """Against the best rival: paired, over the rooms that all furnished, the first of the held-out ones."""
+    both = min(map(len, [ours, *rivals]))
+    best = max(rivals, key=lambda values: values[:both].mean())
+    return paired_p_value(ours[:both], best[:both], own.group[:both], np.random.default_rng(0))
 
 
 def faultless(found: Row) -> np.ndarray:

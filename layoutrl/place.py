@@ -26,7 +26,7 @@ from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.rooms.annealer import anneal
 from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.search import search
-from layoutrl.rooms.brief import facings, missing
+from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.collection import Collection, choose_missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import read_rooms, write_rooms
@@ -55,6 +55,8 @@ def run(config: PlaceConfig) -> Path:
         raise InputError(
             "run: expected either run=<folder> of a training, or by=search or by=annealer, which need none"
         )
+    if config.by and config.item:
+        raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
     done = by_rival(config, source) if config.run is None else by_agent(config, Path(config.run), source)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_rooms(out, done)
@@ -158,8 +160,7 @@ def facing_all_ways(chosen: Collection) -> Collection:
     """Each room whose target has no rotation four times, once for each way that it can face."""
     rooms = []
     for room in chosen.rooms:
-        ways = facings(room) if room.moving.rotation is None else (room.moving.rotation,)
-        rooms += [with_target(room, replace(room.moving, rotation=degrees)) for degrees in ways]
+        rooms += [with_target(room, replace(room.moving, rotation=degrees)) for degrees in ways(room, room.moving)]
     return replace(chosen, rooms=rooms)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import shapely
 
 from layoutrl.env.geometry import fitting_positions
-from layoutrl.rooms.brief import facings, missing
+from layoutrl.rooms.brief import missing, ways
+from layoutrl.rooms.clearances import RAISED
 from layoutrl.rooms.room import Item, Room
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints above which items stand at one place
@@ -55,9 +56,11 @@ def answerable(room: Room, known: Collection[str]) -> Answerable:
             refused.add(k)
     standing = [item for item in room.furniture if item.center is not None]
     for one, other in combinations(standing, 2):
+        if one.tucked or other.tucked or {one.category, other.category} & RAISED:
+            continue
         shared = one.footprint.intersection(other.footprint).area
         if shared > SAME_PLACE * min(one.footprint.area, other.footprint.area):
-            x, y = one.center or (0.0, 0.0)
+            x, y = one.footprint.centroid.coords[0]
             lines.append(f"the {one.category} and the {other.category} stand at one place, {x:g}, {y:g}; both are kept")
     if not room.doors:
         lines.append("it has no door: who walks there begins on the largest free floor")
@@ -66,6 +69,5 @@ def answerable(room: Room, known: Collection[str]) -> Answerable:
 
 def fits(room: Room, item: Item) -> bool:
     """Whether there is a place indoors at which an item lies in the room, empty, in one of the ways it may face."""
-    ways = facings(room) if item.rotation is None else (item.rotation,)
-    templates = np.array([replace(item, rotation=degrees).template for degrees in ways])
-    return not shapely.is_empty(fitting_positions(np.array([room.indoor] * len(ways)), templates)).all()
+    templates = np.array([replace(item, rotation=degrees).template for degrees in ways(room, item)])
+    return not shapely.is_empty(fitting_positions(np.array([room.indoor] * len(templates)), templates)).all()

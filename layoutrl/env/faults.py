@@ -18,7 +18,7 @@ from shapely.affinity import translate
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
-FRONT = 0.3  # metres before and behind a door that who passes it needs
+DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
 ROUNDING = 1e-9  # square metres: no area
 MISSING = "not placed"  # the fault that leaves no room for others
@@ -86,6 +86,12 @@ class Items:
         return ~np.isnan(self.center[:, 0]) & (self.round | ~np.isnan(self.degrees))
 
     @property
+    def period(self) -> np.ndarray:
+        """Degrees after which it looks as before, as `clearances.period` has it: (N,)."""
+        square = self.round | (np.isnan(self.front) & (self.size[:, 0] == self.size[:, 1]))
+        return np.where(square, 90.0, np.where(np.isnan(self.front), 180.0, 360.0))
+
+    @property
     def front(self) -> np.ndarray:
         """How much floor it keeps free before it, in metres; NaN where it has no front: (N,)."""
         depth = np.array([FRONT_DEPTH.get(category, np.nan) for category in self.category])
@@ -125,12 +131,14 @@ def item_faults(layouts: Sequence[Room], items: Items) -> tuple[dict[str, np.nda
 def overlapping(items: Items) -> tuple[np.ndarray, np.ndarray]:
     """Which items are more than 1 cm deep in another, and the share of each that others cover: (N,).
 
-    What is tucked and what it may stand under, one of the HOSTS, do not overlap.
+    What is tucked and what it may stand under, one of the HOSTS, do not overlap; nor do what is RAISED and what stands
+    on it.
     """
+    raised = np.isin(items.category, list(RAISED))
     is_host = np.isin(items.category, list(HOSTS)) & ~items.tucked
     a, b = pairs(items.room, items.room)
     hosted = items.tucked[a] & is_host[b] | is_host[a] & items.tucked[b]
-    meet = (a != b) & ~hosted & shapely.intersects(items.footprint[a], items.footprint[b])
+    meet = (a != b) & ~hosted & ~raised[a] & ~raised[b] & shapely.intersects(items.footprint[a], items.footprint[b])
     a, b = a[meet], b[meet]
     core = items.grown(-TOLERANCE / 2)
     deep = np.bincount(a, shapely.intersects(core[a], core[b]), len(items.room)) > 0
@@ -147,9 +155,13 @@ def standing_outside(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray,
 
 
 def blocking(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Which items stand more than 1 cm deep in what is `kept_free` of doors and windows, as in `blocks_openings`."""
+    """Which items stand more than 1 cm deep in what is `kept_free` of doors and windows, as in `blocks_openings`.
+
+    What is RAISED is floor, and blocks nothing.
+    """
     free = shapely.buffer([kept_free(layout) for layout in layouts], -TOLERANCE, join_style="mitre")
-    return shapely.area(shapely.intersection(free[items.room], items.footprint)) > 0
+    in_the_way = shapely.area(shapely.intersection(free[items.room], items.footprint)) > 0
+    return in_the_way & ~np.isin(items.category, list(RAISED))
 
 
 def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
@@ -260,6 +272,8 @@ def kept_free(room: Room) -> shapely.Geometry:
         corners = np.array(shapely.minimum_rotated_rectangle(door.shape).exterior.coords)
         sides = np.diff(corners[:3], axis=0)
         lengths = np.hypot(*sides.T)
-        x, y = FRONT * sides[lengths.argmin()] / lengths.min()  # through the wall, which is less thick than doors wide
+        x, y = (
+            DOOR_CLEARANCE * sides[lengths.argmin()] / lengths.min()
+        )  # through the wall, which is less thick than doors wide
         zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
     return shapely.union_all(zones)

@@ -10,9 +10,9 @@ import shapely
 from scipy.optimize import linear_sum_assignment
 
 from layoutrl.env.faults import Items, item_faults, means, pairs, walked
+from layoutrl.rooms.clearances import off
 from layoutrl.rooms.room import Room
 
-SAME_FACING = 1.0  # degrees, at most, between two items that face the same way
 NEARER = 1e-9  # of IoU a square metre: of matches with the same sum of IoU, the one that moves items less
 
 
@@ -25,7 +25,7 @@ class Measures:
     """
 
     iou: np.ndarray  # mean over the designer's items, matched within a category for the highest sum
-    facing: np.ndarray  # of the designer's items with a front: whose match faces the same way
+    facing: np.ndarray  # of the designer's items but round ones and square ones without a front: matched and alike
     overlap: np.ndarray  # of all items, as what follows: more than 1 cm deep in another, but for a tucked one's HOSTS
     overlap_area: np.ndarray  # mean over items: how much of it others cover
     outside: np.ndarray  # of items: more than 1 cm outside the indoor area
@@ -79,7 +79,7 @@ class Matches:
     room: np.ndarray  # (M,)
     category: np.ndarray  # (M,)
     iou: np.ndarray  # (M,), with the match; 0 without one
-    facing: np.ndarray  # (M,): 1 where the match faces the same way, 0 where not or without one, NaN without a front
+    facing: np.ndarray  # (M,): 1 where the match faces alike, 0 where not or without one, NaN of round and square ones
     moved: np.ndarray  # (M,): metres to the middle of the match, NaN without one
 
 
@@ -91,13 +91,13 @@ def matched(layouts: Sequence[Room], designed: Sequence[Room]) -> Matches:
     a, b = a[alike], b[alike]
     iou = iou_of(theirs.footprint[a], ours.footprint[b])
     away = np.hypot(*(theirs.center[a] - ours.center[b]).T)
-    facing = np.abs((theirs.degrees[a] - ours.degrees[b] + 180) % 360 - 180) <= SAME_FACING
+    facing = off(theirs.degrees[a] - ours.degrees[b], theirs.period[a]) <= 45
     taken = assigned(iou - NEARER * away**2, np.unique(theirs.category, return_inverse=True)[1][a], theirs.room[a], a)
     found = {}
     for name, value, without in (("iou", iou, 0), ("facing", facing, 0), ("moved", away, np.nan)):
         found[name] = np.full(len(theirs.room), without, dtype=float)
         found[name][a[taken]] = value[taken]
-    found["facing"][np.isnan(theirs.front)] = np.nan
+    found["facing"][theirs.period == 90] = np.nan
     there = theirs.placed
     return Matches(theirs.room[there], theirs.category[there], **{name: value[there] for name, value in found.items()})
 

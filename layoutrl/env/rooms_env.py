@@ -102,7 +102,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def action_masks(self) -> np.ndarray:
         """The actions that are legal now: bool (A,)."""
-        assert self._running
+        self._check_begun()
         return self._legal.copy()
 
     def render(self) -> np.ndarray | None:
@@ -110,10 +110,14 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         state = self._running
         return None if self.render_mode is None else picture(self.simulator, state, 0)
 
-    @property
-    def _running(self) -> State[np.ndarray]:
+    def _check_begun(self) -> None:
         if self._state is None:
             raise ResetNeeded("expected a call of reset before step, render and action_masks")
+
+    @property
+    def _running(self) -> State[np.ndarray]:
+        self._check_begun()
+        assert self._state is not None
         return self._state
 
     def _arrive(self) -> dict[str, Any]:

@@ -33,13 +33,16 @@ from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.room import envelopes
 
 PRESENT, MOVING, ITEM = (COLUMNS.index(name) for name in ("present", "moving", "item"))
+ROOM_COLUMNS = (*COLUMNS, "stands", "tucked")  # one column a known furniture category follows
+STANDS, TUCKED = len(COLUMNS), len(COLUMNS) + 1
 
 
 class RoomsObservation:
     """The state as a set of elements, float32 (B, elements, columns): the N items to place, then what never moves.
 
-    Columns are those of GeometryObservation, then `stands`, then the categories. An item that does not stand yet
-    is known by category and size (width along the way that it faces), and is at no place.
+    Columns are those of GeometryObservation with `stands` and `tucked` before the categories. An item that does not
+    stand yet is at no place. It is known by category and size: as it lies where its rotation is given, else the width
+    along the way that it faces, and it faces nowhere.
     """
 
     def __init__(
@@ -51,50 +54,55 @@ class RoomsObservation:
         origin = envelope.mean(1)
         shells = [replace(room, target=None) for room in rooms]
         shell, of = elements_of(shells, names, origin)
-        shell = np.insert(np.nan_to_num(padded(shell, of, len(rooms))), len(COLUMNS), 1.0, axis=2)
-        shell[..., len(COLUMNS)] = shell[..., PRESENT]
+        shell = np.insert(np.nan_to_num(padded(shell, of, len(rooms))), [STANDS, STANDS], 0.0, axis=2)
+        shell[..., STANDS] = shell[..., PRESENT]
 
         rows, most = simulator.entry.shape[:2]
-        items = np.zeros((rows, most, 4, len(COLUMNS) + 1 + len(names)))
+        items = np.zeros((rows, most, 4, len(ROOM_COLUMNS) + len(names)))
         waiting = np.zeros((rows, most, 2))
+        given = np.zeros((rows, most), dtype=bool)
         for r, those in enumerate(simulator.items):
             if those:
                 for q in range(4):
                     shown = items_described(those, simulator.degrees[r, : len(those), q])
                     items[r, : len(those), q, WIDTH : SIN + 1] = shown
                 items[r, : len(those), :, PRESENT] = 1.0
+                items[r, : len(those), :, TUCKED] = np.array([item.tucked for item in those])[:, None]
                 waiting[r, : len(those)] = [item.size for item in those]
+                given[r, : len(those)] = [item.rotation is not None for item in those]
                 category = np.array([item.category for item in those])
-                items[r, : len(those), :, len(COLUMNS) + 1 :] = (category[:, None] == np.array(names))[:, None]
+                items[r, : len(those), :, len(ROOM_COLUMNS) :] = (category[:, None] == np.array(names))[:, None]
         limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(shell).max(initial=0), waiting.max(initial=0)))
         self.space = spaces.Box(-limit, limit, (most + shell.shape[1], shell.shape[2]), np.float32)
         self._shell, self._items, self._waiting = (
             torch.tensor(table, dtype=torch.float32, device=device) for table in (shell, items, waiting)
         )
+        self._given = torch.tensor(given, device=device)
         self.origin = torch.tensor(origin, device=device)  # float64, as positions
 
     def __call__(self, state: State[Tensor]) -> Tensor:
         """Observe states."""
         stands = state.stands[..., None]
+        lies = stands | self._given.index_select(0, state.room)[..., None]
         index = state.quarter[..., None, None].expand(-1, -1, 1, self._items.shape[-1])
         items = self._items.index_select(0, state.room).gather(2, index).squeeze(2)
         place = state.center - self.origin.index_select(0, state.room)[:, None]
         items[..., X : Y + 1] = place.float() * stands
         items[..., WIDTH : DEPTH + 1] = torch.where(
-            stands, items[..., WIDTH : DEPTH + 1], self._waiting.index_select(0, state.room)
+            lies, items[..., WIDTH : DEPTH + 1], self._waiting.index_select(0, state.room)
         )
         turned = slice(DEPTH + 1, COS - 1)  # the double angle; whether it is round stays known
-        items[..., turned] *= stands
-        items[..., COS : SIN + 1] *= stands
+        items[..., turned] *= lies
+        items[..., COS : SIN + 1] *= lies
         moves = torch.zeros_like(state.stands).scatter(1, state.moving[:, None], True) & state.stands
         items[..., MOVING] = moves.float()
         items[..., ITEM] = items[..., PRESENT] - items[..., MOVING]
-        items[..., len(COLUMNS)] = state.stands.float()
+        items[..., STANDS] = state.stands.float()
         return torch.cat([items, self._shell.index_select(0, state.room)], 1)
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
-        """How the same rooms look mirrored and turned: the size of what does not stand is no matter of directions."""
+        """How the same rooms look mirrored and turned: the size of what lies nowhere is no matter of directions."""
         turned, sizes = elements_turned(observation, symmetry), slice(WIDTH, DEPTH + 1)
-        stands = observation[..., len(COLUMNS), None] == 1
-        turned[..., sizes] = torch.where(stands, turned[..., sizes], observation[..., sizes])
+        lies = (observation[..., [STANDS, COS, SIN]] != 0).any(-1, keepdim=True)
+        turned[..., sizes] = torch.where(lies, turned[..., sizes], observation[..., sizes])
         return turned

@@ -19,8 +19,8 @@ from layoutrl import InputError
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.reward import Array, Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.rooms.brief import facings, missing
-from layoutrl.rooms.clearances import FRONT_DEPTH
+from layoutrl.rooms.brief import missing, ways
+from layoutrl.rooms.clearances import off, period
 from layoutrl.rooms.room import Item, Room, envelopes
 
 TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions that turn
@@ -85,11 +85,12 @@ class RoomsSimulator:
             shell = replace(room, furniture=tuple(item for item in room.furniture if item.center), target=None)
             inside = envelopes([room])[0].representative_point().coords[0]
             for n, item in enumerate(items):
-                self.ways[r, n] = 1 if item.rotation is not None else max(1, round(period(item) / 90))
-                first = facings(room)[0] if item.rotation is None else item.rotation
+                first, *others = ways(room, item)
+                self.ways[r, n] = 1 + len(others)
                 self.degrees[r, n] = first + 90 * np.arange(4)
                 for q in range(self.ways[r, n]):
-                    key = r, item.form, item.size if q % 2 == 0 else item.size[::-1], first % 90
+                    lies = item.size if (first // 90 + q) % 2 == 0 else item.size[::-1]
+                    key = r, item.form, lies, first % 90
                     if key not in index:
                         index[key] = len(entries)
                         turned = replace(item, center=inside, rotation=float(self.degrees[r, n, q]))
@@ -194,23 +195,8 @@ class RoomsSimulator:
 
 
 def faces_alike(item: Item, degrees: float) -> bool:
-    """Whether an item of this kind, turned to `degrees`, faces as `item` does: round ones do, whatever they do; without
-    a front a half turn is none, and of a square one no quarter turn either."""
-    return _off(item.degrees - degrees, period(item)) < 45
-
-
-def period(item: Item) -> float:
-    """Degrees after which an item faces as before."""
-    if item.form == "circle":
-        return 1.0
-    if item.category in FRONT_DEPTH:
-        return 360.0
-    return 180.0 if item.size[0] != item.size[1] else 90.0
-
-
-def _off(degrees: float, period: float) -> float:
-    """How far an angle is from the nearest multiple of a period."""
-    return abs((degrees + period / 2) % period - period / 2)
+    """Whether an item of this kind, turned to `degrees`, looks as `item` does."""
+    return off(item.degrees - degrees, period(item)) <= 45
 
 
 def _same(item: Item, other: Item) -> bool:

@@ -107,7 +107,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def action_masks(self) -> np.ndarray:
         """The actions that are legal now: bool (num_envs, A)."""
-        assert self._running
+        self._check_begun()
         return array(self._legal)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -117,10 +117,14 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             return None
         return tuple(picture(self._reference, state, b) for b in range(self.num_envs))
 
-    @property
-    def _running(self) -> State[Tensor]:
+    def _check_begun(self) -> None:
         if self._state is None:
             raise ResetNeeded("expected a call of reset before step, render and action_masks")
+
+    @property
+    def _running(self) -> State[Tensor]:
+        self._check_begun()
+        assert self._state is not None
         return self._state
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:

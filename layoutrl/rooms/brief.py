@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 
-from layoutrl.rooms.room import Point, Room
+from layoutrl.rooms.clearances import off, period
+from layoutrl.rooms.room import Item, Point, Room
 
 LEVEL = 1e-3  # degrees by which a wall may lean from the axes and be upright: a millimetre in 57 m
 
@@ -33,12 +34,27 @@ def missing(room: Room) -> list[int]:
 
 
 def facings(room: Room) -> tuple[float, float, float, float]:
-    """The rotations in degrees that an item may be given: along the longest wall, and turned by quarters from there."""
-    outline = room.outline
-    (x0, y0), (x1, y1) = max(pairwise((*outline, outline[0])), key=lambda edge: math.dist(*edge))
-    off = math.degrees(math.atan2(y1 - y0, x1 - x0)) % 90
-    first = 0.0 if min(off, 90 - off) < LEVEL else off
+    """The rotations in degrees that items may have: along most of the walls, and turned by quarters from there."""
+    length: dict[float, float] = {}  # of the walls in each direction, modulo quarters
+    for (x0, y0), (x1, y1) in pairwise((*room.outline, room.outline[0])):
+        along = math.degrees(math.atan2(y1 - y0, x1 - x0)) % 90
+        near = min(length, key=lambda known: _apart(known, along), default=along)
+        direction = near if _apart(near, along) < LEVEL else along
+        length[direction] = length.get(direction, 0.0) + math.dist((x0, y0), (x1, y1))
+    first = max(length, key=lambda known: length[known])
+    first = 0.0 if _apart(first, 0.0) < LEVEL else first
     return first, first + 90, first + 180, first + 270
+
+
+def ways(room: Room, item: Item) -> tuple[float, ...]:
+    """The rotations in degrees of an item that look different, the one that is given or those along the walls."""
+    if item.rotation is not None:
+        return (item.rotation,)
+    return facings(room)[: round(period(item) / 90)]
+
+
+def _apart(one: float, other: float) -> float:
+    return off(one - other, 90.0)
 
 
 def furnished(brief: Room, poses: Mapping[int, Pose]) -> Room:

@@ -6,7 +6,14 @@ are, of the HUD's, Neufert's and the NKBA's or unsourced, the templates say.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
+import numpy as np
+
 from layoutrl.rooms.designer.generator import ROOM_TYPES
+from layoutrl.rooms.room import Item
+
+Angle = TypeVar("Angle", float, np.ndarray)
 
 # Kept free before an item, as wide as it is; 0 where it has a front but some template keeps nothing free there. What
 # is not named has no front: it faces nowhere, as tables and stools do. Nor has anything round.
@@ -40,7 +47,7 @@ FRONT_DEPTH = {
     "washing_machine": 0.6,
 }
 
-RAISED = frozenset({"platform"})  # floor to walk on
+RAISED = frozenset({"platform"})  # floor to walk on, and to stand on
 
 # What a tucked item may stand under: a chair, under the desk or table where one sits.
 HOSTS = frozenset({"desk", "table"})
@@ -55,3 +62,18 @@ PASSAGE = 0.6  # to every item, in rooms of which the designer knows nothing
 def passage(room_type: str) -> float:
     """How wide the way to every item is at least: 0.6, in kitchens and bathrooms 0.5."""
     return ROOM_TYPES[room_type].passage / 100 if room_type in ROOM_TYPES else PASSAGE
+
+
+def period(item: Item) -> float:
+    """Degrees after which an item looks as before: without a front half a turn is none; of a square one no quarter is,
+    either, and of a round one no turn at all."""
+    if item.form == "circle":
+        return 90.0
+    if item.category in FRONT_DEPTH:
+        return 360.0
+    return 180.0 if item.size[0] != item.size[1] else 90.0
+
+
+def off(degrees: Angle, period: Angle) -> Angle:
+    """How far angles are from the nearest multiple of a period, in degrees. Below 45 two items face alike."""
+    return abs((degrees + period / 2) % period - period / 2)

@@ -99,8 +99,24 @@ def test_what_blocks_an_opening_is_as_for_one_item(seed: int) -> None:
     one = [replace(room, target=k) for k in range(len(room.furniture))]
     position = np.array([item.center for item in room.furniture])
     blocks = blocks_openings(SimpleNamespace(rooms=one), np.arange(len(one)), position)  # type: ignore[arg-type]
+    blocks &= np.array([item.category not in RAISED for item in room.furniture])
     assert named(room, "blocks an opening") == list(np.flatnonzero(blocks))
     assert of(room).blocked == pytest.approx(blocks.mean())
+
+
+def test_what_stands_on_a_platform_does_not_overlap_it_and_a_platform_before_a_door_is_floor() -> None:
+    platform = Item("platform", (2.0, 3.0), (1.0, 1.5), 0.0)
+    room = room_with(platform, Item("wardrobe", (0.6, 0.8), (0.4, 2.5), 0.0))
+    assert named(room, "overlaps") == named(room, "blocks an opening") == []
+    assert named(replace(room, furniture=(replace(platform, category="desk"), room.furniture[1])), "overlaps") == [0, 1]
+
+
+def test_a_table_that_lies_across_faces_otherwise_and_one_that_is_turned_round_does_not() -> None:
+    room = room_with(Item("table", (1.4, 0.8), (2.0, 1.5), 0.0))
+    turned = [replace(room, furniture=(replace(room.furniture[0], rotation=degrees),)) for degrees in (180.0, 90.0)]
+    assert [of(layout, room).facing for layout in turned] == [1, 0]
+    square = room_with(Item("table", (1.0, 1.0), (2.0, 1.5), 0.0))
+    assert np.isnan(of(square, square).facing)
 
 
 @pytest.mark.parametrize(

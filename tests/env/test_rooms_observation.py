@@ -10,15 +10,14 @@ import torch
 
 from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
 from layoutrl.env.reward import Reward
-from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, TUCKED, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.simulator import Moves
-from layoutrl.env.symmetry import symmetries
+from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, Room, symmetry
-
-STANDS = len(COLUMNS)
+from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, Item, Room, symmetry
+from tests.builders import rectangular_room
 
 
 def simulator_of(rooms: list[Room], designs: list[Room]) -> RoomsSimulator:
@@ -78,7 +77,7 @@ def test_what_stands_looks_as_it_does_to_who_moves_one_item() -> None:
             0
         ]
         rows = seen[b][seen[b][:, STANDS] == 1]
-        without = torch.cat([rows[:, :STANDS], rows[:, STANDS + 1 :]], 1)
+        without = torch.cat([rows[:, :STANDS], rows[:, TUCKED + 1 :]], 1)
         assert sorted(map(tuple, without.numpy().round(4).tolist())) == sorted(
             map(tuple, expected.numpy().round(4).tolist())
         )
@@ -101,7 +100,7 @@ def test_what_is_still_to_come_is_known_by_category_and_size_and_is_nowhere() ->
     one, other = (observe(state)[0] for state in begun)
     assert torch.equal(one, other)  # the poses that are drawn for later do not show
     for row, item in zip(one, simulator.items[0], strict=False):
-        shown = dict(zip((*COLUMNS, "stands", *categories), row.tolist(), strict=True))
+        shown = dict(zip((*ROOM_COLUMNS, *categories), row.tolist(), strict=True))
         assert (shown["width"], shown["depth"]) == pytest.approx(item.size)
         assert shown["item"] == shown["present"] == shown[item.category] == 1
         for name in ("x", "y", "cos", "sin", "cos2", "sin2", "stands", "moving"):
@@ -137,3 +136,21 @@ def sorted_rows(seen: torch.Tensor) -> torch.Tensor:
     """The elements of each room in an order that does not hang on how they are listed."""
     rounded = (seen.double() * 1e4).round() + 0.0
     return torch.stack([one[np.lexsort(rows.numpy().T)] for one, rows in zip(seen, rounded, strict=True)])
+
+
+def test_a_rotation_that_is_given_shows_before_the_item_stands_and_so_does_what_may_stand_under_others() -> None:
+    bed, chair = Item("bed", (2.0, 1.5), None, 90.0), Item("chair", (0.5, 0.4), None, None, tucked=True)
+    brief = rectangular_room(4, 3, bed, others=(chair,), target=None)
+    simulator = RoomsSimulator([brief], None, Moves(), Reward())
+    observe = RoomsObservation(simulator)
+    state = State(*map(torch.as_tensor, simulator.begin(np.array([0]), np.random.default_rng(0))))
+    seen = observe(state)
+    shown = [dict(zip(ROOM_COLUMNS, row.tolist(), strict=False)) for row in seen[0]]
+    assert (shown[0]["width"], shown[0]["depth"], shown[0]["sin"], shown[0]["tucked"]) == pytest.approx((1.5, 2, 1, 0))
+    assert (shown[1]["width"], shown[1]["depth"], shown[1]["sin"], shown[1]["tucked"]) == pytest.approx(
+        (0.5, 0.4, 0, 1)
+    )
+    quarter = Symmetry(1, False, Moves())
+    turned = RoomsObservation(RoomsSimulator([brief.turned(1)], None, Moves(), Reward()))(state)
+    waiting = slice(COLUMNS.index("width"), TUCKED + 1)
+    torch.testing.assert_close(observe.turned(seen, quarter)[0, :2, waiting], turned[0, :2, waiting], rtol=0, atol=1e-5)

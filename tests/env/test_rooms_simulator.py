@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from layoutrl import InputError
 from layoutrl.env.reward import Reward
-from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike, period
+from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.designer.generator import design_rooms
@@ -197,16 +197,14 @@ def test_rooms_with_nothing_to_place_are_refused_but_beside_others() -> None:
     assert simulator.reward(state).total.tolist() == [0, 0]
 
 
-def test_degrees_after_which_items_look_the_same() -> None:
-    assert period(Item("bed", (2.0, 2.0))) == 360
-    assert period(Item("table", (1.0, 2.0))) == 180
-    assert period(Item("table", (1.0, 1.0))) == 90
-    assert period(Item("shower", (1.0, 1.0), form="circle")) <= 90
-    assert [faces_alike(BED, degrees) for degrees in (0, 90, 180, 270, 360, -1)] == [
-        True,
-        False,
-        False,
-        False,
-        True,
-        True,
-    ]
+def test_items_of_one_size_that_are_given_other_rotations_lie_otherwise() -> None:
+    lengthwise, across = (Item("desk", (0.6, 2.6), None, degrees) for degrees in (0.0, 90.0))
+    brief = rectangular_room(4.0, 3.0, lengthwise, others=(across,), target=None)
+    simulator = RoomsSimulator([brief], None, Moves(), Reward())
+    bounds = simulator.simulator.item_bounds[simulator.entry[0, :, 0]]
+    np.testing.assert_allclose(bounds[:, 2:], [(0.3, 1.3), (1.3, 0.3)])
+
+
+def test_a_bed_faces_its_foot() -> None:
+    alike = [faces_alike(BED, degrees) for degrees in (0, 90, 180, 270, 360, -1)]
+    assert alike == [True, False, False, False, True, True]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import csv
+import json
 
+import numpy as np
 import pytest
 import table3
 from cells import FLAG, IOU, fill, unpacked
-from columns import FURNISHES, folder_of
+from columns import FURNISHES, RESULTS, folder_of
+from printing import Row
 
 from layoutrl import InputError
+from layoutrl.evaluation.statistics import paired_p_value
 from layoutrl.rooms.files import room_from_dict
 from tests.experiments.builders import REAL, cell, configured, script
 
-TINY = ("table=table3", "room=bedroom", "seconds_a_room=0.05", "training_minutes=0.02", "planit.updates={smoke: 2}")
+TINY = ("table=table3", "room=bedroom", "planit.updates={smoke: 2}")
 
 
 @pytest.mark.parametrize("column", [*FURNISHES, "annealer_long", "search_long"])
@@ -72,5 +76,29 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
     sweeps = table3.stages({"designer_rooms": "x", "room": "kitchen,tatami", "column": "search", "floorplans": "y"})
     assert [sweep["room"] for sweep in sweeps] == ["kitchen,tatami", "tatami"]
     assert all("floorplans" not in sweep for sweep in sweeps)
+    with pytest.raises(InputError, match=r"column: expected some of .*; got geometric"):
+        table3.stages({"column": "designer,geometric"})
     with pytest.raises(InputError, match="room: expected some of"):
         table3.stages({"room": "attic"})
+
+
+def test_the_best_rival_is_that_of_the_rooms_that_all_furnished():
+    rng = np.random.default_rng(0)
+    own = np.full(20, 0.5)
+    worse = np.concatenate([np.full(20, 0.4), np.full(80, 1.0)])  # better, but in other rooms
+    better = np.full(40, 0.6) + rng.normal(0, 0.01, 40)
+    row = Row(own[None], np.arange(20), [], {})
+    expected = paired_p_value(own, better[:20], np.arange(20), np.random.default_rng(0))
+    assert table3.p_value(own, [worse, better], row) == expected < 0.001
+    assert table3.p_value(own, [own], row) == 1
+
+
+def test_the_designers_own_layouts_are_the_test_of_the_measures():
+    """In 1,000 unseen rooms of each type, as far as the cells are kept."""
+    kept = sorted((RESULTS / "default" / "table3").glob("*-own-designer-seed0.json"))
+    designed = [file for file in kept if "designer_rooms" not in file.name]
+    assert len(designed) in (0, 8)
+    for file in designed:
+        found = json.loads(file.read_text())
+        assert found["rooms"] == 1000
+        assert found["rows"]["layouts"]["faultless"] == found["rows"]["layouts"]["facing"] == 1

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from layoutrl.rooms.brief import brief_of, facings, furnished, missing
+from layoutrl.rooms.brief import brief_of, facings, furnished, missing, ways
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import MAIN_ITEM, Item
+from layoutrl.rooms.room import MAIN_ITEM, Item, Ring
 from tests.builders import rectangular_room
 
 
@@ -39,6 +39,22 @@ def test_items_face_along_the_walls() -> None:
         turned = replace(room, outline=tuple((c.real, c.imag) for c in corners))
         assert np.sort(np.mod(facings(turned), 90)) == pytest.approx([degrees % 90] * 4)
         assert np.diff(facings(turned)) == pytest.approx([90] * 3)
+
+
+def test_items_face_along_most_of_the_walls_and_not_along_the_longest() -> None:
+    cut: Ring = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.2), (1.2, 4.0), (0.0, 4.0))  # the slanting wall is 3.96 m long
+    room = replace(rectangular_room(), outline=cut, walls=())
+    assert facings(room) == (0, 90, 180, 270)
+    split: Ring = ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (0.0, 4.0))
+    assert facings(replace(room, outline=split)) == (0, 90, 180, 270)
+
+
+def test_the_ways_of_an_item_look_different() -> None:
+    room = rectangular_room()
+    sizes = {"bed": ((1.0, 1.0), 4), "table": ((1.0, 2.0), 2), "stool": ((0.4, 0.4), 1)}
+    for category, (size, count) in sizes.items():
+        assert ways(room, Item(category, size, None, None)) == facings(room)[:count]
+    assert ways(room, Item("bed", (1.0, 2.0), None, 30.0)) == (30.0,)
 
 
 def test_a_layout_is_the_brief_with_poses() -> None:

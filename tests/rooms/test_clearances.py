@@ -6,9 +6,10 @@ from collections import defaultdict
 
 import pytest
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, passage
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, off, passage, period
 from layoutrl.rooms.designer.generator import ROOM_TYPES, design_room
 from layoutrl.rooms.designer.search import Piece
+from layoutrl.rooms.room import Item
 
 WITHOUT_FRONT = {"table", "coffee_table", "side_table", "stool", "platform"}
 LESS_ELSEWHERE = {"wardrobe"}  # at a platform's end, over which it opens
@@ -43,3 +44,11 @@ def test_a_passage_is_the_designers() -> None:
         room_type: 0.5 if room_type in ("kitchen", "bathroom") else 0.6 for room_type in ROOM_TYPES
     }
     assert passage("hall") == 0.6
+
+
+def test_degrees_after_which_items_look_as_before() -> None:
+    assert period(Item("bed", (2.0, 2.0))) == 360
+    assert period(Item("table", (1.0, 2.0))) == 180
+    assert period(Item("table", (1.0, 1.0))) == 90
+    assert period(Item("shower", (1.0, 1.0), form="circle")) == 90
+    assert [off(degrees, 180.0) for degrees in (0, 90, 180, -10, 350)] == [0, 90, 0, 10, 10]

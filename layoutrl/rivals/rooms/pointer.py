@@ -18,9 +18,9 @@ from torch import Tensor, nn
 
 from layoutrl.agents.networks import CIRCLE, upright_box
 from layoutrl.env.geometry import snap
-from layoutrl.env.observation import COLUMNS, SIN2, categories_of
+from layoutrl.env.observation import SIN2, categories_of
 from layoutrl.env.reward import Reward
-from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
@@ -31,7 +31,6 @@ from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 
 QUARTERS = 4
-STANDS = len(COLUMNS)  # the column that follows them
 BLOCK = 64  # rooms furnished at once: memory, not speed
 LIKELY = 24  # places along each axis, of the highest weight, that are looked at
 PENALTY = 1e3  # of log-likelihood, for an overlap: more than any difference
@@ -49,7 +48,7 @@ class RoomsPointer(nn.Module):
     def __init__(self, categories: Sequence[str], width: int = 96):
         super().__init__()
         self.categories = tuple(categories)
-        columns = len(COLUMNS) + 1 + len(categories)
+        columns = len(ROOM_COLUMNS) + len(categories)
         self.pointing = PointingNetwork(columns, width)
         self.own = nn.Linear(width, width)
         self.turned = nn.Linear(columns, width)

@@ -16,7 +16,7 @@ import shapely
 from scipy import ndimage
 from shapely.affinity import rotate
 
-from layoutrl.env.faults import FRONT
+from layoutrl.env.faults import DOOR_CLEARANCE
 from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room
@@ -170,8 +170,8 @@ def solid_boxes(indoor: shapely.Polygon) -> Array:
 
 
 def keep_free(scene: Scene, depth: float) -> Array:
-    """The floor (z, 4) that doors need: `depth` into the room, FRONT at least."""
-    boxes = [_beyond(door, max(depth, FRONT)) for door in scene.doors]
+    """The floor (z, 4) that doors need: `depth` into the room, DOOR_CLEARANCE at least."""
+    boxes = [_beyond(door, max(depth, DOOR_CLEARANCE)) for door in scene.doors]
     return np.array(boxes).reshape(-1, 4)
 
 

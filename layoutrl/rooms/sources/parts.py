@@ -44,18 +44,24 @@ def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[R
 
 
 def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
-    """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why."""
+    """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why.
+
+    Raises InputError where either part is empty.
+    """
     assert data.source is not None
     if data.source == "designer":
         return _designed(room_type, data, "train").rooms, _designed(room_type, data, "test").rooms
     chosen = all_standing(read_files(data.source, room_type, data.path, data.labels, data.strict))
     print(chosen)
-    return split(chosen.rooms, fold)
+    return _both(*split(chosen.rooms, fold))
 
 
 def two_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms as `read_parts` has them. Raises InputError where either part is empty."""
-    training, held_out = read_parts(room_type, item, data, fold)
+    return _both(*read_parts(room_type, item, data, fold))
+
+
+def _both(training: list[Room], held_out: list[Room]) -> tuple[list[Room], list[Room]]:
     if not training or not held_out:
         raise InputError(
             f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "

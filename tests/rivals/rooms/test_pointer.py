@@ -15,8 +15,8 @@ from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y, categories_of
 from layoutrl.env.rooms_observation import MOVING
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import symmetries
-from layoutrl.rivals import rooms_pointer
 from layoutrl.rivals.budgets import updates_budget
+from layoutrl.rivals.rooms import pointer
 from layoutrl.rivals.rooms.pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
 from layoutrl.rivals.supervised import Loss
 from layoutrl.rooms.brief import brief_of
@@ -25,6 +25,7 @@ from layoutrl.rooms.room import SYMMETRIES, Item, Room
 from tests.builders import assert_seeded, opening, rectangular_room
 
 STANDS = len(COLUMNS)
+ROOM_COLUMNS = (*COLUMNS, "stands", "tucked")
 DOOR = opening("door", 0.3, -0.2, 1.2, 0)
 MIDDLE = np.array([2.0, 1.5])  # of a room of 4 by 3 m
 SEED = np.random.SeedSequence(0)
@@ -59,7 +60,7 @@ def untrained(rooms: Sequence[Room], seed: int = 0) -> RoomsPointer:
 
 def drawn_batch(monkeypatch: pytest.MonkeyPatch, rooms: list[Room], batch: int) -> tuple[torch.Tensor, Poses, Loss]:
     """One batch that a network is trained on, and its loss, instead of the training."""
-    monkeypatch.setattr(rooms_pointer, "trained", lambda make, draw, loss, *_: (draw, loss))
+    monkeypatch.setattr(pointer, "trained", lambda make, draw, loss, *_: (draw, loss))
     draw, loss = train_rooms_pointer(rooms, updates_budget(1), SEED, batch=batch)
     return *draw(torch.Generator().manual_seed(0)), loss
 
@@ -77,11 +78,11 @@ def test_it_is_trained_on_rooms_that_hold_the_largest_and_points_where_equals_ma
         assert (elements[:, 1:, MOVING] == 0).all()
         assert (elements[:, 0, X : Y + 1] == 0).all()
         rows = elements[0, 1:]
-        rows = rows[rows[:, STANDS + 1 :].any(1)]
-        names = [categories[int(row[STANDS + 1 :].argmax())] for row in rows]
+        rows = rows[rows[:, len(ROOM_COLUMNS) :].any(1)]
+        names = [categories[int(row[len(ROOM_COLUMNS) :].argmax())] for row in rows]
         standing = [name for name, row in zip(names, rows, strict=True) if row[STANDS] == 1]
         to_come = [name for name, row in zip(names, rows, strict=True) if row[STANDS] == 0]
-        mine = categories[int(elements[0, 0, STANDS + 1 :].argmax())]
+        mine = categories[int(elements[0, 0, len(ROOM_COLUMNS) :].argmax())]
         assert sorted(standing) == sorted(largest_first[: len(standing)])
         assert mine == largest_first[len(standing)]
         assert sorted(to_come) == sorted(largest_first[len(standing) + 1 :])
@@ -116,7 +117,7 @@ def test_in_each_symmetry_it_is_shown_the_turned_room_and_its_poses(k, monkeypat
     }
     categories = categories_of([room])
     for b in range(10 * k, 10 * k + 10):
-        name = categories[int(seen[b, 0, 0, STANDS + 1 :].argmax())]
+        name = categories[int(seen[b, 0, 0, len(ROOM_COLUMNS) :].argmax())]
         for n in np.flatnonzero(right.free[b]) if name != "rug" else ():
             cos, sin = seen[b, right.quarter[b, n], 0, [COS, SIN]].tolist()
             degrees = round(np.rad2deg(np.arctan2(sin, cos))) % 360
@@ -152,7 +153,7 @@ def test_a_network_hangs_on_the_seed_and_on_no_other_randomness():
 def test_it_learns_one_room_and_furnishes_it_again():
     room = bedroom()
     room = replace(room, furniture=room.furniture[:2])
-    network = train_rooms_pointer([room], updates_budget(250), SEED, batch=16)
+    network = train_rooms_pointer([room], updates_budget(250), np.random.SeedSequence(1), batch=16)
     (layout,) = furnish(network, [brief_of(room)])
     found = measured([layout], [room])
     assert found.iou.item() > 0.9
@@ -166,8 +167,8 @@ def test_the_largest_is_placed_first_and_all_are(monkeypatch):
         states.append(state)
         return each_way(observe, state)
 
-    each_way = rooms_pointer.each_way
-    monkeypatch.setattr(rooms_pointer, "each_way", spied)
+    each_way = pointer.each_way
+    monkeypatch.setattr(pointer, "each_way", spied)
     brief = brief_of(bedroom())
     (layout,) = furnish(untrained([brief]), [brief])
     categories = [brief.furniture[int(state.moving)].category for state in states]
@@ -241,7 +242,7 @@ class Pointing(torch.nn.Module):
         super().__init__()
         self.categories = tuple(categories)
         self.nothing = torch.nn.Parameter(torch.zeros(1))
-        count = rooms_pointer.LIKELY
+        count = pointer.LIKELY
         self.center = torch.tensor([[*values, *[values[-1]] * (count - len(values))] for values in (x, y)])
         self.weight = -torch.arange(float(count)).expand(2, count)
 
@@ -254,7 +255,7 @@ class Pointing(torch.nn.Module):
 def pointed(monkeypatch: pytest.MonkeyPatch, brief: Room, x: Sequence[float], y: Sequence[float]) -> Room:
     """The brief, furnished by who likes these places, counted from the middle of the room, seen in one view."""
     one = symmetries(Moves())[:1]
-    monkeypatch.setattr(rooms_pointer, "symmetries", lambda moves, device: one)
+    monkeypatch.setattr(pointer, "symmetries", lambda moves, device: one)
     (layout,) = furnish(Pointing(categories_of([brief]), x, y), [brief])
     return layout
 
