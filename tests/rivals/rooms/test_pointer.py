@@ -15,8 +15,8 @@ from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y, categories_of
 from layoutrl.env.rooms_observation import MOVING
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import symmetries
-from layoutrl.rivals import rooms_pointer
 from layoutrl.rivals.budgets import updates_budget
+from layoutrl.rivals.rooms import pointer as rooms_pointer
 from layoutrl.rivals.rooms.pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
 from layoutrl.rivals.supervised import Loss
 from layoutrl.rooms.brief import brief_of
