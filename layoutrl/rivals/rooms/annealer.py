@@ -18,6 +18,8 @@ from layoutrl.rivals.rooms.relations import Relations
 from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, ahead, boxes_at, scene_of
 from layoutrl.rooms.room import Room
 
+MOVES = ("shift", "turn", "swap", "slide", "place", "beside")
+
 
 @dataclass(kw_only=True)
 class Annealing:
@@ -31,8 +33,8 @@ class Annealing:
     last_shift: float
     first_rules: float  # what the weights of rules are multiplied with: it grows
     last_rules: float
-    moves: dict[str, float]  # how often: shift, turn, swap, slide, place, beside
-    weights: dict[str, float]  # of the terms
+    moves: dict[str, float]  # how often, of MOVES
+    weights: dict[str, float]  # of RULES and PREFERENCES
 
 
 def anneal(brief: Room, relations: Relations, settings: Annealing, spent: Spent, rng: np.random.Generator) -> Room:

@@ -10,6 +10,8 @@ from layoutrl.rivals.rooms.relations import ALONE_TERMS, PAIR_TERMS, Kept, Relat
 from layoutrl.rivals.rooms.scene import Array, Scene, boxes_at, daylight, depth, keep_free, unreached
 from layoutrl.rooms.room import TOLERANCE
 
+RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")  # terms, which weights are of
+PREFERENCES = (*ALONE_TERMS, *PAIR_TERMS, "balance")
 FAULT = 0.3  # metres that anything deeper than TOLERANCE counts on top, so that none is bought for a better place
 
 

@@ -31,7 +31,7 @@ class Searching:
     best: int  # places of an item that are tried before it takes back the one before
     nodes: int  # places that are tried in a restart
     noise: float  # of the costs by which places are ranked, in a restart: so that restarts differ
-    weights: dict[str, float]  # of the terms
+    weights: dict[str, float]  # of PREFERENCES
 
 
 @dataclass(frozen=True)
