@@ -117,7 +117,10 @@ class Finder:
         self.placed[i] = True
 
     def _ranked(self, i: int, anywhere: bool = False) -> list[Pose]:
-        """The best places of an item among what stands; all within reach, or `anywhere`. Without noise at first."""
+        """The best places of an item among what stands, without noise at first.
+
+        Either who enters gets to it, and to all that stands and was reached before, or it may be `anywhere`.
+        """
         places = self.places[i]
         if self.settings.flush and self.placed.any():
             places = places + self._legal(i, *self._beside(i))
@@ -136,9 +139,10 @@ class Finder:
             cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
         best = places[np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best]]
         if not anywhere:
-            boxes = np.tile(AWAY, (len(best.box), len(self.placed), 1))
-            boxes[:, others], boxes[:, i] = box, best.box
-            best = best[unreached(scene, boxes) <= len(self.placed) - len(others) - 1]
+            boxes = np.tile(AWAY, (1 + len(best.box), len(self.placed), 1))
+            boxes[:, others], boxes[1:, i] = box, best.box
+            lost = unreached(scene, boxes)  # at first before the item is there, which then is not reached
+            best = best[lost[1:] <= max(lost[0] - 1, 0)]
         return list(zip(best.center, best.quarter.tolist(), strict=True))[: self.settings.best]
 
     def _remember(self) -> None:

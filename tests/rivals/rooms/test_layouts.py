@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutrl.env.faults import kept_free
+from layoutrl.env.faults import faults, kept_free
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.annealer import Annealing, Chains, anneal
 from layoutrl.rivals.rooms.relations import Relations, mine
@@ -152,6 +152,17 @@ def test_search_places_what_cannot_be_reached_where_there_is_no_way_in():
     door = opening("door", -0.2, 1, 0, 1.9)
     layout = searched(rectangular_room(4, 3, bed, others=(barred,), openings=(door,), target=None))
     assert layout.furniture[0].center is not None
+
+
+def test_search_keeps_to_what_is_reached_where_something_that_stands_is_not():
+    across, barred = Item("bed", (1.0, 3.0), (1.5, 1.5)), Item("wardrobe", (0.6, 1.0), (0.3, 1.5))
+    globes = [Item("globe", (0.5, 0.5), None, 0.0) for _ in range(2)]
+    door = opening("door", 4, 1, 4.2, 1.9)
+    brief = rectangular_room(4, 3, across, others=(barred, *globes), openings=(door,), target=None)
+    nothing = Relations({}, {}, frozenset(), 0.0)  # so that the first free place is best, beyond the bed
+    layout = search(brief, nothing, SEARCHING, updates_budget(1), np.random.default_rng(0))
+    assert [name for _, name in faults(layout)].count("out of reach") == 1
+    assert all(item.center[0] > 2 for item in layout.furniture[2:])
 
 
 def test_annealing_ends_no_worse_than_it_began_and_the_more_moves_the_better():
