@@ -1,7 +1,9 @@
 """Constraint search for whole rooms, after Holodeck (Yang et al. 2024): greedy with restarts over a grid of places.
 
 Items come largest first. A place breaks no rule among what stands already; of those that keep relations best, one is
-drawn, and an item without a place takes back the one before it. What keeps most in all restarts wins.
+drawn, and an item without a place takes back the one before it. Where a restart ends so without a layout, each item in
+turn takes its best place, if need be one that nobody reaches or that bars others: reach is the only rule that is ever
+broken. The restart wins that lacks fewest items, counting those out of reach, and then keeps relations best.
 """
 
 from __future__ import annotations
