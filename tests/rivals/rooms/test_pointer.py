@@ -267,6 +267,12 @@ def test_a_tucked_chair_may_stand_under_its_desk_whichever_was_there_first(given
     assert len({item.center for item in layout.furniture}) == 2
 
 
+def test_what_stands_on_a_platform_does_not_overlap_it(monkeypatch):
+    platform = Item("platform", (2.0, 2.0), (2.0, 1.5))
+    brief = rectangular_room(4.0, 3.0, platform, others=(Item("dresser", (0.5, 1.0)),), target=None)
+    assert pointed(monkeypatch, brief, [0.0, 1.5], [0.0, 1.0]).furniture[1].center == (2.0, 1.5)
+
+
 def test_places_are_pushed_to_where_the_item_fits(monkeypatch):
     brief = rectangular_room(4.0, 3.0, Item("bed", (2.0, 1.4), None, 0.0), target=None)
     layout = pointed(monkeypatch, brief, [-9.0], [0.25])
