@@ -13,8 +13,8 @@ from layoutrl.env.geometry import CONTACT, fitting_positions
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
-DRAWS = 100  # of a place in the box around all places, before one is taken as it comes
-OTHER_CATEGORY = 2.0  # metres that an item counts which has no counterpart, and an outline that shares no floor
+DRAWS = 100  # of a place in the box around all places, before one is taken as it comes; unsourced: seldom reached
+OTHER_CATEGORY = 2.0  # metres that an item without a counterpart counts, and an outline that shares no floor; unsourced
 
 
 def random_layout(brief: Room, rng: np.random.Generator) -> Room:

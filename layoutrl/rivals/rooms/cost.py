@@ -12,7 +12,7 @@ from layoutrl.rooms.room import TOLERANCE
 
 RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")  # terms, which weights are of
 PREFERENCES = (*ALONE_TERMS, *PAIR_TERMS, "balance")
-FAULT = 0.3  # metres that anything deeper than TOLERANCE counts on top, so that none is bought for a better place
+FAULT = 0.3  # metres more for all that is deeper than TOLERANCE: none is bought for a better place; unsourced
 
 
 class Cost:

@@ -33,9 +33,9 @@ from layoutrl.rooms.room import TOLERANCE, Item, Room
 QUARTERS = 4
 STANDS = len(COLUMNS)  # the column that follows them
 BLOCK = 64  # rooms furnished at once: memory, not speed
-LIKELY = 24  # places along each axis, of the highest weight, that are looked at
-PENALTY = 1e3  # of log-likelihood, for an overlap: more than any difference
-SLANTED = 1e-3  # sine of the double angle
+LIKELY = 24  # places along each axis, of the highest weight, that are looked at; unsourced: time
+PENALTY = 1e3  # of log-likelihood, for an overlap: any number above all differences
+SLANTED = 1e-3  # sine of the double angle: rounding
 
 
 class RoomsPointer(nn.Module):

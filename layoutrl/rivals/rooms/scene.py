@@ -21,9 +21,9 @@ from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room
 
-STRIP = 0.05  # metres: width of the boxes along a slanting wall
-THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them
-BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light
+STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
+THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them; any large number
+BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light; unsourced
 SLACK = 0.005  # metres: who fits exactly passes, as in the designer's own test
 TOUCH = 1e-6  # metres of rounding
 DIRECTIONS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # the four facings, in the room's frame

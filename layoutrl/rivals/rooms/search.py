@@ -20,7 +20,7 @@ from layoutrl.rivals.rooms.scene import DIRECTIONS, STRIP, Array, Scene, boxes_a
 from layoutrl.rooms.room import FIT, Room
 
 Pose = tuple[Array, int]  # centre (2,) and facing
-LOOKED_AT = 4  # times as many places as are tried: for some within reach
+LOOKED_AT = 4  # times as many places as are tried: for some within reach; unsourced
 AWAY = np.full(4, -1e3)  # a box outside: of what is not placed
 
 
