@@ -13,6 +13,7 @@ import layoutrl.place
 from layoutrl import InputError
 from layoutrl.evaluation.protocols import Greedy, Rollout, greedy
 from layoutrl.place import run
+from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
@@ -107,6 +108,41 @@ def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is
     said = capsys.readouterr().out
     assert f"{rooms[1]['id']}: the waterbed is not placed: nobody knows it; expected a category as " in said
     assert f"the {documents[1]['furniture'][1]['category']} of 9 by 9 m is not placed: it fits into the room" in said
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("search.grid=0", "search.grid: expected more than 0; got 0.0"),
+        ("search.grid=nan", "search.grid: expected more than 0; got nan"),
+        ("search.best=0", "search.best: expected 1 or more; got 0"),
+        ("search.nodes=0", "search.nodes: expected 1 or more; got 0"),
+        ("search.noise=-1", "search.noise: expected 0 or more; got -1.0"),
+        ("+search.weights.bakc=3", "search.weights: expected one of back, side, .*; got bakc"),
+        ("+search.weights.outside=3", "search.weights: expected one of back, side, .*; got outside"),
+        ("~search.weights.back", "search.weights: expected back, side, .*; got no back"),
+        ("search.weights.back=-3", "search.weights.back: expected 0 or more; got -3.0"),
+        ("annealer.chains=0", "annealer.chains: expected 1 or more; got 0"),
+        ("annealer.cold=1", "annealer.cold: expected 0 <= cold < 1; got 1.0"),
+        ("annealer.last_temperature=0", "annealer.last_temperature: expected more than 0; got 0.0"),
+        ("annealer.first_shift=-1", "annealer.first_shift: expected more than 0; got -1.0"),
+        ("annealer.first_rules=0", "annealer.first_rules: expected more than 0; got 0.0"),
+        ("+annealer.moves.jump=1", "annealer.moves: expected one of shift, turn, .*; got jump"),
+        ("annealer.moves.turn=-1", "annealer.moves.turn: expected 0 or more; got -1.0"),
+        ("~annealer.weights.unreached", "annealer.weights: expected outside, .*; got no unreached"),
+        ("+annealer.weights.bakc=3", "annealer.weights: expected one of outside, .*; got bakc"),
+    ],
+)
+def test_settings_of_rivals_that_are_out_of_range_are_refused_in_a_line(given: str, said: str) -> None:
+    with pytest.raises(InputError, match=rf"^{said}$"):
+        composed("place", "by=search", "rooms=rooms.jsonl", given)
+
+
+def test_moves_that_are_never_made_are_refused() -> None:
+    never = [f"annealer.moves.{kind}=0" for kind in MOVES]
+    composed("place", "by=annealer", "rooms=rooms.jsonl", *never[1:])
+    with pytest.raises(InputError, match=r"^annealer\.moves: expected one kind or more that is more often than 0; got"):
+        composed("place", "by=annealer", "rooms=rooms.jsonl", *never)
 
 
 def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
@@ -19,7 +20,8 @@ from layoutrl import InputError
 from layoutrl.agents.learner import Method
 from layoutrl.agents.replay import MOST_ACTIONS
 from layoutrl.env.reward import Reward
-from layoutrl.rivals.rooms.annealer import Annealing
+from layoutrl.rivals.rooms.annealer import MOVES, Annealing
+from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.collection import FOLDS
 from layoutrl.rooms.room import MAIN_ITEM
@@ -210,6 +212,7 @@ class PlaceConfig:
             one_of("by", self.by, "search", "annealer")
         _within("seconds", self.seconds, self.seconds > 0, "more than 0")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
+        check_furnishing(self.search, self.annealer)
 
 
 @dataclass
@@ -285,6 +288,37 @@ def check_method(prefix: str, method: Method) -> None:
     fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
     _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
     _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
+
+
+def check_furnishing(search: Searching, annealer: Annealing) -> None:
+    """Raises InputError for what is out of range in `search` and `annealer` of a configuration, if it has them."""
+    if isinstance(search, Searching):  # it is the text MISSING otherwise
+        _within("search.grid", search.grid, search.grid > 0, "more than 0")
+        for name in ("best", "nodes"):
+            value = getattr(search, name)
+            _within(f"search.{name}", value, value >= 1, "1 or more")
+        _within("search.noise", search.noise, search.noise >= 0, "0 or more")
+        _named_numbers("search.weights", search.weights, PREFERENCES, PREFERENCES)
+    if isinstance(annealer, Annealing):
+        _within("annealer.chains", annealer.chains, annealer.chains >= 1, "1 or more")
+        _within("annealer.cold", annealer.cold, 0 <= annealer.cold < 1, "0 <= cold < 1")
+        for name in ("temperature", "shift", "rules"):
+            for when in ("first", "last"):
+                value = getattr(annealer, f"{when}_{name}")
+                _within(f"annealer.{when}_{name}", value, value > 0, "more than 0")
+        _named_numbers("annealer.moves", annealer.moves, MOVES)
+        often = annealer.moves
+        _within("annealer.moves", often, sum(often.values()) > 0, "one kind or more that is more often than 0")
+        terms = (*RULES, *PREFERENCES)
+        _named_numbers("annealer.weights", annealer.weights, terms, terms)
+
+
+def _named_numbers(name: str, values: dict[str, float], allowed: Sequence[str], needed: Sequence[str] = ()) -> None:
+    for key, value in values.items():
+        one_of(name, key, *allowed)
+        _within(f"{name}.{key}", value, value >= 0, "0 or more")
+    if lacking := [key for key in needed if key not in values]:
+        raise InputError(f"{name}: expected {', '.join(needed)}; got no {', '.join(lacking)}")
 
 
 def check_data(data: Data) -> None:

@@ -145,7 +145,8 @@ class Placer:
     ) -> Item | None:
         """A legal place by the heat map, if some trials find one, at which edges hold as far as `tolerance` allows.
 
-        `size` is of an item whose size, form and rotation are known; `avoid` are centres that were tried before.
+        `size` is of an item whose size, form and, if it has one, rotation are known; `avoid` are centres that were
+        tried before.
         """
         tried = self._trials(query, heat, search, size, avoid)
         return next((item for item, held in tried if held >= 1 - tolerance), None)
@@ -192,8 +193,8 @@ class Placer:
     ) -> Layout:
         """All items of a graph into an empty room: `names` of its nodes, from the scene's first item on.
 
-        `sizes` are items whose sizes, forms and rotations they take. Where no place is found, what was in the way most
-        often is taken back, with all that came after it.
+        `sizes` are items whose sizes and forms they take, and rotations, where these are known. Where no place is
+        found, what was in the way most often is taken back, with all that came after it.
         """
         fixed = self.scenes[room].fixed
         area = {fixed + k: float(np.prod(self.sizes[name], 1).mean()) for k, name in enumerate(names)}
@@ -271,8 +272,8 @@ class Placer:
 
     @torch.no_grad()
     def _items(self, query: Query, centres: np.ndarray, search: Search, size: Item | None) -> list[Item]:
-        """The item at each of n centres: which way it faces there and how large it is, if that is not given."""
-        if size is not None:
+        """The item at each of n centres: which way it faces there and how large it is, as far as that is not given."""
+        if size is not None and size.rotation is not None:
             return [replace(size, category=query.category, center=(float(x), float(y))) for x, y in centres]
         model, canvas, many = self.model, self.canvas, len(centres)
         furniture = canvas.furniture([[*query.placed.values()]]).expand(many, -1, -1)
@@ -289,6 +290,11 @@ class Placer:
         chance = model.orientation(picture(torch.zeros_like(room)), category).softmax(1).cpu().double().numpy()
         draws = None if search.rng is None else search.rng.random((many, 1))
         facing = chance.argmax(1) if draws is None else (chance.cumsum(1) > draws).argmax(1)
+        if size is not None:
+            return [
+                replace(size, category=query.category, center=(float(x), float(y)), rotation=90.0 * int(quarter))
+                for (x, y), quarter in zip(centres, facing, strict=True)
+            ]
         said = model.size(picture(torch.tensor(facing, device=model.device)), category, search.noise).cpu().numpy()
         known, sizes = self.sizes[query.category], model.statistics.sizes[query.category]
         nearest = np.linalg.norm(known - said[:, None] * reach, axis=-1).argmin(1)

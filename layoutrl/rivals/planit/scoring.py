@@ -18,9 +18,10 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample
-from layoutrl.rivals.planit.graph import Graph, Relation
+from layoutrl.rivals.planit.graph import Graph, Relation, scene_of
 from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
 from layoutrl.rivals.planit.training import planned, with_last
+from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Item, Room
 
 CHOICES = ("sampled", "argmax")  # of places, facings and sizes
@@ -245,19 +246,31 @@ def _fullest(
 
 
 def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
-    """The placer's rooms furnished from nothing, each item at its likeliest place, told categories and true sizes.
+    """The briefs of the placer's rooms, furnished: each item at its likeliest place, facing its likeliest way there.
 
-    Items without a place have no center.
+    Known are the bare room and what a brief lists: categories, true sizes and forms. Items without a place have no
+    center.
     """
     rng, _ = _generators(placer, seed)
+    briefs = [brief_of(room) for room in placer.rooms]
+    bare = [replace(brief, furniture=()) for brief in briefs]
+    told = Placer(placer.model, bare, [scene_of(room) for room in bare])
+    important = placer.model.statistics.categories.index
     layouts = []
-    for number, room in enumerate(placer.rooms):
-        layout, stands_for = _fullest(placer, number, "given categories", "true size", rng, Search())
-        fixed = placer.scenes[number].fixed
-        places = {k: layout.placed.get(fixed + n) for n, k in enumerate(stands_for)}
-        bare = [replace(item, center=None, rotation=None) for item in room.furniture]
-        furniture = tuple(places[k] or item for k, item in enumerate(bare))
-        layouts.append(replace(room, furniture=furniture, target=None))
+    for number, brief in enumerate(briefs):
+        # The most important first, as it was learned.
+        order = sorted(range(len(brief.furniture)), key=lambda k: important(brief.furniture[k].category))
+        items = [brief.furniture[k] for k in order]
+        names = [item.category for item in items]
+        made: list[Layout] = []
+        while not made or (made[-1].missing and len(made) < TRIES):
+            _, graph = _sampled(told, number, rng, names)
+            made.append(told.furnish(number, names, graph, Search(), items))
+        best = min(made, key=lambda layout: len(layout.missing))
+        furniture = list(brief.furniture)
+        for n, k in enumerate(order):
+            furniture[k] = best.placed.get(told.scenes[number].fixed + n, furniture[k])
+        layouts.append(replace(brief, furniture=tuple(furniture)))
     return layouts
 
 

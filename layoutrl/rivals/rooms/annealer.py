@@ -1,9 +1,20 @@
-"""Simulated annealing of whole rooms, after Merrell et al. 2011 and Yu et al. 2011: nothing is learned but distances.
+"""Simulated annealing of whole rooms, after Merrell et al. 2011 and Yu et al. 2011.
 
 Many chains of one room take a move of one kind at a time, as arrays: a step of all costs little more than of one.
-Access (the floor before items), circulation (who cannot be reached), distances of pairs, distance to the wall and
-visual balance are theirs. Merrell's term of angles -(8c^4 - 8c^2 + 1) and alignment -cos 4a are the same for all items
-along the walls, so they are not here: which way items face, and lie, is a share of training rooms (`relations`).
+What training rooms tell are distances, shares of looks, turns and bearings, what is tall and how much floor doors keep
+(`relations`): counted, not learned by gradients.
+
+Clearance, circulation, distances of pairs and to the wall, and visual balance are theirs. What is not as they have it:
+
+- Access is the floor before an item, as deep as FRONT_DEPTH, which the designer and the measures keep; they have floor
+  of their own on several sides.
+- Circulation counts the items that who enters cannot get to, as wide as the room's passage, as the measures do;
+  Merrell counts the connected parts of the floor that is free for a body 45 cm wide, and Yu lays out curved pathways.
+- Merrell's angle of pairs, -(8c^4 - 8c^2 + 1), and alignment, -cos 4a, are the same for all items along the walls, and
+  all are here. Mined shares, of which way one faces and lies as seen from another, tell these apart instead, as do
+  shares of looks at door and window in place of Yu's visibility and Merrell's emphasis.
+- Conversation, symmetry and Yu's groups of parent and child are left out: pairs are mined, whatever they are for.
+- Slide, place and beside are moves of our own; chains do not swap temperatures; the weights of rules grow.
 """
 
 from __future__ import annotations
@@ -18,6 +29,8 @@ from layoutrl.rivals.rooms.relations import Relations
 from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, ahead, boxes_at, scene_of
 from layoutrl.rooms.room import Room
 
+MOVES = ("shift", "turn", "swap", "slide", "place", "beside")
+
 
 @dataclass(kw_only=True)
 class Annealing:
@@ -31,8 +44,8 @@ class Annealing:
     last_shift: float
     first_rules: float  # what the weights of rules are multiplied with: it grows
     last_rules: float
-    moves: dict[str, float]  # how often: shift, turn, swap, slide, place, beside
-    weights: dict[str, float]  # of the terms
+    moves: dict[str, float]  # how often, of MOVES
+    weights: dict[str, float]  # of RULES and PREFERENCES
 
 
 def anneal(brief: Room, relations: Relations, settings: Annealing, spent: Spent, rng: np.random.Generator) -> Room:

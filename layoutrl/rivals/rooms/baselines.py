@@ -13,8 +13,8 @@ from layoutrl.env.geometry import CONTACT, fitting_positions
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
-DRAWS = 100  # of a place in the box around all places, before one is taken as it comes
-OTHER_CATEGORY = 2.0  # metres that an item counts which has no counterpart
+DRAWS = 100  # of a place in the box around all places, before one is taken as it comes; unsourced: seldom reached
+OTHER_CATEGORY = 2.0  # metres that an item without a counterpart counts, and an outline that shares no floor; unsourced
 
 
 def random_layout(brief: Room, rng: np.random.Generator) -> Room:
@@ -76,15 +76,37 @@ class Library:
 
 
 def _unlikeness(brief: Room, room: Room) -> np.ndarray:
-    """How unlike the brief a room is in each of the eight views (8,), in metres: outline, openings and furniture."""
+    """How unlike the brief a room is in each of the eight views (8,), in metres: outline, openings and furniture.
+
+    Outlines differ by their extents, and as far as they do not cover each other when stretched to these.
+    """
     items = _list_distance(brief.furniture, room.furniture)
     ours, theirs = ({kind: _middles(one, kind) for kind in ("door", "window")} for one in (brief, room))
     size, extents = _extents(brief), _extents(room)
+    turns = [symmetry(*which) for which in SYMMETRIES]
     result = []
-    for turn in (symmetry(*which) for which in SYMMETRIES):
+    for turn in turns:
         openings = sum(_set_distance(ours[kind], theirs[kind] @ turn.T) for kind in ours)
         result.append(np.abs(size - np.abs(turn) @ extents).sum() + openings + items)
-    return np.array(result)
+    return np.array(result) + OTHER_CATEGORY * (1 - _outline_iou(brief, room, turns))
+
+
+def _outline_iou(brief: Room, room: Room, turns: Sequence[np.ndarray]) -> np.ndarray:
+    """Of the floors, each stretched to a square, the second turned by these matrices: (len(turns),)."""
+    shares = [one.indoor.area / _extents(one).prod() for one in (brief, room)]
+    if max(shares) > 1 - 1e-9:  # a rectangle holds the other
+        return np.full(len(turns), min(shares))
+    ours, theirs = _stretched(brief), _stretched(room)
+    shared = shapely.area(
+        shapely.intersection(ours, [shapely.transform(theirs, lambda xy, t=turn: xy @ t.T) for turn in turns])
+    )
+    return shared / (sum(shares) - shared)
+
+
+def _stretched(room: Room) -> shapely.Polygon:
+    """The floor, its bounding box stretched to one of sides 1 around the origin."""
+    x0, y0, x1, y1 = room.indoor.bounds
+    return shapely.transform(room.indoor, lambda xy: (xy - ((x0 + x1) / 2, (y0 + y1) / 2)) / (x1 - x0, y1 - y0))
 
 
 def _extents(room: Room) -> np.ndarray:

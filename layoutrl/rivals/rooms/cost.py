@@ -10,7 +10,9 @@ from layoutrl.rivals.rooms.relations import ALONE_TERMS, PAIR_TERMS, Kept, Relat
 from layoutrl.rivals.rooms.scene import Array, Scene, boxes_at, daylight, depth, keep_free, unreached
 from layoutrl.rooms.room import TOLERANCE
 
-FAULT = 0.3  # metres that anything deeper than TOLERANCE counts on top, so that none is bought for a better place
+RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")  # terms, which weights are of
+PREFERENCES = (*ALONE_TERMS, *PAIR_TERMS, "balance")
+FAULT = 0.3  # metres more for all that is deeper than TOLERANCE: none is bought for a better place; unsourced
 
 
 class Cost:

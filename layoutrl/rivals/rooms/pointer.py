@@ -25,16 +25,16 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
+from layoutrl.rivals.rooms.scene import may_share_floor
 from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
 from layoutrl.rooms.brief import brief_of
-from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 
 QUARTERS = 4
 BLOCK = 64  # rooms furnished at once: memory, not speed
-LIKELY = 24  # places along each axis, of the highest weight, that are looked at
-PENALTY = 1e3  # of log-likelihood, for an overlap: more than any difference
-SLANTED = 1e-3  # sine of the double angle
+LIKELY = 24  # places along each axis, of the highest weight, that are looked at; unsourced: time
+PENALTY = 1e3  # of log-likelihood, for an overlap: any number above all differences
+SLANTED = 1e-3  # sine of the double angle: rounding
 
 
 class RoomsPointer(nn.Module):
@@ -259,7 +259,7 @@ def _fills_its_box(elements: Tensor) -> Tensor:
 def _stays_off(simulator: RoomsSimulator, elements: int) -> np.ndarray:
     """Which of so many elements, as observed, an item must stay off: bool (rooms, N, elements).
 
-    All, but what it is tucked under, and what is tucked under it.
+    All, but those with which it may share floor.
     """
     off = np.ones((*simulator.ways.shape, elements), dtype=bool)
     for r, (room, items) in enumerate(zip(simulator.rooms, simulator.items, strict=True)):
@@ -267,12 +267,8 @@ def _stays_off(simulator: RoomsSimulator, elements: int) -> np.ndarray:
         others = [*enumerate(items), *enumerate((item for item in room.furniture if item.center), first)]
         for n, item in enumerate(items):
             for k, other in others:
-                off[r, n, k] = not (_under(item, other) or _under(other, item))
+                off[r, n, k] = not may_share_floor(item, other)
     return off
-
-
-def _under(item: Item, host: Item) -> bool:
-    return item.tucked and host.category in HOSTS and not host.tucked
 
 
 def _pushed(regions: np.ndarray, center: np.ndarray) -> np.ndarray:

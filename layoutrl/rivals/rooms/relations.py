@@ -1,7 +1,8 @@
 """What training rooms have in common, category by category: annealer and search try to keep it in new rooms.
 
-Nothing is learned but distances, and how often items face and lie which way (Merrell et al. 2011 and Yu et al. 2011
-took theirs from guidelines and examples). An offset is steady where its middle 80% lie within STEADY.
+These are distances, how often items face and lie which way, what never stands before a window, and how much floor doors
+keep free (Merrell et al. 2011 and Yu et al. 2011 took theirs from guidelines and examples). An offset is steady where
+its STEADY_RANGE is no wider than STEADY.
 """
 
 from __future__ import annotations
@@ -15,10 +16,15 @@ import numpy as np
 from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Gate, Scene, ahead, boxes_at, daylight, depth, gap, scene_of
 from layoutrl.rooms.room import TOLERANCE, Room
 
+# What counts as a habit; unsourced, all of them.
 STEADY = 0.3  # metres
+STEADY_RANGE = (0.1, 0.9)  # quantiles
 RELATED = 1.0  # metres: pairs whose distance varies by more are no pairs
 RANGE = (0.25, 0.75)  # quantiles
+CLEAR = 0.05  # quantile: of all doors so many have less floor free before them
 FEWEST = 3  # observations: less is chance
+
+# How costs grow; unsourced, both.
 FAR = 1.0  # metres: beyond, an offset is as bad as any
 NEAREST = 0.05  # metres: shorter distances count as this, so that no ratio of them runs away
 
@@ -86,7 +92,7 @@ def mine(rooms: Sequence[Room]) -> Relations:
         {category: _alone(np.array(seen)) for category, seen in single.items() if len(seen) >= FEWEST},
         {key: pair for key, seen in double.items() if len(seen) >= FEWEST and (pair := _pair(np.array(seen)))},
         frozenset(single) - before_window,
-        float(np.quantile(clear, 0.05)) if clear else 0.0,
+        float(np.quantile(clear, CLEAR)) if clear else 0.0,
     )
 
 
@@ -174,7 +180,7 @@ def _range(values: Array) -> Range:
 
 
 def _steady(values: Array) -> float | None:
-    low, high = np.quantile(values, (0.1, 0.9))
+    low, high = np.quantile(values, STEADY_RANGE)
     return float(np.median(values)) if high - low <= STEADY else None
 
 

@@ -21,9 +21,9 @@ from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room
 
-STRIP = 0.05  # metres: width of the boxes along a slanting wall
-THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them
-BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light
+STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
+THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them; any large number
+BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light; unsourced
 SLACK = 0.005  # metres: who fits exactly passes, as in the designer's own test
 TOUCH = 1e-6  # metres of rounding
 DIRECTIONS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # the four facings, in the room's frame
@@ -54,7 +54,7 @@ class Scene:
     front_half: Array  # (n, 4, 2) the same of the floor before it
     front_offset: Array  # (n, 4, 2) from its middle to that of the floor before it
     stands_aside: Array  # (n,) bool: not in the way of who walks: tucked or raised
-    may_overlap: Array  # (n, n) bool: the first is tucked, the second its host, or the other way round
+    may_overlap: Array  # (n, n) bool: they may share floor
     may_stand_before: Array  # (n, n) bool: the second in the floor before the first
     movable: Array  # indices of the items to place
     turnable: Array  # (n,) bool
@@ -90,7 +90,7 @@ def scene_of(brief: Room) -> Scene:
     standing = [item.center is not None for item in brief.furniture]
     center = [_turn(item.center, -base) if item.center else middle for item in brief.furniture]
     front = np.array([_front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
-    under = np.array([[a.tucked and b.category in HOSTS for b in brief.furniture] for a in brief.furniture], dtype=bool)
+    shared = np.array([[may_share_floor(a, b) for b in brief.furniture] for a in brief.furniture], dtype=bool)
     before = [[b.category in MAY_STAND_BEFORE.get(a.category, ()) for b in brief.furniture] for a in brief.furniture]
     aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
     raised = np.array([item.category in RAISED for item in brief.furniture], dtype=bool)
@@ -107,12 +107,24 @@ def scene_of(brief: Room) -> Scene:
         front_half=half * (1 - along) + front / 2 * along,
         front_offset=DIRECTIONS * (half + front / 2),
         stands_aside=aside,
-        may_overlap=under | under.T | np.eye(len(items), dtype=bool),
-        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised | under.T,
+        may_overlap=shared | np.eye(len(items), dtype=bool),
+        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised,
         movable=np.flatnonzero(~np.array(standing, dtype=bool)),
         turnable=np.array([item.rotation is None for item in brief.furniture], dtype=bool),
         center=np.array(center).reshape(-1, 2),
         quarter=np.array([quarter for _, quarter in items], dtype=int),
+    )
+
+
+def may_share_floor(item: Item, other: Item) -> bool:
+    """Whether two items do not overlap wherever they stand, as `layoutrl.env.faults` has it.
+
+    One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands.
+    """
+    if (item.category in RAISED) != (other.category in RAISED):
+        return True
+    return any(
+        under.tucked and host.category in HOSTS and not host.tucked for under, host in ((item, other), (other, item))
     )
 
 

@@ -1,7 +1,9 @@
 """Constraint search for whole rooms, after Holodeck (Yang et al. 2024): greedy with restarts over a grid of places.
 
 Items come largest first. A place breaks no rule among what stands already; of those that keep relations best, one is
-drawn, and an item without a place takes back the one before it. What keeps most in all restarts wins.
+drawn, and an item without a place takes back the one before it. Where a restart ends so without a layout, each item in
+turn takes its best place, if need be one that nobody reaches or that bars others: reach is the only rule that is ever
+broken. The restart wins that lacks fewest items, counting those out of reach, and then keeps relations best.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from layoutrl.rivals.rooms.scene import DIRECTIONS, STRIP, Array, Scene, boxes_a
 from layoutrl.rooms.room import FIT, Room
 
 Pose = tuple[Array, int]  # centre (2,) and facing
-LOOKED_AT = 4  # times as many places as are tried: for some within reach
+LOOKED_AT = 4  # times as many places as are tried: for some within reach; unsourced
 AWAY = np.full(4, -1e3)  # a box outside: of what is not placed
 
 
@@ -31,7 +33,7 @@ class Searching:
     best: int  # places of an item that are tried before it takes back the one before
     nodes: int  # places that are tried in a restart
     noise: float  # of the costs by which places are ranked, in a restart: so that restarts differ
-    weights: dict[str, float]  # of the terms
+    weights: dict[str, float]  # of PREFERENCES
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,10 @@ class Finder:
         self.placed[i] = True
 
     def _ranked(self, i: int, anywhere: bool = False) -> list[Pose]:
-        """The best places of an item among what stands; all within reach, or `anywhere`. Without noise at first."""
+        """The best places of an item among what stands, without noise at first.
+
+        Either who enters gets to it, and to all that stands and was reached before, or it may be `anywhere`.
+        """
         places = self.places[i]
         if self.settings.flush and self.placed.any():
             places = places + self._legal(i, *self._beside(i))
@@ -136,9 +141,10 @@ class Finder:
             cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
         best = places[np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best]]
         if not anywhere:
-            boxes = np.tile(AWAY, (len(best.box), len(self.placed), 1))
-            boxes[:, others], boxes[:, i] = box, best.box
-            best = best[unreached(scene, boxes) <= len(self.placed) - len(others) - 1]
+            boxes = np.tile(AWAY, (1 + len(best.box), len(self.placed), 1))
+            boxes[:, others], boxes[1:, i] = box, best.box
+            lost = unreached(scene, boxes)  # at first before the item is there, which then is not reached
+            best = best[lost[1:] <= max(lost[0] - 1, 0)]
         return list(zip(best.center, best.quarter.tolist(), strict=True))[: self.settings.best]
 
     def _remember(self) -> None:

@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from layoutrl.env.measures import iou_of
 from layoutrl.rivals.planit import scoring
 from layoutrl.rivals.planit.graph import graph_of, scene_of
-from layoutrl.rivals.planit.placement import Layout, Placer, Query
+from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
 from layoutrl.rivals.planit.scoring import (
     QUERIES,
     TRIES,
     Furnished,
     evaluated,
     furnish_all,
+    furnished_rooms,
     given_query,
     match,
     matched,
@@ -27,9 +29,11 @@ from layoutrl.rivals.planit.scoring import (
     scored,
     table,
 )
+from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room
 from tests.rivals.planit.rooms import designed, placer_of
+from tests.rivals.rooms.builders import disarranged
 
 ROOMS = designed("bathroom", 3)
 pytestmark = pytest.mark.usefixtures("small_networks")
@@ -246,3 +250,33 @@ def test_every_room_gets_an_answer() -> None:
     assert set(furnished) == set(targets)
     for found in furnished.values():
         assert [set(iou) for iou in found.iou] == [set(range(len(room.furniture))) for room in ROOMS[:2]]
+
+
+@pytest.mark.usefixtures("small_planit")
+def test_a_room_is_furnished_alike_wherever_in_whichever_order_and_facing_the_designer_has_its_items() -> None:
+    rooms = [replace(room, furniture=room.furniture[:3], target=0) for room in ROOMS[:2]]
+    chairs = tuple(Item("chair", size, (1.0, 1.0), 90.0) for size in ((0.5, 0.5), (0.4, 0.6)))
+    rooms.append(replace(rooms[0], furniture=(*rooms[0].furniture[:1], *chairs)))
+    others = [disarranged(room, np.random.default_rng(k)) for k, room in enumerate(rooms)]
+    model = placer_of(rooms).model
+    first, second = (
+        furnished_rooms(Placer(model, those, [scene_of(room) for room in those]), np.random.SeedSequence(0))
+        for those in (rooms, others)
+    )
+    assert [room.furniture for room in first] == [room.furniture for room in second]
+    assert any(item.center is not None for room in first for item in room.furniture)
+    for room, layout in zip(rooms, first, strict=True):
+        assert brief_of(layout).furniture == brief_of(room).furniture
+        assert all(item.center is None or item.rotation in facings(room) for item in layout.furniture)
+
+
+def test_who_is_told_no_rotation_faces_as_the_network_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    placer = placer_of(ROOMS[:1])
+    query, _ = scoring._bare_query(placer, 0)
+    size = replace(ROOMS[0].moving, center=None, rotation=None, size=(0.4, 0.6))
+    wanted = torch.tensor([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    monkeypatch.setattr(placer.model.networks["orientation"], "forward", lambda *_: wanted)
+    items = placer._items(query, np.array([(1.0, 1.0), (2.0, 1.0)]), Search(), size)
+    assert items == [replace(size, center=(1.0, 1.0), rotation=180.0), replace(size, center=(2.0, 1.0), rotation=270.0)]
+    told = replace(size, rotation=90.0)
+    assert placer._items(query, np.array([(1.0, 1.0)]), Search(), told) == [replace(told, center=(1.0, 1.0))]

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shapely import affinity
 
-from layoutrl.rivals.rooms.baselines import Library, _unlikeness, nearest_layout, random_layout
+from layoutrl.env.measures import iou_of
+from layoutrl.rivals.rooms.baselines import OTHER_CATEGORY, Library, _unlikeness, nearest_layout, random_layout
 from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.room import SYMMETRIES, Item
 from tests.builders import random_room, rectangular_room
-from tests.rivals.rooms.builders import designed, disarranged
+from tests.rivals.rooms.builders import designed
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -55,8 +59,35 @@ def test_the_nearest_room_is_that_of_all():
         )
 
 
-def test_where_the_designer_put_things_has_no_say():
+@pytest.mark.parametrize("view", range(8))
+def test_outlines_are_compared_and_not_their_extents_alone(view):
+    corners = (0.0, 0.0), (5.0, 0.0), (5.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0)
+    rectangle = rectangular_room(5.0, 4.0, Item("bed", (2.0, 1.4), (1.0, 0.7)))
+    angle = replace(rectangle, outline=corners, walls=())
+    turned = angle.turned(*SYMMETRIES[view])
+    library = Library([rectangle, angle, rectangle])
+    found, way = library.nearest(brief_of(turned))
+    assert (found, way) == (angle, view)
+    unlike = _unlikeness(brief_of(turned), angle)
+    assert unlike[view] == pytest.approx(0)
+    assert np.delete(unlike, view).min() > 0.1
+    of_rectangle = _unlikeness(brief_of(turned), rectangle)
+    assert of_rectangle.min() == pytest.approx(OTHER_CATEGORY * (1 - 14 / 20))
+    assert _unlikeness(brief_of(rectangle), rectangle).min() == 0
+    mirrored = [affinity.translate(angle.turned(*v).indoor, 5, dy) for v, dy in (((2, False), 4), ((0, True), 0))]
+    slow = [iou_of(shape, angle.indoor) for shape in mirrored]
+    fast = _unlikeness(angle, angle)[[SYMMETRIES.index(v) for v in ((2, False), (0, True))]]
+    assert fast == pytest.approx([OTHER_CATEGORY * (1 - iou) for iou in slow])
+
+
+@pytest.mark.parametrize("nearest", [False, True])
+def test_the_same_seed_gives_the_same_layout(nearest):
     *rooms, room = designed("bedroom", 5)
-    first, second = brief_of(room), brief_of(disarranged(room, np.random.default_rng(0)))
-    for method in (random_layout, lambda brief, rng: nearest_layout(brief, Library(rooms), rng)):
-        assert method(first, np.random.default_rng(1)) == method(second, np.random.default_rng(1))
+    library, brief = Library(rooms), brief_of(room)
+
+    def furnished(seed):
+        rng = np.random.default_rng(seed)
+        return nearest_layout(brief, library, rng) if nearest else random_layout(brief, rng)
+
+    assert furnished(1) == furnished(1)
+    assert nearest or furnished(1) != furnished(2)

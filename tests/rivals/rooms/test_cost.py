@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from layoutrl.rivals.rooms.annealer import Annealing
 from layoutrl.rivals.rooms.cost import FAULT, Cost
 from layoutrl.rivals.rooms.relations import Relations, mine
-from layoutrl.rivals.rooms.scene import daylight, keep_free, scene_of
+from layoutrl.rivals.rooms.scene import daylight, keep_free, may_share_floor, scene_of
 from layoutrl.rooms.brief import brief_of
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED
+from layoutrl.rooms.clearances import FRONT_DEPTH, MAY_STAND_BEFORE, RAISED
 from layoutrl.rooms.room import TOLERANCE, Room
 from tests.builders import random_room
 from tests.rivals.rooms.builders import configured, designed, random_poses
@@ -42,8 +42,7 @@ def slow_faults(layout: Room, solids, doors, windows) -> dict[str, float]:
         if item.category in NOTHING.tall:
             found["daylight"] += sum(fault(boxes[i], window) for window in windows)
         for j in range(i):
-            tucked = any(a.tucked and b.category in HOSTS for a, b in ((item, items[j]), (items[j], item)))
-            found["overlap"] += 0 if tucked else fault(boxes[i], boxes[j])
+            found["overlap"] += 0 if may_share_floor(item, items[j]) else fault(boxes[i], boxes[j])
         depth = FRONT_DEPTH.get(item.category, 0)
         if depth and item.form == "rectangle":
             x0, y0, x1, y1 = boxes[i].bounds
@@ -53,7 +52,6 @@ def slow_faults(layout: Room, solids, doors, windows) -> dict[str, float]:
             found["fronts"] += sum(fault(front, solid) for solid in solids)
             for j, other in enumerate(items):
                 welcome = other.category in RAISED or other.category in MAY_STAND_BEFORE.get(item.category, ())
-                welcome |= other.tucked and item.category in HOSTS
                 found["fronts"] += 0 if j == i or welcome else fault(front, boxes[j])
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.affinity import rotate
 
+from layoutrl.env.faults import faults
 from layoutrl.rivals.rooms.scene import (
     DIRECTIONS,
     SLACK,
@@ -19,6 +20,7 @@ from layoutrl.rivals.rooms.scene import (
     boxes_at,
     depth,
     gap,
+    may_share_floor,
     scene_of,
     solid_boxes,
     unreached,
@@ -123,3 +125,29 @@ def test_what_stands_stays_and_a_given_rotation_is_kept():
     assert layout.furniture[0] == standing
     assert (layout.furniture[1].center, layout.furniture[1].rotation) == ((3.0, 2.0), 90.0)
     assert scene.half[1, 1].tolist() == [0.6, 0.3]
+
+
+@pytest.mark.parametrize("tucked", [False, True])
+@pytest.mark.parametrize("hosted", [False, True])
+def test_who_may_share_floor_is_who_does_not_overlap_anywhere(tucked, hosted):
+    """By the faults of two items, one in the middle of the other."""
+    names = ("desk", "chair", "table", "bed")
+    for first, second in product(names, names):
+        pair = Item(first, (0.6, 1.2), (2.0, 1.5), tucked=tucked), Item(second, (0.5, 0.5), (2.0, 1.5), tucked=hosted)
+        room = rectangular_room(4, 3, pair[0], others=pair[1:], target=None)
+        overlap = "overlaps" in {name for _, name in faults(room)}
+        assert may_share_floor(*pair) == may_share_floor(*pair[::-1]) == (not overlap)
+        assert scene_of(room).may_overlap[0, 1] == may_share_floor(*pair)
+
+
+def test_what_stands_on_a_platform_shares_its_floor():
+    platform, chest, chair = (
+        Item("platform", (2.0, 2.0)),
+        Item("dresser", (0.5, 1.0)),
+        Item("chair", (0.5, 0.5), tucked=True),
+    )
+    assert may_share_floor(platform, chest)
+    assert may_share_floor(chair, platform)
+    assert not may_share_floor(platform, platform)
+    brief = rectangular_room(4, 3, platform, others=(chest,), target=None)
+    assert scene_of(brief).may_overlap.all()
