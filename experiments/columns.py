@@ -48,7 +48,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts, whole_parts
 from layoutrl.runs import resume
-from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, one_of, part
+from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, check_furnishing, one_of, part
 from layoutrl.runs.folder import differences, folders_of, load_config, locked, wanted_folder, write_json
 from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 from layoutrl.runs.trained import trained_agent as load_agent
@@ -78,6 +78,7 @@ class CellConfig(TrainConfig):
         super().__post_init__()
         self.planit.check("planit")
         one_of("fill", self.fill, *FILLS, *FURNISHES)
+        check_furnishing(self.search, self.annealer)
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
         one_of("planit_time", self.planit_time, "agent", "updates")

@@ -138,7 +138,7 @@ def overlapping(items: Items) -> tuple[np.ndarray, np.ndarray]:
     is_host = np.isin(items.category, list(HOSTS)) & ~items.tucked
     a, b = pairs(items.room, items.room)
     hosted = items.tucked[a] & is_host[b] | is_host[a] & items.tucked[b]
-    meet = (a != b) & ~hosted & ~raised[a] & ~raised[b] & shapely.intersects(items.footprint[a], items.footprint[b])
+    meet = (a != b) & ~hosted & (raised[a] == raised[b]) & shapely.intersects(items.footprint[a], items.footprint[b])
     a, b = a[meet], b[meet]
     core = items.grown(-TOLERANCE / 2)
     deep = np.bincount(a, shapely.intersects(core[a], core[b]), len(items.room)) > 0
