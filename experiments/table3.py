@@ -130,6 +130,7 @@ def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
         "room": room,
         "method": method,
         "mean_iou": own.mean,
+        "sd": float(own.iou.std()),
         **numbers,
         "n": own.iou.shape[1],
         "seeds": own.iou.shape[0],
