@@ -161,7 +161,7 @@ def destinations(batch: BatchSimulator, room: np.ndarray, position: np.ndarray) 
     """Where every action leads (B, A, 2), and whether it is legal (B, A), like Simulator.destinations."""
     at = torch.tensor(position)
     length, legal = batch.reach(torch.tensor(room), at)
-    reached = [batch.moved(at, torch.full((len(room),), a), length[:, a]) for a in range(batch.moves.count)]
+    reached = [batch.moved(room, at, torch.full((len(room),), a), length[:, a]) for a in range(batch.moves.count)]
     return torch.stack(reached, 1).numpy(), legal.numpy()
 
 

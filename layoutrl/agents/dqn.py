@@ -14,10 +14,10 @@ from layoutrl.env.symmetry import Symmetry
 
 
 class Observe(Protocol):
-    """What an agent sees of poses; GeometryObservation or ImageObservation."""
+    """What an agent sees of poses; GeometryObservation, ImageObservation or ScenesObservation."""
 
-    def __call__(self, room: Tensor, position: Tensor) -> Tensor:
-        """Observations (B, ...) of rooms (B,) with the item at positions (B, 2)."""
+    def __call__(self, room: Tensor, position: Tensor, /) -> Tensor:
+        """Observations (B, ...) of rooms (B,) or scenes (B, columns) with the item at positions (B, 2)."""
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same rooms look mirrored and turned."""

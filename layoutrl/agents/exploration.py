@@ -22,8 +22,8 @@ class LinearSchedule:
         return self.start + progress * (self.end - self.start)
 
 
-def explore(greedy: Tensor, legal: Tensor, epsilon: float, generator: torch.Generator) -> Tensor:
-    """Replace each greedy action (B,) with probability epsilon by a uniformly drawn legal one (B, A)."""
+def explore(greedy: Tensor, legal: Tensor, epsilon: float | Tensor, generator: torch.Generator) -> Tensor:
+    """Replace each greedy action (B,) with probability epsilon, or (B,), by a uniformly drawn legal one (B, A)."""
     drawn = torch.rand(legal.shape, generator=generator, device=legal.device).masked_fill(~legal, -1).argmax(1)
     chance = torch.rand(len(greedy), generator=generator, device=legal.device)
     return torch.where(chance < epsilon, drawn, greedy)

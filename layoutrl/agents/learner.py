@@ -11,16 +11,23 @@ import torch
 from torch import nn
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN
+from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork, weights_of
 from layoutrl.agents.replay import Replay
-from layoutrl.agents.training import Training
+from layoutrl.agents.training import Begin, Training
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import COLUMNS, categories_of, observation_of
 from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_observation import ROOM_COLUMNS, RoomsObservation
+from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.scene_episodes import SceneEpisodes
+from layoutrl.env.scenes import Scenes, ScenesObservation, mirrored
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
+from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 
 
@@ -55,6 +62,7 @@ class Method:
     epsilon_end: float
     epsilon_share: float  # of the updates, over which epsilon falls
     updates: dict[str, int]  # by budget
+    scope: Any = "item"  # what is furnished: one item of a room, or the whole room
 
     @property
     def moves(self) -> Moves:
@@ -62,7 +70,12 @@ class Method:
         return Moves(tuple(self.steps), self.unit, self.slide)
 
     def views(self, device: torch.device) -> list[Symmetry]:
-        """The symmetries that are learned from, and averaged over in test."""
+        """The symmetries that are learned from, and averaged over in test.
+
+        A whole room is seen as the item is turned, so that only mirroring is left.
+        """
+        if self.scope == "room":
+            return mirrored(self.moves, device)[: 2 if self.symmetries else 1]
         return symmetries(self.moves, device)[: 8 if self.symmetries else 1]
 
 
@@ -71,17 +84,18 @@ def untrained(
 ) -> DQN:
     """An agent that knows these furniture categories. Its weights hang on the seed alone."""
     actions = method.moves.count
+    columns = len(ROOM_COLUMNS if method.scope == "room" else COLUMNS)
     with weights_of(seed):
         network: nn.Module = (
             PaperNetwork(actions, method.dueling)
             if method.observation == "image"
-            else GeometryNetwork(len(COLUMNS) + len(categories), actions, dueling=method.dueling)
+            else GeometryNetwork(columns + len(categories), actions, dueling=method.dueling)
         )
     return DQN(network.to(device), method.learning_rate, updates, method.target_period, method.double)
 
 
 class Learner:
-    """An untrained agent and all that it learns from.
+    """An untrained agent and all that it learns from: rooms whose target moves or, with scope=room, whole designs.
 
     Raises InputError where no item can move.
     """
@@ -99,32 +113,40 @@ class Learner:
         self.categories = categories_of(rooms)
         self.method = method
         self.updates = updates
-        self.simulator = BatchSimulator(Simulator(rooms, method.moves, reward), device)
-        self.observe = observation_of(method.observation, rooms, device, self.categories)
         self.agent = untrained(method, self.categories, updates, network_seed, device)
-        self.replay = Replay(method.replay_capacity, self.simulator.moves.count, device)
         self._seed = training_seed
-        designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
-        if not self.simulator.reach(torch.arange(len(rooms), device=device), designed)[1].any():
-            raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
+        # Of different ages, so that not all end in the same step.
+        ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves
+        if method.scope == "room":
+            whole = RoomsSimulator([brief_of(room) for room in rooms], rooms, method.moves, reward)
+            self.simulator: BatchSimulator | Scenes = (scenes := Scenes(BatchRoomsSimulator(whole, device)))
+            self.observe: Observe = ScenesObservation(scenes, RoomsObservation(whole, self.categories, device))
+            self.replay = Replay(method.replay_capacity, method.moves.count, device, (scenes.columns,))
+            self._begin: Begin = lambda generator: SceneEpisodes(scenes, whole, ages, most, generator)
+        else:
+            self.simulator = simulator = BatchSimulator(Simulator(rooms, method.moves, reward), device)
+            self.observe = observation_of(method.observation, rooms, device, self.categories)
+            self.replay = Replay(method.replay_capacity, method.moves.count, device)
+            goal_iou = method.goal_iou if method.goal_terminates else None
+            self._begin = lambda generator: Episodes(simulator, ages, most, generator, goal_iou)
+            designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
+            if not simulator.reach(torch.arange(len(rooms), device=device), designed)[1].any():
+                raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
 
     def training(self, report_every: int) -> Training:
         """The training loop, as the method has it."""
         method = self.method
         return Training(
             self.agent,
-            self.simulator,
+            self._begin,
             self.observe,
             self.replay,
             LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * self.updates)),
             updates=self.updates,
             batch=method.batch,
-            episodes=method.episodes,
-            max_moves=method.max_moves,
             discount=method.discount,
-            goal_iou=method.goal_iou if method.goal_terminates else None,
             warmup_moves=method.warmup_moves,
             report_every=report_every,
-            symmetries=method.views(self.simulator.device),
+            symmetries=method.views(self.replay.device),
             seed=self._seed,
         )

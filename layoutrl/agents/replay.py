@@ -15,7 +15,7 @@ MOST_ACTIONS = 31  # one bit each of a positive int32
 class Transitions(NamedTuple):
     """B transitions (S, A, R, S'), with states as poses; section 4.4 of Di & Yu 2021."""
 
-    room: Tensor  # int64 (B,)
+    room: Tensor  # int64 (B,), or scenes, int64 (B, columns)
     position: Tensor  # float64 (B, 2), metres, before the move
     action: Tensor  # uint8 (B,)
     reward: Tensor  # float32 (B,), divided by the reward scale
@@ -28,14 +28,15 @@ class Replay:
     """The last `capacity` transitions, drawn uniformly with replacement.
 
     Positions are kept exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
-    of one integer: 33 bytes a transition, against 98,304 for two pictures.
+    of one integer: 33 bytes a transition, against 98,304 for two pictures. Where a room is a scene, `scene` is its
+    shape.
     """
 
-    def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu"):
+    def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu", scene: tuple[int, ...] = ()):
         if actions > MOST_ACTIONS:
             raise ValueError(f"expected at most {MOST_ACTIONS} actions, one bit each; got {actions}")
         self._columns = (
-            torch.zeros(capacity, dtype=torch.int32, device=device),
+            torch.zeros(capacity, *scene, dtype=torch.int32, device=device),
             torch.zeros(capacity, 2, dtype=torch.int32, device=device),
             torch.zeros(capacity, dtype=torch.uint8, device=device),
             torch.zeros(capacity, dtype=torch.float32, device=device),
@@ -45,6 +46,7 @@ class Replay:
         )
         self._bit = 1 << torch.arange(actions, dtype=torch.int32, device=device)
         self._next = 0
+        self.device = torch.device(device)
         self.capacity = capacity
         self.size = 0
 

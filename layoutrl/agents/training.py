@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,10 +15,11 @@ from torch import Tensor
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
+from layoutrl.env.scene_episodes import SceneEpisodes
 from layoutrl.env.symmetry import Symmetry, shares
 
+Begin = Callable[[torch.Generator], Episodes | SceneEpisodes]  # episodes that draw by the generator
 REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
 
@@ -57,15 +58,15 @@ class Stopwatch:
 
 
 class Training:
-    """The training loop: `updates` updates of `batch` transitions, one step of all parallel `episodes` before each.
+    """The training loop: `updates` updates of `batch` transitions, one step of all parallel episodes before each.
 
-    Iterating trains, and yields a report every `report_every` updates; only there, and where `goal_iou` ends episodes,
+    `begin` makes the episodes, of which `Episodes` and `SceneEpisodes` say when they end. What they are cut off by the
+    agent cannot see: the last transition bootstraps like any other.
+    Iterating trains, and yields a report every `report_every` updates; only there, and where a goal ends episodes,
     does it wait for the device. It ends after the last update, or after the one in which `stopping` is set.
     Its `state_dict` is all that it needs to go on as if it had never ended, at any update.
 
-    An episode is cut after `max_moves` moves, which the agent cannot see: its last transition
-    bootstraps like any other. With `goal_iou` it terminates at that IoU, and does not. Illegal moves
-    are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.
+    Illegal moves are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.
     Learning starts when `warmup_moves` moves are stored; each update sees an equal share of its batch
     in every one of the `symmetries`.
     """
@@ -73,17 +74,14 @@ class Training:
     def __init__(
         self,
         agent: DQN,
-        simulator: BatchSimulator,
+        begin: Begin,
         observe: Observe,
         replay: Replay,
         epsilon: LinearSchedule,
         *,
         updates: int,
         batch: int,
-        episodes: int,
-        max_moves: int,
         discount: float,
-        goal_iou: float | None,
         warmup_moves: int,
         report_every: int,
         symmetries: Sequence[Symmetry],
@@ -93,15 +91,13 @@ class Training:
         self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
         self._updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
         self._warm = min(warmup_moves, replay.capacity)
-        device = simulator.device
+        device = replay.device
         episode_rng, self._explore_rng, self._replay_rng = (
             torch.Generator(device).manual_seed(int(s.generate_state(1)[0])) for s in seed.spawn(3)
         )
-        # Of different ages, so that not all end in the same step.
-        ages = np.arange(episodes) * max_moves // episodes
-        self._running = Episodes(simulator, ages, max_moves, episode_rng, goal_iou)
+        self._running = begin(episode_rng)
         self._moves = 0
-        self._returns = torch.zeros(episodes, device=device)  # of the episodes that run
+        self._returns = torch.zeros(len(self._running.room), device=device)  # of the episodes that run
         self._recent = Recent()
         self._watch = Stopwatch()
 
@@ -126,7 +122,8 @@ class Training:
         with self._watch("act"):
             observation = self._observe(running.room, running.position)
             greedy = self.agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
-            action = explore(greedy, running.legal, self._epsilon(self.agent.updates), self._explore_rng)
+            epsilon = running.exploring(self._epsilon(self.agent.updates))
+            action = explore(greedy, running.legal, epsilon, self._explore_rng)
         with self._watch("simulate"):
             step = running.step(action)
         with self._watch("store"):

@@ -21,6 +21,7 @@ from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.measures import measured
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.scenes import Scenes
 from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Item, Room
@@ -143,7 +144,7 @@ def moves_a_second(config: BenchConfig, simulator: BatchSimulator, episodes: int
 
 
 def random_moves(
-    simulator: BatchSimulator, episodes: int, max_moves: int, seed: np.random.SeedSequence
+    simulator: BatchSimulator | Scenes, episodes: int, max_moves: int, seed: np.random.SeedSequence
 ) -> Iterator[Step]:
     """Steps of many episodes, of legal moves drawn at random."""
     generator = torch.Generator(simulator.device).manual_seed(int(seed.generate_state(1)[0]))

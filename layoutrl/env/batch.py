@@ -82,8 +82,11 @@ class BatchSimulator:
             legal = torch.cat([legal, touches])
         return length.T, legal.T
 
-    def moved(self, position: Tensor, action: Tensor, length: Tensor) -> Tensor:
-        """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far."""
+    def moved(self, room: Tensor, position: Tensor, action: Tensor, length: Tensor) -> Tensor:  # noqa: ARG002
+        """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far.
+
+        Directions are the same in all rooms; in those of `Scenes` they are not.
+        """
         return snap(position + self._directions[action % 4] * length[:, None])
 
     def reward(

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import RewardTerms
+from layoutrl.env.scenes import Scenes
 
 
 class Step(NamedTuple):
@@ -35,7 +36,7 @@ class Episodes:
 
     def __init__(
         self,
-        simulator: BatchSimulator,
+        simulator: BatchSimulator | Scenes,
         ages: np.ndarray,
         max_moves: int,
         generator: torch.Generator,
@@ -49,11 +50,15 @@ class Episodes:
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
+    def exploring(self, epsilon: float) -> float:
+        """The probability of a drawn action, the same in all episodes."""
+        return epsilon
+
     def step(self, action: Tensor) -> Step:
         """Make one move (B,) each."""
         simulator, index = self._simulator, action[:, None]
         legal = self.legal.gather(1, index).squeeze(1)
-        moved = simulator.moved(self.position, action, self._length.gather(1, index).squeeze(1))
+        moved = simulator.moved(self.room, self.position, action, self._length.gather(1, index).squeeze(1))
         next_position = torch.where(legal[:, None], moved, self.position)
         terms = simulator.reward(self.room, next_position)
         length, next_legal = simulator.reach(self.room, next_position)

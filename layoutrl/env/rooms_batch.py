@@ -78,8 +78,8 @@ class BatchRoomsSimulator:
 
     def reach(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
         """How far every action leads, in metres, and whether it is legal: (B, A) each. Turns and takes lead nowhere."""
-        entry, center, quarter = self._moving(state)
-        length, legal = self.simulator.reach(entry, center, self._others(state))
+        length, legal = self.steps(state)
+        _, center, quarter = self._moving(state)
         ways = self.ways[state.room, state.moving]
         turns = []
         for turn in self._turns:
@@ -92,6 +92,11 @@ class BatchRoomsSimulator:
         legal = torch.cat([torch.cat([legal, torch.stack(turns, 1)], 1) & stands, can_take], 1)
         return torch.nn.functional.pad(length, (0, self.actions - length.shape[1])), legal
 
+    def steps(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
+        """Of the actions that are moves how far each leads, in metres, and whether it is legal: (B, moves) each."""
+        entry, center, _ = self._moving(state)
+        return self.simulator.reach(entry, center, self._others(state))
+
     def moved(self, state: State[Tensor], action: Tensor, length: Tensor) -> State[Tensor]:
         """The states after an action (B,) each, `length` (B,) metres far."""
         turn = action - self.moves.count
@@ -99,7 +104,7 @@ class BatchRoomsSimulator:
         _, center, quarter = self._moving(state._replace(moving=item))
         by = self._turns[turn.clamp(0, len(self._turns) - 1)].where((turn >= 0) & (turn < len(self._turns)), 0)
         quarter = (quarter + by) % self.ways[state.room, item]
-        return self.put(state, item, self.simulator.moved(center, action, length), quarter)
+        return self.put(state, item, self.simulator.moved(state.room, center, action, length), quarter)
 
     def reward(self, state: State[Tensor]) -> RewardTerms[Tensor]:
         """The reward of the moving item where it stands, among what stands now: terms (B,), 0 until one is taken."""

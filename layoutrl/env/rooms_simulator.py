@@ -107,6 +107,38 @@ class RoomsSimulator:
                     raise InputError(f"room {self.rooms[r].id}: the {item.category} does not fit into it")
         return [entry for entry, fit in zip(entries, fits, strict=True) if fit]
 
+    def designed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the designer has each item: centers (rooms, N, 2) and quarters (rooms, N).
+
+        Of items that are the same the first has the place of the designer's first. Raises ValueError without designs.
+        """
+        center, quarter = np.zeros((*self.ways.shape, 2)), np.zeros(self.ways.shape, dtype=int)
+        for r, items in enumerate(self.items):
+            for n, item in enumerate(items):
+                if not (there := self.targets[r][n]):
+                    raise ValueError(f"room {self.rooms[r].id}: the designer's places are not known")
+                target = there[items[:n].count(item)]
+                alike = [faces_alike(target, self.degrees[r, n, q]) for q in range(self.ways[r, n])]
+                center[r, n], quarter[r, n] = target.center, np.argmax(alike)
+        return center, quarter
+
+    def sequence(self) -> np.ndarray:
+        """When each item is placed, (rooms, N): how many are before it, the largest footprint first.
+
+        Items that are the same have one rank, as have rows that are none, the last.
+        """
+        rank = np.full(self.ways.shape, self.ways.shape[1])
+        for r, items in enumerate(self.items):
+            first = sorted(items, key=lambda item: -item.area)  # of the same size, as the brief has them
+            rank[r, : len(items)] = [first.index(item) for item in items]
+        return rank
+
+    def empty(self, room: np.ndarray) -> State[np.ndarray]:
+        """Rooms (B,) in which nothing stands but what never moves."""
+        shape = len(room), self.ways.shape[1]
+        nowhere = np.zeros((*shape, 2)), np.zeros(shape, dtype=int), np.zeros(shape, dtype=bool)
+        return State(np.array(room), *nowhere, np.zeros(len(room), dtype=int))
+
     def begin(self, room: np.ndarray, rng: np.random.Generator) -> State[np.ndarray]:
         """Rooms (B,) in which nothing stands but what never moves, and poses drawn for when an item is taken.
 
@@ -175,7 +207,7 @@ class RoomsSimulator:
                 footprints[b, n] = self.item(state, b, n).footprint
         return footprints
 
-    def item(self, state: State[np.ndarray], b: int, n: int) -> Item:
+    def item(self, state: State[np.ndarray], b: int | np.integer, n: int | np.integer) -> Item:
         """An item where it stands."""
         (x, y), room = state.center[b, n], state.room[b]
         return replace(
@@ -184,7 +216,7 @@ class RoomsSimulator:
             rotation=float(self.degrees[room, n, state.quarter[b, n]]),
         )
 
-    def layout(self, state: State[np.ndarray], b: int) -> Room:
+    def layout(self, state: State[np.ndarray], b: int | np.integer) -> Room:
         """One of the rooms with what stands in it; items that do not stand have no center."""
         room = self.rooms[state.room[b]]
         furniture = list(room.furniture)

@@ -15,6 +15,7 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.learner import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
+from layoutrl.env.scenes import Scenes
 from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
@@ -78,7 +79,9 @@ class Greedy:
         """Where the agent is."""
         return next(self.agent.network.parameters()).device
 
-    def rollout(self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, starts: np.ndarray) -> Rollout:
+    def rollout(
+        self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
+    ) -> Rollout:
         """Follow the policy in rooms (B,) from starts (B, 2)."""
         began = time.perf_counter()
         device, batch = simulator.device, len(room)
@@ -89,7 +92,8 @@ class Greedy:
             here = path[t, active]
             length, legal = simulator.reach(rooms[active], here)
             actions = torch.arange(length.shape[1], device=device).repeat(len(active))
-            reached = simulator.moved(here.repeat_interleave(length.shape[1], 0), actions, length.flatten())
+            whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (rooms[active], here))
+            reached = simulator.moved(whose, start, actions, length.flatten())
             reached = reached.unflatten(0, length.shape)  # (active, A, 2)
             been_there = (path[: t + 1, active, None] == reached).all(-1).any(0)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
@@ -103,10 +107,10 @@ class Greedy:
             value[t + 1, active] = highest[goes_on].squeeze(1)
         moves = self._settled(simulator, observe, rooms, path, value)
         seconds = time.perf_counter() - began
-        return Rollout(room, path.cpu().numpy(), value.cpu().numpy(), moves.cpu().numpy(), seconds)
+        return Rollout(rooms.cpu().numpy(), path.cpu().numpy(), value.cpu().numpy(), moves.cpu().numpy(), seconds)
 
     def _settled(
-        self, simulator: BatchSimulator, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor
+        self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor
     ) -> Tensor:
         """Which position of the path (T + 1, B, 2) each episode stops at: (B,)."""
         shortest = 4 * int(np.argmin(simulator.moves.steps))
@@ -114,16 +118,17 @@ class Greedy:
         there, back = shortest + way, shortest + (way ^ 1)
         raw, which = value.topk(min(SHORTLIST, len(value)), 0)
         place = path.gather(0, which[..., None].expand(-1, -1, 2)).flatten(0, 1)
-        rooms, raw = rooms.repeat(len(which)), raw.flatten()
+        rooms, raw = torch.cat([rooms] * len(which)), raw.flatten()
         length, legal = (reach[:, there] for reach in simulator.reach(rooms, place))
-        around = simulator.moved(place.repeat_interleave(4, 0), there.repeat(len(place)), length.flatten())
-        q = self._values(observe, rooms.repeat_interleave(4), around).unflatten(0, (-1, 4))[:, way, back]
+        whose, start = (t.repeat_interleave(4, 0) for t in (rooms, place))
+        around = simulator.moved(whose, start, there.repeat(len(place)), length.flatten())
+        q = self._values(observe, whose, around).unflatten(0, (-1, 4))[:, way, back]
         mean = (q.where(legal, 0.0).sum(1) / legal.sum(1)).where(legal.any(1), raw)
         best = mean.where(raw.isfinite(), -torch.inf).view_as(which).argmax(0, keepdim=True)
         return which.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
 
     def best_moves(
-        self, simulator: BatchSimulator, observe: Observe, room: np.ndarray, position: np.ndarray
+        self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray, position: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """The legal move of highest Q from positions (B, 2) in rooms (B,), and that Q: (B,) each.
 
@@ -133,6 +138,13 @@ class Greedy:
         _, legal = simulator.reach(rooms, here)
         highest, action = self._values(observe, rooms, here).masked_fill(~legal, -torch.inf).max(1)
         return action.cpu().numpy(), highest.cpu().numpy()
+
+    def best_value(
+        self, simulator: BatchSimulator | Scenes, observe: Observe, room: Tensor, position: Tensor
+    ) -> Tensor:
+        """The Q of the best legal move from positions (B, 2): what the agent thinks of them, (B,)."""
+        _, legal = simulator.reach(room, position)
+        return self._values(observe, room, position).masked_fill(~legal, -torch.inf).amax(1)
 
     def _values(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""

@@ -94,6 +94,12 @@ class Item:
             raise ValueError(f"{self.category} has no rotation: its facing is still to be chosen")
         return self.rotation
 
+    @property
+    def area(self) -> float:
+        """Square metres of its footprint."""
+        width, depth = self.size
+        return math.pi / 4 * width * depth if self.form == "circle" else width * depth
+
     @cached_property
     def template(self) -> Polygon:
         """The footprint around the origin, rotated. Raises ValueError where the facing is still to be chosen."""

@@ -163,7 +163,7 @@ def test_positions_come_back_to_the_bit(seed):
     room = torch.randint(2, (20,), generator=generator)
     action = torch.randint(reference.moves.count, (20,), generator=generator)
     position = simulator.starts(room, generator)
-    reached = simulator.moved(position, action, simulator.reach(room, position)[0][torch.arange(20), action])
+    reached = simulator.moved(room, position, action, simulator.reach(room, position)[0][torch.arange(20), action])
     replay = Replay(20, reference.moves.count)
     legal = torch.ones(20, reference.moves.count)
     replay.add(Transitions(room, position, action, torch.arange(20.0), torch.zeros(20), reached, legal))

@@ -17,6 +17,7 @@ from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.agents.training import REWARD_SCALE, Progress, Training
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
@@ -30,6 +31,15 @@ SETTINGS = {
     "updates": 6, "batch": 8, "episodes": 5, "max_moves": 4, "discount": 0.9, "goal_iou": None, "warmup_moves": 12,
     "report_every": 6,
 }  # fmt: skip
+
+
+def training(agent, simulator, observe, replay, epsilon, *, episodes, max_moves, goal_iou, **settings) -> Training:
+    ages = np.arange(episodes) * max_moves // episodes
+
+    def begin(generator: torch.Generator) -> Episodes:
+        return Episodes(simulator, ages, max_moves, generator, goal_iou)
+
+    return Training(agent, begin, observe, replay, epsilon, **settings)
 
 
 class RecordedReplay(Replay):
@@ -119,7 +129,7 @@ def run_of(
     run = Run(simulator, agent, RecordedReplay(capacity, moves.count, agent.tape), agent.tape)
     settings |= {"symmetries": symmetries(moves), "seed": np.random.SeedSequence(seed)}
     schedule = epsilon or LinearSchedule(1.0, 0.5, 3)
-    run.reports += Training(agent, BatchSimulator(simulator), observe, run.replay, schedule, **settings)
+    run.reports += training(agent, BatchSimulator(simulator), observe, run.replay, schedule, **settings)
     return run
 
 
@@ -341,7 +351,7 @@ class OnePlace:
     def reach(self, room, position):
         return torch.zeros(len(room), 4), torch.ones(len(room), 4, dtype=torch.bool)
 
-    def moved(self, position, action, length):
+    def moved(self, room, position, action, length):
         return position
 
     def reward(self, room, position):
@@ -364,7 +374,7 @@ def test_values_bootstrap_through_the_budget_of_moves_and_end_with_the_goal(goal
     agent = DQN(nn.Linear(1, 4), 0.1, 500, target_period=5, double=False)
     settings = SETTINGS | {"updates": 500, "max_moves": 1, "discount": 0.75, "goal_iou": goal_iou, "report_every": 500}
     settings |= {"symmetries": symmetries(Moves((1.0,), slide=False)), "seed": np.random.SeedSequence(0)}
-    list(Training(agent, OnePlace(), Nothing(), Replay(100, 4), LinearSchedule(1.0, 1.0, 0), **settings))
+    list(training(agent, OnePlace(), Nothing(), Replay(100, 4), LinearSchedule(1.0, 1.0, 0), **settings))
     np.testing.assert_allclose(agent.values(torch.ones(1, 1)), value, atol=0.02)
 
 
@@ -381,7 +391,7 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     views = [Symmetry(0, False, moves), Symmetry(1, True, moves)]
     settings |= {"symmetries": views, "seed": np.random.SeedSequence(0)}
     schedule, home = LinearSchedule(1.0, 0.5, 250), BatchSimulator(Simulator([room], moves, Reward()))
-    list(Training(agent, home, observe, Replay(10_000, 4), schedule, **settings))
+    list(training(agent, home, observe, Replay(10_000, 4), schedule, **settings))
     simulator, index = Simulator(rooms, moves, Reward()), np.repeat([0, 1], 60)
     starts = simulator.starts(index, np.random.default_rng(1))
     final = Greedy(agent, 40, "mask", views[:1]).rollout(BatchSimulator(simulator), turned, index, starts).final

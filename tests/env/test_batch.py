@@ -390,7 +390,7 @@ def test_all_answers_come_without_reading_a_value_from_the_device() -> None:
     position = torch.zeros(5, 2, dtype=torch.float64, device="meta")
     length, legal = batch.reach(room, position)
     assert (length.shape, legal.shape) == ((5, 20), (5, 20))
-    assert batch.moved(position, room, length[:, 0]).shape == (5, 2)
+    assert batch.moved(room, position, room, length[:, 0]).shape == (5, 2)
     assert batch.reward(room, position).total.shape == (5,)
     assert batch.is_legal(room, position).shape == (5,)
 
@@ -424,7 +424,7 @@ def test_an_empty_batch_has_empty_answers() -> None:
     position = batch.starts(room, torch.Generator())
     length, legal = batch.reach(room, position)
     assert (position.shape, length.shape, legal.shape) == ((0, 2), (0, 20), (0, 20))
-    assert batch.moved(position, room, length[:, 0]).shape == (0, 2)
+    assert batch.moved(room, position, room, length[:, 0]).shape == (0, 2)
     assert batch.reward(room, position).total.shape == (0,)
 
 
@@ -436,7 +436,7 @@ def test_answers_leave_arguments_and_each_other_as_they_are() -> None:
 
     def answers() -> list[torch.Tensor]:
         length, legal = batch.reach(room, position)
-        moved = batch.moved(position, action, length[:, 0])
+        moved = batch.moved(room, position, action, length[:, 0])
         start = batch.starts(room, torch.Generator().manual_seed(0))
         return [length, legal, moved, start, batch.is_legal(room, position), *batch.reward(room, position)]
 

@@ -61,7 +61,7 @@ def test_a_step_tells_all_of_a_move_and_of_where_it_leads(simulator: BatchSimula
         assert torch.equal(legal, was_legal)
         every = torch.arange(len(room))
         assert torch.equal(step.legal, was_legal[every, step.action])
-        reached = simulator.moved(position, step.action, length[every, step.action])
+        reached = simulator.moved(step.room, position, step.action, length[every, step.action])
         assert torch.equal(step.next_position[step.legal], reached[step.legal])
         assert torch.equal(step.next_position[~step.legal], position[~step.legal])
         assert torch.equal(step.next_legal, simulator.reach(room, step.next_position)[1])

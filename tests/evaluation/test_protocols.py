@@ -210,7 +210,8 @@ def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, 
         q = np.float32(values(*way[-1])).astype(float)
         there = []
         for action in range(len(q)):
-            there.append(tuple(simulator.moved(here, torch.tensor([action]), length[[action]])[0].tolist()))
+            reached = simulator.moved(torch.tensor([room]), here, torch.tensor([action]), length[[action]])
+            there.append(tuple(reached[0].tolist()))
             if (legal[action] and there[-1] in way) or (on_illegal == "mask" and not legal[action]):
                 q[action] = -np.inf
         action = int(np.argmax(q))
@@ -228,8 +229,8 @@ def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, 
             into = []
             for there, back in zip(range(shortest, shortest + 4), (1, 0, 3, 2), strict=True):
                 if legal[there]:
-                    beside = simulator.moved(here, torch.tensor([there]), length[[there]])[0].tolist()
-                    into.append(np.float32(values(*beside)[shortest + back]))
+                    beside = simulator.moved(torch.tensor([room]), here, torch.tensor([there]), length[[there]])
+                    into.append(np.float32(values(*beside[0].tolist())[shortest + back]))
             promised[int(k)] = np.mean(into) if into else entered_by[k]
     moves = max(promised, key=lambda k: promised[k])
     return way[moves], moves

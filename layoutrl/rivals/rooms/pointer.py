@@ -21,14 +21,14 @@ from layoutrl.env.geometry import snap
 from layoutrl.env.observation import SIN2, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation
-from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
+from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.scene import may_share_floor
 from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
 from layoutrl.rooms.brief import brief_of
-from layoutrl.rooms.room import TOLERANCE, Item, Room
+from layoutrl.rooms.room import TOLERANCE, Room
 
 QUARTERS = 4
 BLOCK = 64  # rooms furnished at once: memory, not speed
@@ -90,16 +90,16 @@ def train_rooms_pointer(
 ) -> RoomsPointer:
     """A network that points at the designer's pose of the next item, by its likelihood.
 
-    The rooms hold the first of the designer's items, `sequence` says in which order, any number of them. An item may
-    stand where any of those stands that are the same (category, size, form) and are still to come. Each batch has an
-    equal share in every symmetry.
+    The rooms hold the first of the designer's items, any number of them; `RoomsSimulator.sequence` says in which order.
+    An item may stand where any of those stands that are the same (category, size, form) and are still to come. Each
+    batch has an equal share in every symmetry.
     """
     simulator = RoomsSimulator([brief_of(room) for room in designs], designs, Moves(), Reward())
     categories = categories_of(designs)
     observe = RoomsObservation(simulator, categories, device)
     views = symmetries(simulator.moves, device)
-    center, quarter = (torch.tensor(table, device=device) for table in designed_poses(simulator))
-    tables = sequence(simulator), simulator.count, np.arange(QUARTERS) < simulator.ways[..., None]
+    center, quarter = (torch.tensor(table, device=device) for table in simulator.designed())
+    tables = simulator.sequence(), simulator.count, np.arange(QUARTERS) < simulator.ways[..., None]
     rank, count, ways = (torch.tensor(table, device=device) for table in tables)
 
     def draw(generator: torch.Generator) -> tuple[Tensor, Poses]:
@@ -127,38 +127,6 @@ def train_rooms_pointer(
     return trained(lambda: RoomsPointer(categories), draw, loss, spent, seed, learning_rate, device)
 
 
-def designed_poses(simulator: RoomsSimulator) -> tuple[np.ndarray, np.ndarray]:
-    """Where the designer has each item: centers (rooms, N, 2) and quarters (rooms, N).
-
-    Of items that are the same the first has the place of the designer's first.
-    """
-    center, quarter = np.zeros((*simulator.ways.shape, 2)), np.zeros(simulator.ways.shape, dtype=int)
-    for r, items in enumerate(simulator.items):
-        for n, item in enumerate(items):
-            target = simulator.targets[r][n][items[:n].count(item)]
-            alike = [faces_alike(target, simulator.degrees[r, n, q]) for q in range(simulator.ways[r, n])]
-            center[r, n], quarter[r, n] = target.center, np.argmax(alike)
-    return center, quarter
-
-
-def sequence(simulator: RoomsSimulator) -> np.ndarray:
-    """When each item is placed, (rooms, N): how many are before it, the largest footprint first.
-
-    Items that are the same have one rank, as have rows that are none, the last.
-    """
-    rank = np.full(simulator.ways.shape, simulator.ways.shape[1])
-    for r, items in enumerate(simulator.items):
-        first = sorted(items, key=lambda item: -footprint_area(item))  # of the same size, as the brief has them
-        rank[r, : len(items)] = [first.index(item) for item in items]
-    return rank
-
-
-def footprint_area(item: Item) -> float:
-    """Square metres."""
-    width, depth = item.size
-    return np.pi / 4 * width * depth if item.form == "circle" else width * depth
-
-
 def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
     """What is seen as the moving item stands in the middle and is turned each way, (B, QUARTERS, elements, columns).
 
@@ -183,7 +151,7 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
     simulator = RoomsSimulator(briefs, None, Moves(), Reward())
     observe = RoomsObservation(simulator, network.categories, device)
     views = symmetries(simulator.moves, device)
-    order = sequence(simulator).argsort(1, kind="stable")
+    order = simulator.sequence().argsort(1, kind="stable")
     can_face, stays_off = simulator.entry >= 0, _stays_off(simulator, observe.space.shape[0])
     every, begun = np.arange(len(briefs)), np.zeros(simulator.ways.shape, dtype=int)
     state = State(every, np.zeros((*begun.shape, 2)), begun, begun > 0, 0 * every)

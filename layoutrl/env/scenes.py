@@ -1,0 +1,130 @@
+"""Whole rooms as the simulator of one item has them: a scene is a room in which one item moves among what stands now.
+
+A row of integers takes the place of a room's index, so that who learns to move one item learns whole rooms by the same
+code. A scene is seen, and moved in, as the item faces: turned so that its first way to face looks right. So the agent
+learns one thing where it would learn four, and what it learns holds however the item is turned.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from layoutrl.env.geometry import GRID
+from layoutrl.env.observation import COS, DEPTH, SIN, WIDTH, X, Y
+from layoutrl.env.reward import RewardTerms
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_observation import ITEM, STANDS, RoomsObservation
+from layoutrl.env.rooms_simulator import State
+from layoutrl.env.simulator import Moves
+from layoutrl.env.symmetry import Symmetry
+
+QUARTERS = 4
+
+
+class Scenes:
+    """Moves and rewards of B poses at once, as `BatchSimulator` has them, in scenes int32 (B, columns).
+
+    Columns are the room, the item that moves, and of each of the N items where its middle is, in micrometres, and its
+    quarter, -1 where it does not stand. Of the moving item the quarter counts, and its middle is given as the position.
+    Actions are those of `Moves`, turned with the item: "right" is where it faces, if it is turned by no degrees first.
+    """
+
+    def __init__(self, simulator: BatchRoomsSimulator):
+        self.simulator = simulator
+        self.rooms = simulator.rooms
+        self.moves = simulator.moves
+        self.device = simulator.device
+        self.columns = 2 + 3 * simulator.ways.shape[1]
+        turned = [Symmetry(quarters, False, self.moves, self.device).action for quarters in range(QUARTERS)]
+        self._turned = torch.stack(turned)  # (quarters, A): the action that each is in the room
+
+    def of(self, state: State[Tensor]) -> Tensor:
+        """The scenes of states, whose moving item stands."""
+        moving = state.moving[:, None]
+        quarter = state.quarter.masked_fill(~state.stands.scatter(1, moving, True), -1)
+        middle = (state.center / GRID).round().scatter(1, moving[..., None].expand(-1, -1, 2), 0.0)
+        return torch.cat([state.room[:, None], moving, middle.flatten(1), quarter], 1).int()
+
+    def state(self, scene: Tensor, position: Tensor) -> State[Tensor]:
+        """What stands where, the moving item at positions (B, 2)."""
+        room, moving, *_ = scene.long().T
+        middle, quarter = scene[:, 2:].split((self.columns - 2) // 3 * 2, 1)
+        center = (middle.double() * GRID).unflatten(1, (-1, 2))
+        center = center.scatter(1, moving[:, None, None].expand(-1, 1, 2), position[:, None])
+        return State(room, center, quarter.clamp(min=0).long(), quarter >= 0, moving)
+
+    def quarter(self, scene: Tensor) -> Tensor:
+        """By how many quarters the moving item is turned: int64 (B,)."""
+        first = 2 + (self.columns - 2) // 3 * 2
+        return scene.gather(1, first + scene[:, 1:2].long())[:, 0].long()
+
+    def starts(self, scene: Tensor, generator: torch.Generator) -> Tensor:
+        """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope, as it is turned."""
+        return self.simulator.simulator.starts(self._entry(scene), generator)
+
+    def is_legal(self, scene: Tensor, position: Tensor) -> Tensor:
+        """Whether the item lies within the envelope, walls included: bool (B,)."""
+        return self.simulator.simulator.is_legal(self._entry(scene), position)
+
+    def reach(self, scene: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
+        """How far every action leads, in metres, and whether it is legal: (B, A) each."""
+        length, legal = self.simulator.steps(self.state(scene, position))
+        action = self._turned[self.quarter(scene)]
+        return length.gather(1, action), legal.gather(1, action)
+
+    def moved(self, scene: Tensor, position: Tensor, action: Tensor, length: Tensor) -> Tensor:
+        """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far."""
+        action = self._turned[self.quarter(scene), action]
+        return self.simulator.simulator.moved(scene, position, action, length)
+
+    def reward(self, scene: Tensor, position: Tensor) -> RewardTerms[Tensor]:
+        """The reward of standing at `position`: terms of shape (B,)."""
+        return self.simulator.reward(self.state(scene, position))
+
+    def _entry(self, scene: Tensor) -> Tensor:
+        return self.simulator.entry[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
+
+
+class ScenesObservation:
+    """What is seen of scenes by who moves the item: float32 (B, elements, columns), the moving item first.
+
+    The elements are those of `RoomsObservation`, turned with the item. What still waits stands nowhere: it is shown
+    where the moving item is, as nothing that could be met.
+    """
+
+    def __init__(self, scenes: Scenes, observe: RoomsObservation):
+        self.space = observe.space
+        self._scenes, self._observe = scenes, observe
+        turns = [Symmetry(-quarters % QUARTERS, False, scenes.moves, scenes.device).matrix for quarters in range(4)]
+        self._back = torch.stack(turns)
+
+    def __call__(self, scene: Tensor, position: Tensor) -> Tensor:
+        """Observe poses: scene (B, columns), position (B, 2) in metres."""
+        state = self._scenes.state(scene, position)
+        elements = self._observe(state)
+        every = torch.arange(len(elements), device=elements.device)
+        first = elements[every, state.moving]
+        elements[every, state.moving] = elements[:, 0]
+        elements[:, 0] = first
+        waits = elements[..., STANDS] == 0
+        elements[..., X : Y + 1] = elements[..., X : Y + 1].where(~waits[..., None], elements[:, :1, X : Y + 1])
+        elements[..., ITEM] *= ~waits
+
+        quarter = self._scenes.quarter(scene)
+        back = self._back[quarter]
+        for a, b in ((X, Y), (COS, SIN)):
+            elements[..., a : b + 1] = torch.einsum("bij,bnj->bni", back, elements[..., a : b + 1])
+        lies = (elements[..., [STANDS, COS, SIN]] != 0).any(-1) & (quarter % 2 == 1)[:, None]
+        sides = elements[..., WIDTH : DEPTH + 1]
+        elements[..., WIDTH : DEPTH + 1] = torch.where(lies[..., None], sides.flip(-1), sides)
+        return elements
+
+    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
+        """How the same scenes look mirrored and turned."""
+        return self._observe.turned(observation, symmetry)
+
+
+def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
+    """As a scene is, and mirrored so that left and right of the item change places: a layout is as good."""
+    return [Symmetry(0, False, moves, device), Symmetry(2, True, moves, device)]

@@ -1,0 +1,134 @@
+"""Rooms that are furnished in parallel: which item moves when, among what, and how it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+
+from layoutrl.env.episodes import Step
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.scene_episodes import SceneEpisodes
+from layoutrl.env.scenes import Scenes
+from layoutrl.env.simulator import Moves
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+
+MOST = 4  # moves of an item
+
+
+@pytest.fixture(scope="module")
+def simulator() -> RoomsSimulator:
+    rooms = design_rooms("bedroom", "train", 0, 5).rooms
+    return RoomsSimulator([brief_of(room) for room in rooms], rooms, Moves((0.32, 0.08)), Reward())
+
+
+@pytest.fixture(scope="module")
+def scenes(simulator: RoomsSimulator) -> Scenes:
+    return Scenes(BatchRoomsSimulator(simulator))
+
+
+def episodes(scenes: Scenes, simulator: RoomsSimulator, seed: int = 0, count: int = 30) -> SceneEpisodes:
+    generator = torch.Generator().manual_seed(seed)
+    return SceneEpisodes(scenes, simulator, np.arange(count) % MOST, MOST, generator)
+
+
+def played(running: SceneEpisodes, steps: int, epsilon: float, seed: int = 0) -> Iterator[Step]:
+    """Steps of drawn legal moves, or of the first legal ones where nothing is drawn."""
+    generator = torch.Generator().manual_seed(seed)
+    for _ in range(steps):
+        chance = torch.rand(len(running.room), generator=generator)
+        drawn = torch.rand(running.legal.shape, generator=generator).masked_fill(~running.legal, -1).argmax(1)
+        explores = chance < running.exploring(epsilon)
+        yield running.step(drawn.where(explores, running.legal.int().argmax(1)))
+
+
+def test_a_step_tells_all_of_a_move_and_an_item_moves_as_often_as_it_may(scenes, simulator) -> None:
+    running = episodes(scenes, simulator)
+    age = np.arange(30) % MOST
+    for _ in range(12):
+        before, position = running.room, running.position
+        length, legal = scenes.reach(before, position)
+        (step,) = played(running, 1, 1.0)
+        assert torch.equal(step.room, before)
+        assert torch.equal(step.position, position)
+        there = scenes.moved(before, position, step.action, length.gather(1, step.action[:, None])[:, 0])
+        assert torch.equal(step.next_position, there)
+        assert torch.equal(step.next_legal, scenes.reach(before, there)[1])
+        assert step.legal.all()
+        for one, other in zip(step.terms, scenes.reward(before, there), strict=True):
+            assert torch.equal(one, other)
+        age += 1
+        assert step.ended.tolist() == np.flatnonzero(age == MOST).tolist()
+        going_on = np.flatnonzero(age < MOST)
+        assert torch.equal(running.room[going_on], before[going_on])
+        assert torch.equal(running.position[going_on], there[going_on])
+        age[age == MOST] = 0
+
+
+def test_items_are_taken_until_all_stand_and_some_of_them_again(scenes, simulator) -> None:
+    running = episodes(scenes, simulator)
+    count, again, begun = torch.tensor(simulator.count), 0, 0
+    for step in played(running, 200, 1.0):
+        if not len(step.ended):
+            continue
+        before = scenes.state(step.room[step.ended], step.next_position[step.ended])
+        after = scenes.state(running.room[step.ended], running.position[step.ended])
+        complete = before.stands.sum(1) == count[before.room]
+        begins = after.stands.sum(1) == 1
+        assert (complete | (after.room == before.room)).all()
+        same = ~begins
+        stands = after.stands.scatter(1, after.moving[:, None], False) | (before.stands & complete[:, None])
+        assert torch.equal(stands[same], before.stands[same])
+        waiting = same & ~complete
+        assert not before.stands[waiting, after.moving[waiting]].any()
+        again += int((complete & ~begins).sum())
+        begun += int((complete & begins).sum())
+        entry = scenes.simulator.entry[after.room, after.moving, scenes.quarter(running.room[step.ended])]
+        assert scenes.simulator.simulator.is_legal(entry, running.position[step.ended]).all()
+    assert 2 < again / begun < 4.5
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_what_stands_is_the_designers_or_where_the_agent_left_it(scenes, simulator, own: bool) -> None:
+    running, epsilon = episodes(scenes, simulator), 0.0 if own else 1.0
+    center, quarter = (torch.tensor(table) for table in simulator.designed())
+    for _ in played(running, 150, epsilon):  # until the rooms that were begun before are done
+        pass
+    for step in played(running, 40, epsilon):
+        if not len(step.ended):
+            continue
+        before = scenes.state(step.room[step.ended], step.next_position[step.ended])
+        after = scenes.state(running.room[step.ended], running.position[step.ended])
+        kept = after.stands.scatter(1, after.moving[:, None], False) & (after.room == before.room)[:, None]
+        kept &= before.stands
+        there, turned = (before.center, before.quarter) if own else (center[after.room], quarter[after.room])
+        torch.testing.assert_close(after.center[kept], there[kept], rtol=0, atol=1e-6)
+        assert torch.equal(after.quarter[kept], turned[kept])
+
+
+def test_nothing_is_drawn_in_the_last_moves_of_an_item(scenes, simulator) -> None:
+    running = episodes(scenes, simulator)
+    assert running.exploring(0.5).tolist() == [0.5 if k % MOST < 3 else 0.0 for k in range(30)]
+
+
+def test_the_larger_an_item_the_sooner_it_is_taken(scenes, simulator) -> None:
+    begun = episodes(scenes, simulator, count=2000).room
+    room, item = begun[:, 0].long(), begun[:, 1].long()
+    areas = [[item.area for item in items] for items in simulator.items]
+    largest = np.array([np.argmax(areas[r]) == n for r, n in zip(room.tolist(), item.tolist(), strict=True)])
+    smallest = np.array([np.argmin(areas[r]) == n for r, n in zip(room.tolist(), item.tolist(), strict=True)])
+    assert largest.mean() > 0.4 > 0.15 > smallest.mean() > 0
+
+
+def test_they_go_on_from_a_state_as_if_they_had_never_stopped(scenes, simulator) -> None:
+    running, other = episodes(scenes, simulator), episodes(scenes, simulator, seed=5)
+    list(played(running, 30, 0.5))
+    other.load_state_dict(running.state_dict())
+    for one, two in zip(played(running, 30, 0.5, seed=1), played(other, 30, 0.5, seed=1), strict=True):
+        for a, b in zip([*one[:6], *one.terms], [*two[:6], *two.terms], strict=True):
+            assert torch.equal(a, b)
