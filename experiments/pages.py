@@ -17,7 +17,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 def shown(page: str, tables: dict[str, str]) -> str:
     """The page with the tables (Markdown, by name) as they are now; a table without a mark is not shown."""
     for name, table in tables.items():
-        page = re.sub(rf"(?<=<!-- {re.escape(name)} -->\n\n)(\|.*\n)*", lambda _, t=table: t, page)
+        page = re.sub(rf"(?<=<!-- {re.escape(name)} -->\n\n)(\|.*\n)*", table.replace("\\", r"\\"), page)
     return page
 
 
