@@ -12,10 +12,6 @@ import numpy as np
 from layoutrl import InputError
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import EvaluateConfig
-from layoutrl.runs.folder import write_json
-from layoutrl.runs.machine import machine
-from layoutrl.runs.report import evaluate, table
-from layoutrl.runs.trained import trained_run
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
@@ -23,6 +19,12 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
 
     Raises InputError, before it scores, where that cannot be written to.
     """
+    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    from layoutrl.runs.folder import write_json
+    from layoutrl.runs.machine import machine
+    from layoutrl.runs.report import evaluate, table
+    from layoutrl.runs.trained import trained_run
+
     shown = trained_run(config)
     file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json")
     if not os.access(file.parent, os.W_OK):

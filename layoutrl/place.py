@@ -15,13 +15,10 @@ from tqdm import tqdm
 
 from layoutrl import InputError
 from layoutrl.env.answerable import answerable
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.faults import faults
 from layoutrl.env.geometry import fitting_positions
-from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import blocks_openings
-from layoutrl.evaluation.protocols import greedy
 from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.rooms.annealer import anneal
 from layoutrl.rivals.rooms.relations import Relations, mine
@@ -34,9 +31,6 @@ from layoutrl.rooms.room import Item, Room, envelopes
 from layoutrl.rooms.sources import main_item, read_files
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import PlaceConfig, TrainConfig
-from layoutrl.runs.folder import load_config
-from layoutrl.runs.machine import device_of
-from layoutrl.runs.trained import trained_agent
 
 DESIGNED = 200  # rooms of each type, whose relations a rival keeps
 
@@ -66,6 +60,14 @@ def run(config: PlaceConfig) -> Path:
 
 def by_agent(config: PlaceConfig, folder: Path, source: Path) -> list[Room]:
     """The rooms with the one item that has no center where a trained agent moves it."""
+    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    from layoutrl.env.batch import BatchSimulator
+    from layoutrl.env.observation import observation_of
+    from layoutrl.evaluation.protocols import greedy
+    from layoutrl.runs.folder import load_config
+    from layoutrl.runs.machine import device_of
+    from layoutrl.runs.trained import trained_agent
+
     trained, device = load_config(folder, TrainConfig), device_of(config.device)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
     collection = read_files("json", trained.room.type, source)

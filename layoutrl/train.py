@@ -19,12 +19,12 @@ from layoutrl.evaluation.probe import Probe
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
-from layoutrl.runs.commands import command
+from layoutrl.runs.commands import Stopped, command
 from layoutrl.runs.config import TrainCommand, TrainConfig, part
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import record_result, watched
 from layoutrl.runs.report import evaluate, table
-from layoutrl.runs.resume import Stopped, carried_out, ending, finish, seeds, session
+from layoutrl.runs.resume import carried_out, ending, finish, seeds, session
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from layoutrl import InputError
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.render import MOVING
 from layoutrl.figures import DESIGNER, STYLE, draw_item, draw_room, rgb
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import WatchConfig
-from layoutrl.runs.trained import trained_run
 
 COLUMNS = 3  # of rooms side by side
 INCHES = 2.2  # height of a row
@@ -30,6 +28,10 @@ COLORS = 64  # of a GIF
 
 def run(config: WatchConfig) -> list[Path]:
     """Write an animation of greedy episodes in rooms of a run, as GIF and WebP; returns the files."""
+    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    from layoutrl.env.batch import BatchSimulator
+    from layoutrl.runs.trained import trained_run
+
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
     simulator = shown.simulator

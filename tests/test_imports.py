@@ -6,6 +6,7 @@ import ast
 from pathlib import Path
 
 import layoutrl
+from tests.commands import fresh
 
 PACKAGE = Path(layoutrl.__file__).parent
 ORDER = ("rooms", "env", "figures", "agents", "evaluation", "rivals", "runs")  # above them all what a user starts
@@ -32,3 +33,23 @@ def test_nothing_imports_what_stands_above_it() -> None:
 def test_the_top_of_the_package_holds_what_a_user_starts() -> None:
     started = {"bench", "evaluate", "gallery", "place", "train", "watch"}
     assert {file.stem for file in PACKAGE.glob("*.py")} - {"__init__"} == started
+
+
+def test_a_wrong_option_is_answered_and_help_given_before_torch_is_imported(tmp_path: Path) -> None:
+    code = """
+import sys
+from runpy import run_module
+
+for command in ("place", "evaluate", "watch", "gallery"):
+    for argument in ("--help", "sed=1", "data.seed=-1"):
+        sys.argv = [command, argument]
+        try:
+            run_module(f"layoutrl.{command}", run_name="__main__", alter_sys=True)
+        except SystemExit as ended:
+            print("ended", ended)
+        assert "torch" not in sys.modules, (command, argument)
+"""
+    done = fresh("-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Override anything in the config") == 4
+    assert done.stdout.count("ended error: ") == 8

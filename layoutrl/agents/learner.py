@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +11,7 @@ from torch import nn
 from layoutrl import InputError
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule
+from layoutrl.agents.method import Method
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork, weights_of
 from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Begin, Training
@@ -24,59 +23,10 @@ from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scene_episodes import SceneEpisodes
-from layoutrl.env.scenes import Scenes, ScenesObservation, mirrored
-from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.env.symmetry import Symmetry, symmetries
+from layoutrl.env.scenes import Scenes, ScenesObservation
+from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
-
-
-@dataclass(kw_only=True)
-class Method:
-    """What an agent sees, how it moves and how it learns; `conf/method/` has the values.
-
-    A field of type Any is a Literal, which OmegaConf cannot express.
-    """
-
-    name: str
-    observation: Any  # geometry or image
-    steps: list[float]
-    unit: Any  # of the steps: metre or pixel
-    slide: bool
-    max_moves: int  # moves of a training episode
-    evaluation_moves: int  # at most, in a greedy episode
-    on_illegal: Any  # in test: stop or mask
-    goal_terminates: bool = False
-    goal_iou: float = 0.95
-    double: bool
-    dueling: bool = False
-    discount: float
-    learning_rate: float
-    symmetries: bool  # learn from every transition mirrored and turned, too
-    batch: int  # transitions an update
-    episodes: int  # stepped at once
-    warmup_moves: int
-    replay_capacity: int
-    target_period: int  # updates
-    epsilon_start: float
-    epsilon_end: float
-    epsilon_share: float  # of the updates, over which epsilon falls
-    updates: dict[str, int]  # by budget
-    scope: Any = "item"  # what is furnished: one item of a room, or the whole room
-
-    @property
-    def moves(self) -> Moves:
-        """The actions."""
-        return Moves(tuple(self.steps), self.unit, self.slide)
-
-    def views(self, device: torch.device) -> list[Symmetry]:
-        """The symmetries that are learned from, and averaged over in test.
-
-        A whole room is seen as the item is turned, so that only mirroring is left.
-        """
-        if self.scope == "room":
-            return mirrored(self.moves, device)[: 2 if self.symmetries else 1]
-        return symmetries(self.moves, device)[: 8 if self.symmetries else 1]
 
 
 def untrained(

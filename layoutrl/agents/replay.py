@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from layoutrl.agents.method import MOST_ACTIONS
 from layoutrl.env.geometry import GRID
-
-MOST_ACTIONS = 31  # one bit each of a positive int32
 
 
 class Transitions(NamedTuple):

@@ -16,7 +16,6 @@ from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import ITEM, STANDS, RoomsObservation
 from layoutrl.env.rooms_simulator import State
-from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry
 
 QUARTERS = 4
@@ -123,8 +122,3 @@ class ScenesObservation:
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same scenes look mirrored and turned."""
         return self._observe.turned(observation, symmetry)
-
-
-def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
-    """As a scene is, and mirrored so that left and right of the item change places: a layout is as good."""
-    return [Symmetry(0, False, moves, device), Symmetry(2, True, moves, device)]

@@ -34,6 +34,11 @@ def symmetries(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetr
     return [Symmetry(quarters, mirror, moves, device) for quarters, mirror in SYMMETRIES]
 
 
+def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
+    """The two of a scene, which looks right as the item is turned: as it is, and with left and right of it swapped."""
+    return [Symmetry(0, False, moves, device), Symmetry(2, True, moves, device)]
+
+
 def shares(symmetries: Sequence[Symmetry], column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
     """A batch (B, ...) cut into equal shares, one for each symmetry."""
     return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from layoutrl.agents.dqn import DQN
-from layoutrl.agents.learner import Method
+from layoutrl.agents.method import Method
 from layoutrl.env.faults import Items, item_faults
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from layoutrl.agents.dqn import DQN, Observe
-from layoutrl.agents.learner import Method
+from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
 from layoutrl.env.scenes import Scenes

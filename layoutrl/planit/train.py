@@ -22,12 +22,12 @@ from layoutrl.rivals.planit.scoring import evaluated, given_query, scored, table
 from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
-from layoutrl.runs.commands import command
+from layoutrl.runs.commands import Stopped, command
 from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
 from layoutrl.runs.folder import load_checkpoint, load_config, taken
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import reported
-from layoutrl.runs.resume import Stopped, carried_out, ending, finish, seeds, session, stated
+from layoutrl.runs.resume import carried_out, ending, finish, seeds, session, stated
 
 
 @dataclass(frozen=True)

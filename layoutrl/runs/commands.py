@@ -1,4 +1,7 @@
-"""What a command line means: composed by Hydra, checked, and whatever is wrong with it answered in one line."""
+"""What a command line means: composed by Hydra, checked, and whatever is wrong with it answered in one line.
+
+It loads no torch: a command that imports it only in what it runs answers what is wrong at once.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,12 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 
 from layoutrl import InputError
 from layoutrl.runs.config import config_directory, register
-from layoutrl.runs.resume import Stopped
 
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
+
+
+class Stopped(InputError):
+    """By the user, and saved."""
 
 
 def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bool = False) -> Callable[[], None]:

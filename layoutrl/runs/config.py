@@ -17,8 +17,7 @@ from omegaconf import MISSING, OmegaConf
 
 import layoutrl
 from layoutrl import InputError
-from layoutrl.agents.learner import Method
-from layoutrl.agents.replay import MOST_ACTIONS
+from layoutrl.agents.method import MOST_ACTIONS, Method
 from layoutrl.env.reward import Reward
 from layoutrl.rivals.rooms.annealer import MOVES, Annealing
 from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
@@ -36,6 +35,8 @@ def config_directory() -> Path:
 
 @dataclass
 class RoomConfig:
+    """Which rooms, and which item of theirs moves."""
+
     type: str = MISSING
     item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
     updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
@@ -43,6 +44,8 @@ class RoomConfig:
 
 @dataclass
 class RewardConfig:
+    """The weights of the reward's terms: the designer's place, all else, and what is outside."""
+
     theta1: float = 100.0
     theta2: float = -100.0
     theta3: float = -100.0
@@ -57,6 +60,8 @@ class RewardConfig:
 
 @dataclass
 class BudgetConfig:
+    """How long a training takes, and how often it is looked at."""
+
     name: str = MISSING
     reports: int = 50  # lines in metrics.csv
     evaluations: int = 10  # while training
@@ -92,6 +97,8 @@ class LearningConfig:
 
 @dataclass
 class TrainConfig(LearningConfig):
+    """An agent that is trained."""
+
     method: Method = MISSING
     reward: RewardConfig = field(default_factory=RewardConfig)
 
@@ -104,6 +111,8 @@ class TrainConfig(LearningConfig):
 
 @dataclass
 class PlanitMethodConfig:
+    """How PlanIT learns."""
+
     name: str = "planit"
     updates: dict[str, int] = MISSING  # by budget, of all networks
     batch: int = MISSING
@@ -118,6 +127,8 @@ class PlanitMethodConfig:
 
 @dataclass
 class PlanitConfig(LearningConfig):
+    """PlanIT, trained."""
+
     method: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
 
     def __post_init__(self) -> None:
@@ -170,6 +181,8 @@ class RunConfig:
 
 @dataclass
 class EvaluateConfig(RunConfig):
+    """A trained agent that is scored, from so many starts a room."""
+
     starts: int = 1
     out: str | None = None
 
@@ -180,6 +193,8 @@ class EvaluateConfig(RunConfig):
 
 @dataclass
 class WatchConfig(RunConfig):
+    """A trained agent whose episodes are animated, in so many rooms, so many pixels wide."""
+
     rooms: int = 6
     width: int = 720
     out: str | None = None
@@ -217,6 +232,8 @@ class PlaceConfig:
 
 @dataclass
 class GalleryConfig:
+    """Rooms that are drawn on a sheet."""
+
     room: RoomConfig = field(default_factory=RoomConfig)
     data: Data = MISSING
     rooms: int = 24

@@ -24,6 +24,7 @@ from hydra.types import RunMode
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.room import Room
+from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.folder import (
     LOCK,
@@ -58,10 +59,6 @@ class Stoppable(Protocol):
     def state_dict(self) -> dict[str, Any]: ...
 
     def load_state_dict(self, state: dict[str, Any]) -> None: ...
-
-
-class Stopped(InputError):
-    """By the user, and saved."""
 
 
 def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:

@@ -52,7 +52,7 @@ def test_a_step_tells_all_of_a_move_and_an_item_moves_as_often_as_it_may(scenes,
     age = np.arange(30) % MOST
     for _ in range(12):
         before, position = running.room, running.position
-        length, legal = scenes.reach(before, position)
+        length, _ = scenes.reach(before, position)
         (step,) = played(running, 1, 1.0)
         assert torch.equal(step.room, before)
         assert torch.equal(step.position, position)

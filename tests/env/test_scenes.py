@@ -15,9 +15,9 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import STANDS, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
-from layoutrl.env.scenes import Scenes, ScenesObservation, mirrored
+from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import DIRECTIONS, Moves
-from layoutrl.env.symmetry import symmetries
+from layoutrl.env.symmetry import mirrored, symmetries
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Room

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -15,10 +16,12 @@ import table1
 import table2
 import table3
 from cells import stated
-from columns import RESULTS, folder_of, name_of
+from columns import RESULTS, CellConfig, folder_of, name_of
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
 from layoutrl import InputError
-from layoutrl.runs.config import composed
+from layoutrl.runs.config import composed, config_directory
 from layoutrl.runs.folder import differences
 from tests.commands import PROJECT, fresh
 from tests.experiments.builders import LITTLE, REAL, script
@@ -160,6 +163,29 @@ def test_make_tables_takes_a_type_where_one_is_given():
     assert [command.split() for command in given] == [[script, "room=kitchen", "budget=smoke"] for script in scripts]
 
 
+def configurations(table: str, sweep: dict[str, str]) -> Iterator[CellConfig]:
+    """Of all cells of a sweep. To compose one takes long: of another type of room only conf/room/ is read."""
+    types = sweep.get("room", "").split(",")
+    names = [name for name in sweep if name != "room"]
+    for values in itertools.product(*(sweep[name].split(",") for name in names)):
+        chosen = [
+            f"table={table}",
+            *map("=".join, zip(names, values, strict=True)),
+            *(f"room={t}" for t in types[:1] if t),
+        ]
+        with initialize_config_dir(str(config_directory()), version_base="1.3"):
+            config = compose("cell", chosen)
+        for room_type in types:
+            if room_type:
+                OmegaConf.update(config, "room", OmegaConf.load(config_directory() / "room" / f"{room_type}.yaml"))
+            yield OmegaConf.to_object(config)
+
+
+def test_another_type_of_room_is_composed_as_hydra_does() -> None:
+    sweep = {"column": "geometric", "room": "bedroom,kitchen"}
+    assert [*configurations("table1", sweep)][1] == composed("cell", "table=table1", "column=geometric", "room=kitchen")
+
+
 def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     sources = dict.fromkeys(real_rooms.TASKS, "anywhere")
@@ -169,10 +195,8 @@ def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):
     asked = set()
     for table, sweep in sweeps:
         seeds = sweep.get("seed", "0").split(",")
-        one_seed = sweep | {"seed": seeds[0]}  # to compose a configuration takes long
-        for values in itertools.product(*(values.split(",") for values in one_seed.values())):
-            composed_once = composed("cell", f"table={table}", *map("=".join, zip(one_seed, values, strict=True)))
-            for config in (replace(composed_once, seed=int(seed)) for seed in seeds):
+        for of_first_seed in configurations(table, sweep | {"seed": seeds[0]}):
+            for config in (replace(of_first_seed, seed=int(seed)) for seed in seeds):
                 file = folder_of(config) / f"{name_of(config)}.json"
                 asked.add(file)
                 if file.exists():

@@ -17,9 +17,10 @@ from layoutrl.rivals.planit.training import Training
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import PlanitConfig, composed, part
 from layoutrl.runs.folder import load_checkpoint
-from layoutrl.runs.resume import Stopped, resumed
+from layoutrl.runs.resume import resumed
 from tests.commands import layoutrl
 from tests.rivals.planit.rooms import designed
 

@@ -142,7 +142,7 @@ def test_what_goes_wrong_in_a_run_is_answered_and_a_mistake_of_ours_is_raised(as
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for another process")
 def test_ctrl_c_while_modules_are_imported_leaves_no_traceback(tmp_path: Path) -> None:
-    command, environment = [sys.executable, "-m", "layoutrl.watch"], os.environ | {"PYTHONPATH": str(PROJECT)}
+    command, environment = [sys.executable, "-m", "layoutrl.train", "sed=1"], os.environ | {"PYTHONPATH": str(PROJECT)}
     process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
     time.sleep(0.6)  # Python itself has begun, and torch is not imported yet
     process.send_signal(2)

@@ -27,9 +27,10 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs import resume
+from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
 from layoutrl.runs.folder import LOCK, checkpoints, load_checkpoint, locked, save_checkpoint
-from layoutrl.runs.resume import Stopped, resumed
+from layoutrl.runs.resume import resumed
 from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
 from tests.commands import SERVER

@@ -1,0 +1,64 @@
+"""What an agent is configured by. It loads no torch, so that a wrong option is answered at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from layoutrl.env.simulator import Moves
+
+if TYPE_CHECKING:
+    import torch
+
+    from layoutrl.env.symmetry import Symmetry
+
+MOST_ACTIONS = 31  # one bit each of a positive int32, as the replay keeps them
+
+
+@dataclass(kw_only=True)
+class Method:
+    """What an agent sees, how it moves and how it learns; `conf/method/` has the values.
+
+    A field of type Any is a Literal, which OmegaConf cannot express.
+    """
+
+    name: str
+    observation: Any  # geometry or image
+    steps: list[float]
+    unit: Any  # of the steps: metre or pixel
+    slide: bool
+    max_moves: int  # moves of a training episode
+    evaluation_moves: int  # at most, in a greedy episode
+    on_illegal: Any  # in test: stop or mask
+    goal_terminates: bool = False
+    goal_iou: float = 0.95
+    double: bool
+    dueling: bool = False
+    discount: float
+    learning_rate: float
+    symmetries: bool  # learn from every transition mirrored and turned, too
+    batch: int  # transitions an update
+    episodes: int  # stepped at once
+    warmup_moves: int
+    replay_capacity: int
+    target_period: int  # updates
+    epsilon_start: float
+    epsilon_end: float
+    epsilon_share: float  # of the updates, over which epsilon falls
+    updates: dict[str, int]  # by budget
+    scope: Any = "item"  # what is furnished: one item of a room, or the whole room (room)
+
+    @property
+    def moves(self) -> Moves:
+        """The actions."""
+        return Moves(tuple(self.steps), self.unit, self.slide)
+
+    def views(self, device: torch.device) -> list[Symmetry]:
+        """The symmetries that are learned from, and averaged over in test.
+
+        A whole room is seen as the item that moves is turned, so that only mirroring is left.
+        """
+        from layoutrl.env.symmetry import mirrored, symmetries
+
+        views = mirrored if self.scope == "room" else symmetries
+        return views(self.moves, device)[: None if self.symmetries else 1]
