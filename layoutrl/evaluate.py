@@ -21,8 +21,9 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     """
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.runs.folder import write_json
-    from layoutrl.runs.machine import machine
+    from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import evaluate, table
+    from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
@@ -31,20 +32,20 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         raise InputError(
             f"out: {file.parent} cannot be written to; expected a file in a folder to write to, as out=<file>"
         )
-    result = evaluate(
-        shown.policy,
-        shown.simulator,
-        shown.observe,
-        shown.training,
-        starts_a_room=config.starts,
-        seed=np.random.SeedSequence(config.seed),
-    )
-    print(table(result))
+    seed = np.random.SeedSequence(config.seed)
+    if shown.furnishes:
+        result = evaluate_rooms(shown.furnisher, shown.rooms, shown.training, seed)
+        print(rooms_table(result))
+    else:
+        result = evaluate(
+            shown.policy, shown.simulator, shown.observe, shown.training, starts_a_room=config.starts, seed=seed
+        )
+        print(table(result))
     about = {
         "data": asdict(shown.data),
         "part": shown.part,
         "seed": config.seed,
-        "machine": machine(shown.policy.device),
+        "machine": machine(device_of(config.device)),
     }
     write_json(file, about | result)
     print(f"wrote {file}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,16 +16,18 @@ import torch
 from layoutrl.agents.learner import Learner
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.probe import Probe, RoomsProbe
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.rooms.sources.parts import two_parts, whole_parts
 from layoutrl.runs.commands import Stopped, command
 from layoutrl.runs.config import TrainCommand, TrainConfig, part
 from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import record_result, watched
 from layoutrl.runs.report import evaluate, table
 from layoutrl.runs.resume import carried_out, ending, finish, seeds, session
+from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,10 @@ class Trained:
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
     """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
     device = device_of(config.device)  # said before the rooms are made, which takes a while
-    training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
+    if config.method.scope == "room":
+        training, held_out = whole_parts(config.room.type, config.data, config.fold)
+    else:
+        training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if learner.agent.updates < learner.updates:
@@ -48,20 +54,23 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             f"go on with: python -m layoutrl.train resume={folder}"
         )
     with ending(folder, "layoutrl.train"):
-        result = evaluate(
-            greedy(learner.agent, config.method),
-            Simulator(held_out, config.method.moves, config.reward.weights),
-            observation_of(config.method.observation, held_out, device, learner.categories),
-            training,
-            starts_a_room=1,
-            seed=seeds(config)[3],
-        )
+        seed = seeds(config)[3]
+        if config.method.scope == "room":
+            furnisher = Furnisher(learner.agent, config.method, learner.categories)
+            result = evaluate_rooms(furnisher, held_out, training, seed)
+            shown = rooms_table(result)
+        else:
+            policy = greedy(learner.agent, config.method)
+            simulator = Simulator(held_out, config.method.moves, config.reward.weights)
+            observe = observation_of(config.method.observation, held_out, device, learner.categories)
+            result = evaluate(policy, simulator, observe, training, starts_a_room=1, seed=seed)
+            shown = table(result)
         record_result(folder, asdict(config), result, learner.agent.updates)
         finish(
             folder,
             config,
             result,
-            table(result),
+            shown,
             device=device,
             updates=learner.agent.updates,
             seconds=trained.seconds,
@@ -88,18 +97,23 @@ def train(
     network_seed, training_seed, probe_seed, _ = seeds(config)
     learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
     training = learner.training(max(1, updates // budget.reports))
-    probes = {}
+    policy: Any = greedy(learner.agent, method)
+    if method.scope == "room":
+        policy = Furnisher(learner.agent, method, learner.categories)
+    probes: dict[str, Any] = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
-        few = sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])
-        simulator = Simulator([rooms[k] for k in few], method.moves, reward)
-        observe = observation_of(method.observation, simulator.rooms, device, learner.categories)
-        probes[name] = Probe(simulator, observe, rng, device)
+        few = [rooms[k] for k in sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])]
+        if method.scope == "room":
+            probes[name] = RoomsProbe(few, int(seed.generate_state(1)[0]))
+        else:
+            observe = observation_of(method.observation, few, device, learner.categories)
+            probes[name] = Probe(Simulator(few, method.moves, reward), observe, rng, device)
     about = {"categories": learner.categories}
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
         every = max(1, updates // budget.evaluations)
-        for iou in watched(training, greedy(learner.agent, method), probes, kept.folder, updates, every):
+        for iou in watched(training, policy, probes, kept.folder, updates, every):
             kept.save(iou)
     return Trained(kept.folder, learner, kept.seconds)
 

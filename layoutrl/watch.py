@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import style
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
 from layoutrl import InputError
-from layoutrl.env.render import MOVING
+from layoutrl.env.measures import measured
+from layoutrl.env.render import MOVING, color_of
 from layoutrl.figures import DESIGNER, STYLE, draw_item, draw_room, rgb
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import WatchConfig
+
+if TYPE_CHECKING:
+    from layoutrl.evaluation.furnishing import Furnisher
 
 COLUMNS = 3  # of rooms side by side
 INCHES = 2.2  # height of a row
@@ -34,56 +42,108 @@ def run(config: WatchConfig) -> list[Path]:
 
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
-    simulator = shown.simulator
-    chosen = rng.permutation(len(simulator.rooms))[: config.rooms]
-    starts = simulator.starts(chosen, rng)
-    episodes = shown.policy.rollout(BatchSimulator(simulator, shown.policy.device), shown.observe, chosen, starts)
-    iou = simulator.reward(chosen, episodes.final).iou
-    paths = [episodes.path[: moves + 1, k] for k, moves in enumerate(episodes.moves)]
+    chosen = rng.permutation(len(shown.rooms))[: config.rooms]
+    if shown.furnishes:
+        episodes = rooms_filling_up(shown.furnisher, [shown.rooms[k] for k in chosen], config.seed)
+    else:
+        simulator = shown.simulator
+        starts = simulator.starts(chosen, rng)
+        run = shown.policy.rollout(BatchSimulator(simulator, shown.policy.device), shown.observe, chosen, starts)
+        iou = simulator.reward(chosen, run.final).iou
+        episodes = [
+            one_item(simulator.rooms[k], run.path[: moves + 1, n], float(iou[n]))
+            for n, (k, moves) in enumerate(zip(chosen, run.moves, strict=True))
+        ]
     with style.context(STYLE):
-        pictures = list(frames([simulator.rooms[k] for k in chosen], paths, iou, config.width))
+        pictures = list(frames(episodes, config.width))
     base = Path(config.out or Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}")
     files = write(pictures, base)
-    print(f"mean IoU {iou.mean():.3f} in {len(chosen)} rooms, {episodes.moves.mean():.1f} moves each")
+    moves = np.mean([len(episode.way) - 1 for episode in episodes])
+    mean = np.mean([episode.iou for episode in episodes])
+    print(f"mean IoU {mean:.3f} in {len(chosen)} rooms, {moves:.1f} moves each")
     for file in files:
         print(f"wrote {file} ({file.stat().st_size / 1000:.0f} kB)")
     return files
 
 
-def frames(
-    rooms: Sequence[Room], paths: Sequence[np.ndarray], ious: Sequence[float] | np.ndarray, width: int
-) -> Iterator[Image.Image]:
+@dataclass(frozen=True)
+class Episode:
+    """What happens in a room, and how it should have ended."""
+
+    room: Room  # without what moves
+    way: list[tuple[int, Item]]  # which item moves, and the item where it then is; where it moved last it stays
+    designed: list[Item]
+    iou: float
+
+
+def one_item(room: Room, path: np.ndarray, iou: float) -> Episode:
+    """The target of a room moves along a path (n, 2), in metres."""
+    way = [(0, replace(room.moving, center=(float(x), float(y)))) for x, y in path]
+    return Episode(replace(room, furniture=tuple(room.others), target=None), way, [room.moving], iou)
+
+
+def rooms_filling_up(furnisher: Furnisher, designs: Sequence[Room], seed: int) -> list[Episode]:
+    """Rooms that an agent furnishes from nothing."""
+    found = [best for best, *_ in furnisher.furnish([brief_of(room) for room in designs], 1, seed)]
+    ious = measured([best.layout for best in found], designs).iou
+    episodes = []
+    for best, design, iou in zip(found, designs, ious, strict=True):
+        items = best.layout.furniture
+        way = [(k, replace(items[k], center=center, rotation=degrees)) for k, center, degrees in best.path]
+        episodes.append(Episode(replace(design, furniture=(), target=None), way, list(design.furniture), float(iou)))
+    return episodes
+
+
+def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
     """Pictures, `width` pixels wide, of episodes side by side; the last one has the designer's places and the IoUs.
 
-    An episode is a path (n, 2) in metres; what ends earlier waits for the others.
+    What ends earlier waits for the others.
     """
-    columns = min(COLUMNS, len(rooms))
-    rows = -(-len(rooms) // columns)
+    columns = min(COLUMNS, len(episodes))
+    rows = -(-len(episodes) // columns)
     figure = Figure(figsize=(INCHES * columns, INCHES * rows), dpi=width / (INCHES * columns))
     canvas = FigureCanvasAgg(figure)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid:
         axes.axis("off")
-    for axes, room in zip(grid, rooms, strict=False):
-        draw_room(axes, room, moving=False, names=None)
+    for axes, episode in zip(grid, episodes, strict=False):
+        draw_room(axes, episode.room, names=None)
         axes.set_title(" ")
-    moving: list[Artist] = []
-    for step in range(FRAMES_A_MOVE * (max(map(len, paths)) - 1) + 1):
-        for artist in moving:
+    drawn: list[Artist] = []
+    for step in range(FRAMES_A_MOVE * (max(len(episode.way) for episode in episodes) - 1) + 1):
+        for artist in drawn:
             artist.remove()
-        moving = []
-        for axes, room, path in zip(grid, rooms, paths, strict=False):
-            move = min(step / FRAMES_A_MOVE, len(path) - 1)
-            before, after = path[int(move)], path[min(int(move) + 1, len(path) - 1)]
-            way = np.vstack([path[: int(move) + 1], before + move % 1 * (after - before)])
-            moving += axes.plot(*way.T, color="black", linewidth=0.8, alpha=0.6)
-            moving += draw_item(axes, room.moving, way[-1], facecolor=rgb(MOVING), alpha=0.85)
+        drawn = []
+        for axes, episode in zip(grid, episodes, strict=False):
+            drawn += _drawn(axes, episode, min(step / FRAMES_A_MOVE, len(episode.way) - 1))
         yield _picture(canvas)
-    for axes, room, iou in zip(grid, rooms, ious, strict=False):
-        assert room.moving.center is not None
-        draw_item(axes, room.moving, room.moving.center, **DESIGNER)
-        axes.set_title(f"IoU {iou:.2f}")
+    for axes, episode in zip(grid, episodes, strict=False):
+        for item in episode.designed:
+            assert item.center is not None
+            draw_item(axes, item, item.center, **DESIGNER)
+        axes.set_title(f"IoU {episode.iou:.2f}")
     yield _picture(canvas)
+
+
+def _drawn(axes: Axes, episode: Episode, move: float) -> list[Artist]:
+    """What stands after so many moves, and the item that moves on its way."""
+    here = int(move)
+    which, item = episode.way[here]
+    stands = {k: there for k, there in episode.way[:here] if k != which}
+    artists: list[Artist] = []
+    for there in stands.values():
+        assert there.center is not None
+        artists += draw_item(axes, there, there.center, facecolor=rgb(color_of(there.category)))
+    first = here
+    while first and episode.way[first - 1][0] == which and episode.way[first - 1][1].rotation == item.rotation:
+        first -= 1
+    way = np.array([there.center for _, there in episode.way[first : here + 1]])
+    if here + 1 < len(episode.way):
+        following, onward = episode.way[here + 1]
+        if following == which and onward.rotation == item.rotation:
+            way = np.vstack([way, way[-1] + move % 1 * (np.array(onward.center) - way[-1])])
+    artists += axes.plot(*way.T, color="black", linewidth=0.8, alpha=0.6)
+    return artists + draw_item(axes, item, way[-1], facecolor=rgb(MOVING), alpha=0.85)
 
 
 def _picture(canvas: FigureCanvasAgg) -> Image.Image:

@@ -131,9 +131,9 @@ def test_what_the_probing_takes_is_not_training(monkeypatch: pytest.MonkeyPatch)
     ious, clock = iter([0.1, 0.9, 0.8]), [0.0]
     monkeypatch.setattr("time.perf_counter", lambda: clock[0])
 
-    def probe(_: object) -> tuple[float, list[np.ndarray]]:
+    def probe(_: object) -> tuple[dict[str, float], list[np.ndarray]]:
         clock[0] += 1000
-        return next(ious), []
+        return {"iou": next(ious)}, []
 
     curve = Curve(probe)
     for updates in (1, 2, 3):

@@ -48,7 +48,7 @@ class Curve:
     def add(self, updates: int, policy: Greedy) -> Point:
         """Note and print how good a policy is after so many updates. The clock stands still meanwhile."""
         self._seconds += time.perf_counter() - self._resumed
-        point = Point(updates, self._seconds, self.probe(policy)[0])
+        point = Point(updates, self._seconds, self.probe(policy)[0]["iou"])
         self.points.append(point)
         print(f"  {updates} updates, {point.seconds / 60:.2f} minutes: mean IoU {point.iou:.3f}", flush=True)
         self._resumed = time.perf_counter()

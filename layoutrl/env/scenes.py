@@ -103,9 +103,7 @@ class ScenesObservation:
         state = self._scenes.state(scene, position)
         elements = self._observe(state)
         every = torch.arange(len(elements), device=elements.device)
-        first = elements[every, state.moving]
-        elements[every, state.moving] = elements[:, 0]
-        elements[:, 0] = first
+        elements[every, state.moving], elements[:, 0] = elements[:, 0].clone(), elements[every, state.moving]
         waits = elements[..., STANDS] == 0
         elements[..., X : Y + 1] = elements[..., X : Y + 1].where(~waits[..., None], elements[:, :1, X : Y + 1])
         elements[..., ITEM] *= ~waits

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 
 from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.render import story
+from layoutrl.env.measures import measured
+from layoutrl.env.render import furnished, story
 from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.protocols import Greedy
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.room import Room
 
 PICTURES = 4  # rooms drawn each time
 
@@ -32,10 +39,28 @@ class Probe:
         self._starts = simulator.starts(self._room, rng)
         self.ceiling = float(lattice_ceiling(simulator, self._room, self._starts).mean())
 
-    def __call__(self, policy: Greedy) -> tuple[float, list[np.ndarray]]:
-        """Mean IoU, and pictures of the first rooms: start, path, end, the designer's place."""
+    def __call__(self, policy: Greedy) -> tuple[dict[str, float], list[np.ndarray]]:
+        """Mean IoU and the ceiling of the moves, and pictures of the first rooms: start, path, end, the designer's
+        place."""
         run = policy.rollout(self._batch_simulator, self._observe, self._room, self._starts)
         pictures = [
             story(room, run.path[: run.moves[k] + 1, k]) for k, room in enumerate(self.simulator.rooms[:PICTURES])
         ]
-        return float(self.simulator.reward(self._room, run.final).iou.mean()), pictures
+        iou = float(self.simulator.reward(self._room, run.final).iou.mean())
+        return {"iou": iou, "lattice_ceiling": self.ceiling}, pictures
+
+
+class RoomsProbe:
+    """Whole rooms, furnished always from the same draws. Nothing is chosen by what they score."""
+
+    def __init__(self, designs: Sequence[Room], seed: int):
+        self._designs, self._seed = list(designs), seed
+        self._briefs = [brief_of(room) for room in designs]
+
+    def __call__(self, furnisher: Furnisher) -> tuple[dict[str, float], list[np.ndarray]]:
+        """The means of all measures, and pictures of the first rooms."""
+        layouts = [best.layout for best, *_ in furnisher.furnish(self._briefs, 1, self._seed)]
+        found = {name: value["mean"] for name, value in summary(measured(layouts, self._designs)).items()}
+        return {name: value for name, value in found.items() if value is not None}, [
+            furnished(layout) for layout in layouts[:PICTURES]
+        ]

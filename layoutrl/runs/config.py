@@ -105,6 +105,8 @@ class TrainConfig(LearningConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_method("method", self.method)
+        if self.method.scope == "room":
+            one_of("room.item, of whole rooms,", self.room.item, "main")
         one_of("reward.inside", self.reward.inside, "share", "iou")
         one_of("budget.name", self.budget.name, *self.method.updates)
 
@@ -289,6 +291,13 @@ def check_method(prefix: str, method: Method) -> None:
     """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
     _within(f"{prefix}.learning_rate", method.learning_rate, method.learning_rate > 0, "more than 0")
     one_of(f"{prefix}.observation", method.observation, "geometry", "image")
+    one_of(f"{prefix}.scope", method.scope, "item", "room")
+    if method.scope == "room":
+        one_of(f"{prefix}.observation, of whole rooms,", method.observation, "geometry")
+        one_of(f"{prefix}.on_illegal, of whole rooms,", method.on_illegal, "mask")
+        _within(
+            f"{prefix}.goal_terminates", method.goal_terminates, not method.goal_terminates, "false, of whole rooms"
+        )
     one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
     one_of(f"{prefix}.on_illegal", method.on_illegal, "stop", "mask")
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):

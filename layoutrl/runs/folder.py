@@ -39,8 +39,9 @@ STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # wh
 def wanted_folder(config: AnyTraining) -> Path:
     """`runs/<room>/<name>`."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
+    item = "rooms" if getattr(config.method, "scope", "item") == "room" else config.room.item
     name = config.name or (
-        f"{config.data.source}{labels}-{config.room.item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
+        f"{config.data.source}{labels}-{item}-{config.method.name}-{config.budget.name}-seed{config.seed}"
     )
     return Path(config.runs) / config.room.type / name
 

@@ -8,8 +8,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Never, Protocol
+from typing import Any, Never, Protocol, TypeVar
 
+import numpy as np
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from tensorboard.compat.proto.summary_pb2 import Summary
 from tensorboard.summary.writer.record_writer import RecordWriter
@@ -18,8 +19,6 @@ from tqdm import tqdm
 
 from layoutrl import InputError
 from layoutrl.agents.training import Progress, Training
-from layoutrl.evaluation.probe import Probe
-from layoutrl.evaluation.protocols import Greedy
 
 STAGES = ("act", "simulate", "store", "sample", "learn")
 CURVES = [  # of an agent's training
@@ -33,9 +32,11 @@ BAR = {  # what the progress bar says, beside losses
     "iou/held_out": "held_out",
     "lattice_ceiling/held_out": "ceiling",
 }
+Policy = TypeVar("Policy")  # what a probe is run with: of one item Greedy, of whole rooms Furnisher
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 LONGEST = 10_000  # characters in a line of metrics.csv
 FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
+FINAL_OF_ROOMS = ("mean_iou", "facing", "faultless", "overlap", "outside", "blocked", "reached", "fronts")
 # Curves that are read together: charts of TensorBoard's tab of custom scalars.
 LAYOUT = {
     "learning": {
@@ -59,19 +60,19 @@ class Reporting(Protocol):
 
 def watched(
     training: Training,
-    policy: Greedy,
-    probes: dict[str, Probe],
+    policy: Policy,
+    probes: dict[str, Callable[[Policy], tuple[dict[str, float], list[np.ndarray]]]],
     folder: Path,
     updates: int,
     evaluate_every: int,
 ) -> Iterator[float]:
-    """Train an agent as `reported`, whose probes, "train" and "held_out", are run and show pictures."""
+    """Train an agent as `reported`, whose probes, "train" and "held_out", give numbers, "iou" among them, and pictures."""
 
     def look(board: Board, made: int) -> dict[str, float]:
-        found = {}
+        found: dict[str, float] = {}
         for name, probe in probes.items():
-            found[f"iou/{name}"], pictures = probe(policy)
-            found[f"lattice_ceiling/{name}"] = probe.ceiling
+            numbers, pictures = probe(policy)
+            found |= {f"{tag}/{name}": value for tag, value in numbers.items()}
             for k, picture in enumerate(pictures):
                 board(image(f"{name}/{k}", picture, dataformats="HWC"), made)
         return found
@@ -207,8 +208,10 @@ def kept_lines(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[i
 
 def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any], updates: int) -> None:
     """Show a run's evaluation beside its settings, so that TensorBoard's table of hyper-parameters compares runs."""
-    final = {f"final/{name}": float(result["rows"]["agent"][name]) for name in FINAL}
-    final |= {f"final/{name}": float(result[name]) for name in ("lattice_ceiling", "moves", "ms_a_room")}
+    rows = result["rows"]["agent"]
+    final = {f"final/{name}": float(rows[name]) for name in (*FINAL, *FINAL_OF_ROOMS) if rows.get(name) is not None}
+    others = [name for name in ("lattice_ceiling", "moves", "ms_a_room") if name in result]
+    final |= {f"final/{name}": float(result[name]) for name in others}
     shown = {name: value for name, value in flat(settings).items() if isinstance(value, bool | int | float | str)}
     with board_of(folder) as board:
         for summary in hparams(shown, final):

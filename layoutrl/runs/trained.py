@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -10,13 +11,16 @@ import numpy as np
 import torch
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import DQN
 from layoutrl.agents.learner import untrained
-from layoutrl.env.observation import observation_of
+from layoutrl.agents.method import Method
+from layoutrl.env.observation import GeometryObservation, ImageObservation, observation_of
+from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.protocols import Greedy, greedy
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import Data, read_parts
+from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
 from layoutrl.runs.config import RunConfig, TrainConfig
 from layoutrl.runs.folder import load_checkpoint, load_config, located, taken
 from layoutrl.runs.machine import device_of
@@ -41,13 +45,40 @@ def trained_agent(
 class TrainedRun:
     """The agent of a run, and the rooms that it is seen in."""
 
-    policy: Greedy
-    simulator: Simulator
-    observe: Observe
+    agent: DQN
+    method: Method
+    reward: Reward
+    categories: list[str]  # of furniture, that the agent knows
+    rooms: list[Room]
     training: list[Room]  # what it was trained on
     data: Data
     part: str  # of the rooms of `data`: held_out, training or all
     checkpoint: str  # last or best
+
+    @property
+    def furnishes(self) -> bool:
+        """Whether it furnishes whole rooms, as a `furnisher`; one item moves by a `policy` otherwise."""
+        return self.method.scope == "room"
+
+    @property
+    def furnisher(self) -> Furnisher:
+        """The agent, as it furnishes whole rooms."""
+        return Furnisher(self.agent, self.method, self.categories)
+
+    @property
+    def policy(self) -> Greedy:
+        """The agent, as it moves one item."""
+        return greedy(self.agent, self.method)
+
+    @cached_property
+    def simulator(self) -> Simulator:
+        """Of the rooms, in which one item moves."""
+        return Simulator(self.rooms, self.method.moves, self.reward)
+
+    @property
+    def observe(self) -> GeometryObservation | ImageObservation:
+        """What is seen of these rooms."""
+        return observation_of(self.method.observation, self.rooms, self.policy.device, self.categories)
 
     @property
     def name(self) -> str:
@@ -59,7 +90,7 @@ class TrainedRun:
         }
         rooms = f"{self.data.source}{which.get(self.data.source or '', '')}-{self.part}"
         best = "-best" if self.checkpoint == "best" else ""
-        return f"{rooms}-{digest(self.simulator.rooms)[:6]}-{self.policy.on_illegal}{best}"
+        return f"{rooms}-{digest(self.rooms)[:6]}-{self.method.on_illegal}{best}"
 
 
 def trained_run(config: RunConfig) -> TrainedRun:
@@ -81,12 +112,19 @@ def trained_run(config: RunConfig) -> TrainedRun:
     same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
     if designed and same:
         data = replace(data, train_rooms=own.train_rooms)  # the agent was trained on no more of them
-    parts = read_parts(trained.room.type, trained.room.item, own, trained.fold)
+    whole = trained.method.scope == "room"
+
+    def parts_of(data: Data) -> tuple[list[Room], list[Room]]:
+        if whole:
+            return whole_parts(trained.room.type, data, trained.fold)
+        return read_parts(trained.room.type, trained.room.item, data, trained.fold)
+
+    parts = parts_of(own)
     training = parts[0]
     if digest(training) != rooms:
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
     if data != own:
-        parts = read_parts(trained.room.type, trained.room.item, data, trained.fold)
+        parts = parts_of(data)
     part = config.part or ("held_out" if same or data.source == "designer" else "all")
     chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
     if not same:
@@ -100,9 +138,11 @@ def trained_run(config: RunConfig) -> TrainedRun:
     print(f"{len(chosen)} rooms of {data.source} ({part})")
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
     return TrainedRun(
-        greedy(agent, method),
-        Simulator(chosen, method.moves, trained.reward.weights),
-        observation_of(method.observation, chosen, device, categories),
+        agent,
+        method,
+        trained.reward.weights,
+        categories,
+        chosen,
         training,
         data,
         part,
