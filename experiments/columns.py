@@ -18,11 +18,13 @@ from omegaconf import MISSING
 
 from layoutrl import InputError
 from layoutrl import train as training_entry
+from layoutrl.agents.dqn import DQN
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
 from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.oracle import perfect_places
-from layoutrl.evaluation.protocols import Greedy, greedy
+from layoutrl.evaluation.protocols import greedy
 from layoutrl.planit import train as planit_entry
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit.canvas import box_of
@@ -141,8 +143,9 @@ def designer(config: CellConfig) -> Data:
 def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The agent: from the one start; best of three; without the paper's rule that an illegal move ends a test, where
     that is the method's; and, of designed rooms never seen, from many starts."""
-    policy, categories, about = trained_agent(config, setting)
     simulator = setting.simulator
+    agent, categories, about = trained_agent(config, setting.training, simulator.rooms, setting.device)
+    policy = greedy(agent, config.method)
     observe = observation_of(config.method.observation, simulator.rooms, setting.device, categories)
     batch_simulator = BatchSimulator(simulator, setting.device)
     run = policy.rollout(batch_simulator, observe, setting.room, setting.starts)
@@ -178,23 +181,25 @@ def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.n
     return choices[np.arange(len(room)), iou.argmax(1)]
 
 
-def trained_agent(config: CellConfig, setting: Setting) -> tuple[Greedy, list[str], dict[str, Any]]:
-    """The agent that is trained on these rooms in this way: (policy, the categories it knows, about its training)."""
+def trained_agent(
+    config: CellConfig, rooms: list[Room], held_out: list[Room], device: torch.device
+) -> tuple[DQN, list[str], dict[str, Any]]:
+    """The agent that is trained on rooms in this way, the categories it knows, and about its training."""
     training = part(config, TrainConfig)
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
-    what = [resume.digest(setting.training), config.budget.name, config.seed]
+    what = [resume.digest(rooms), config.budget.name, config.seed]
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
-        trained = training_entry.train(training, setting.training, setting.simulator.rooms, setting.device, begun)
+        trained = training_entry.train(training, rooms, held_out, device, begun)
         if trained.learner.agent.updates < trained.learner.updates:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
-    agent, categories, _ = load_agent(folder, load_config(folder, TrainConfig), setting.device)
-    return greedy(agent, config.method), categories, about
+    agent, categories, _ = load_agent(folder, load_config(folder, TrainConfig), device)
+    return agent, categories, about
 
 
 def trained_once(
@@ -417,6 +422,12 @@ def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
     return lambda: furnished_rooms(placer, resume.seeds(config)[3])
 
 
+def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    agent, categories, _ = trained_agent(config, rooms.training, rooms.designs, rooms.device)
+    furnisher = Furnisher(agent, config.method, categories)
+    return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1, config.seed)]
+
+
 Furnish = Callable[[], list[Room]]  # layouts; what comes before it is called is no time of furnishing
 FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "designer": lambda _, rooms: lambda: rooms.designs,
@@ -424,6 +435,7 @@ FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "nearest": by_nearest_room,
     "annealer": by_rules,
     "search": by_rules,
+    "rooms_agent": by_agent,
     "rooms_pointer": by_pointer,
     "rooms_planit": by_planit,
 }

@@ -26,6 +26,7 @@ from layoutrl.runs.commands import answers_errors
 # What furnishes rooms, by its words in the tables: the column of its cells.
 METHODS = {
     "designer": "designer",
+    "agent": "rooms_agent",
     "pointer in sequence": "rooms_pointer",
     "annealer, 10 s": "annealer_long",
     "annealer, 1 s": "annealer",
@@ -36,7 +37,10 @@ METHODS = {
     "random": "random",
 }
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
-SWEEPS = ("designer,random,nearest", "annealer,search", "rooms_pointer", "annealer_long,search_long", "rooms_planit")
+SWEEPS = (
+    "designer,random,nearest", "rooms_agent", "annealer,search", "rooms_pointer", "annealer_long,search_long",
+    "rooms_planit",
+)  # fmt: skip
 BEST = {
     "": "{room}",
     "method": "{method}",

@@ -72,7 +72,9 @@ class Learner:
             self.simulator: BatchSimulator | Scenes = (scenes := Scenes(BatchRoomsSimulator(whole, device)))
             self.observe: Observe = ScenesObservation(scenes, RoomsObservation(whole, self.categories, device))
             self.replay = Replay(method.replay_capacity, method.moves.count, device, (scenes.columns,))
-            self._begin: Begin = lambda generator: SceneEpisodes(scenes, whole, ages, most, generator)
+            self._begin: Begin = lambda generator: SceneEpisodes(
+                scenes, whole, ages, most, generator, near=method.near_share, own=method.own_share
+            )
         else:
             self.simulator = simulator = BatchSimulator(Simulator(rooms, method.moves, reward), device)
             self.observe = observation_of(method.observation, rooms, device, self.categories)

@@ -47,6 +47,9 @@ class Method:
     epsilon_share: float  # of the updates, over which epsilon falls
     updates: dict[str, int]  # by budget
     scope: Any = "item"  # what is furnished: one item of a room, or the whole room (room)
+    # Of whole rooms:
+    near_share: float = 0.5  # of items that begin near the designer's place
+    own_share: float = 0.5  # of rooms in which the agent's own mistakes stay, as far as it does not explore
 
     @property
     def moves(self) -> Moves:

@@ -20,6 +20,7 @@ from layoutrl.env import coverage
 from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry
+from layoutrl.rooms.clearances import period
 from layoutrl.rooms.room import Item, Room, envelopes, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
@@ -49,8 +50,8 @@ class GeometryObservation:
     """The state as a set of elements: float32 (B, elements, columns); the moving item comes first.
 
     An element is its kind, centre and size (metres, from the centre of the envelope), the double angle of its
-    rotation (a rectangle turned by half a circle covers the same), where it faces (0, 0 for what has no front by its
-    form: walls, openings, discs) and its category.
+    rotation (a rectangle turned by half a circle covers the same), where it faces (0, 0 for what has no front: walls,
+    openings, tables and the like) and its category.
     Rows of rooms with fewer elements are zero; `present` tells them apart. `origin` (rooms, 2) are those centres.
     """
 
@@ -184,6 +185,7 @@ def items_described(items: Sequence[Item], degrees: Sequence[float] | np.ndarray
     shown = described(size, np.array(degrees))
     circle = np.array([item.form == "circle" for item in items], dtype=bool)
     shown[circle, 2:] = (0, 0, 1, 0, 0)
+    shown[np.array([period(item) < 360 for item in items], dtype=bool), -2:] = 0.0
     return shown
 
 

@@ -15,19 +15,19 @@ from layoutrl.env.scenes import Scenes
 
 SETTLING = 0.3  # share of an item's moves, the last, in which nothing is drawn: where it ends is the agent's own choice
 ANY_ORDER = 1.0  # of the logarithm of a footprint: the largest waiting item is seldom not among the next
-NEAR = 0.5  # share of items that begin as the designer turned them, within about REACH of the designer's place
-REACH = 0.4  # metres, a standard deviation
-OWN = 0.5  # share of rooms that the agent furnishes itself, when it explores no more
-AGAIN = 3  # items of a furnished room that are lifted and placed again, in the mean
+REACH = 0.4  # metres, a standard deviation: how near to the designer's place is near
+LEFT = 0.25  # share of rooms that are left after an item: the first items, of which least is known, come most often
+LEFT_FURNISHED = 0.5  # and of those in which all stands, after each item that was placed again
 
 
 class SceneEpisodes:
     """B rooms that are furnished in parallel; `room` (B, columns), the scenes, `position` and `legal` are their state.
 
-    An item moves for `max_moves` moves, from a place and a facing that are drawn. Then the next is taken: one of those
-    that wait, the larger the sooner, or, where all stand, any of them once more. A room is furnished as the designer
-    has it, where every item goes to the designer's place before the next is taken; or by the agent itself, whose
-    mistakes stay, with the probability with which it does not explore. Rooms have designs.
+    An item moves for `max_moves` moves, from a place and a facing that are drawn; a `near` share of them begin near the
+    designer's place, as the designer turned them. Then the next is taken: one of those that wait, the larger the
+    sooner, or, where all stand, any of them once more; or another room begins. Rooms are furnished as the designer has
+    them, where every item goes to the designer's place before the next is taken; or by the agent itself, whose mistakes
+    stay: an `own` share of them, as far as it does not explore. Rooms have designs.
     """
 
     def __init__(
@@ -37,8 +37,12 @@ class SceneEpisodes:
         ages: np.ndarray,
         max_moves: int,
         generator: torch.Generator,
+        *,
+        near: float,
+        own: float,
     ):
         self._scenes = scenes
+        self._near_share, self._own_share = near, own
         self._max_moves = max_moves
         self._generator = generator
         self._age = ages.copy()  # kept on the host, as in Episodes
@@ -118,7 +122,7 @@ class SceneEpisodes:
             state.moving,
         )
         complete = stands.sum(1) == count
-        begins = complete & (self._uniform(len(ended)) < 1 / (1 + AGAIN))
+        begins = self._uniform(len(ended)) < torch.where(complete, LEFT_FURNISHED, LEFT)
         fresh = self._empty(len(ended))
         state = State(
             *(
@@ -126,7 +130,7 @@ class SceneEpisodes:
                 for new, old in zip(fresh, state, strict=True)
             )
         )
-        self._own[ended] = torch.where(begins, self._uniform(len(ended)) < OWN * self._keeps, own)
+        self._own[ended] = torch.where(begins, self._uniform(len(ended)) < self._own_share * self._keeps, own)
         self._take(ended, state)
         length, legal = self._scenes.reach(self.room[ended], self.position[ended])
         self._length = self._length.index_copy(0, ended, length)
@@ -152,7 +156,7 @@ class SceneEpisodes:
         moving = drawn.masked_fill(~free, -torch.inf).argmax(1)
         fits = scenes.simulator.entry[state.room, moving] >= 0
         quarter = self._uniform(*fits.shape).masked_fill(~fits, -1.0).argmax(1)
-        near = self._uniform(len(which)) < NEAR
+        near = self._uniform(len(which)) < self._near_share
         quarter = torch.where(near, self._designed_quarter[state.room, moving], quarter)
         quarters = state.quarter.scatter(1, moving[:, None], quarter[:, None])
         scene = scenes.of(state._replace(moving=moving, quarter=quarters))

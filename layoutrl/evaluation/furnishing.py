@@ -86,6 +86,8 @@ class Furnisher:
         # The first item is not lifted again: it is what makes layouts different.
         for number, step in enumerate([*range(order.shape[1]), *[*range(1, order.shape[1])] * SWEEPS]):
             which = np.flatnonzero(count > step)
+            if not len(which):
+                continue
             item, every = order[which, step], np.arange(len(which))
             now = State(*(values[which] for values in state))._replace(moving=item)
             stands = now.stands[every, item]

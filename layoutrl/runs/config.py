@@ -303,7 +303,7 @@ def check_method(prefix: str, method: Method) -> None:
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
         value = getattr(method, name)
         _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
-    for name in ("epsilon_start", "epsilon_end", "epsilon_share"):
+    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share"):
         share = getattr(method, name)
         _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
     most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are

@@ -66,7 +66,7 @@ def watched(
     updates: int,
     evaluate_every: int,
 ) -> Iterator[float]:
-    """Train an agent as `reported`, whose probes, "train" and "held_out", give numbers, "iou" among them, and pictures."""
+    """Train an agent as `reported`. Its probes, "train" and "held_out", give numbers, "iou" first, and pictures."""
 
     def look(board: Board, made: int) -> dict[str, float]:
         found: dict[str, float] = {}

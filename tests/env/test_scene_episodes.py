@@ -12,7 +12,7 @@ from layoutrl.env.episodes import Step
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_simulator import RoomsSimulator
-from layoutrl.env.scene_episodes import SceneEpisodes
+from layoutrl.env.scene_episodes import LEFT, LEFT_FURNISHED, SceneEpisodes
 from layoutrl.env.scenes import Scenes
 from layoutrl.env.simulator import Moves
 from layoutrl.rooms.brief import brief_of
@@ -32,9 +32,11 @@ def scenes(simulator: RoomsSimulator) -> Scenes:
     return Scenes(BatchRoomsSimulator(simulator))
 
 
-def episodes(scenes: Scenes, simulator: RoomsSimulator, seed: int = 0, count: int = 30) -> SceneEpisodes:
+def episodes(
+    scenes: Scenes, simulator: RoomsSimulator, seed: int = 0, count: int = 30, near: float = 0.0, own: float = 1.0
+) -> SceneEpisodes:
     generator = torch.Generator().manual_seed(seed)
-    return SceneEpisodes(scenes, simulator, np.arange(count) % MOST, MOST, generator)
+    return SceneEpisodes(scenes, simulator, np.arange(count) % MOST, MOST, generator, near=near, own=own)
 
 
 def played(running: SceneEpisodes, steps: int, epsilon: float, seed: int = 0) -> Iterator[Step]:
@@ -70,27 +72,44 @@ def test_a_step_tells_all_of_a_move_and_an_item_moves_as_often_as_it_may(scenes,
         age[age == MOST] = 0
 
 
-def test_items_are_taken_until_all_stand_and_some_of_them_again(scenes, simulator) -> None:
+def test_items_are_taken_until_all_stand_and_then_again_until_another_room_begins(scenes, simulator) -> None:
     running = episodes(scenes, simulator)
-    count, again, begun = torch.tensor(simulator.count), 0, 0
-    for step in played(running, 200, 1.0):
+    count, began = torch.tensor(simulator.count), {True: [0, 0], False: [0, 0]}
+    for step in played(running, 300, 1.0):
         if not len(step.ended):
             continue
         before = scenes.state(step.room[step.ended], step.next_position[step.ended])
         after = scenes.state(running.room[step.ended], running.position[step.ended])
         complete = before.stands.sum(1) == count[before.room]
-        begins = after.stands.sum(1) == 1
-        assert (complete | (after.room == before.room)).all()
-        same = ~begins
-        stands = after.stands.scatter(1, after.moving[:, None], False) | (before.stands & complete[:, None])
-        assert torch.equal(stands[same], before.stands[same])
-        waiting = same & ~complete
-        assert not before.stands[waiting, after.moving[waiting]].any()
-        again += int((complete & ~begins).sum())
-        begun += int((complete & begins).sum())
+        alone = (after.stands.sum(1) == 1) & (before.stands.sum(1) != 1)
+        begins = alone | (after.room != before.room)
+        goes_on = ~begins
+        kept = after.stands.scatter(1, after.moving[:, None], False) | (before.stands & complete[:, None])
+        assert ((kept == before.stands).all(1) | begins | (before.stands.sum(1) == 1)).all()
+        waited = ~before.stands[torch.arange(len(before.room)), after.moving]
+        assert (waited | complete | begins | (before.stands.sum(1) == 1)).all()
+        for which in (True, False):
+            rows = complete == which
+            began[which][0] += int((begins & rows).sum())
+            began[which][1] += int(rows.sum())
         entry = scenes.simulator.entry[after.room, after.moving, scenes.quarter(running.room[step.ended])]
         assert scenes.simulator.simulator.is_legal(entry, running.position[step.ended]).all()
-    assert 2 < again / begun < 4.5
+        assert goes_on.any() or len(step.ended) < 10
+    assert began[True][0] / began[True][1] == pytest.approx(LEFT_FURNISHED, abs=0.06)
+    assert began[False][0] / began[False][1] == pytest.approx(LEFT, abs=0.06)  # at times the same room again
+
+
+def test_items_begin_anywhere_or_near_the_designers_place(scenes, simulator) -> None:
+    center, quarter = (torch.tensor(table) for table in simulator.designed())
+    apart, turned = [], []
+    for near in (0.0, 1.0):
+        begun = episodes(scenes, simulator, count=500, near=near)
+        room, item = begun.room[:, 0].long(), begun.room[:, 1].long()
+        apart.append((begun.position - center[room, item]).norm(dim=1).median())
+        turned.append((scenes.quarter(begun.room) == quarter[room, item]).double().mean())
+    assert apart[1] < 0.9 < apart[0]
+    assert turned[0] < 0.5
+    assert turned[1] == 1
 
 
 @pytest.mark.parametrize("own", [False, True])
