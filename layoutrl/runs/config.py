@@ -24,6 +24,7 @@ from layoutrl.rivals.rooms.annealer import MOVES, Annealing
 from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.collection import FOLDS
+from layoutrl.rooms.files import UNITS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
 
@@ -326,6 +327,7 @@ def check_data(data: Data) -> None:
     for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
         value = getattr(data, name)
         _within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
+    one_of("data.unit", data.unit, "auto", *UNITS)
 
 
 def one_of(name: str, value: str, *allowed: str) -> None:
