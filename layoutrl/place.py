@@ -116,7 +116,8 @@ def run(config: PlaceConfig) -> Done:
     else:
         assert source is not None
         layouts = [answer.layouts for block in work.answers() for answer in block]
-        for n, file in enumerate(files if work.asked else []):
+        files = files[: max(map(len, layouts), default=0) if work.asked else 0]
+        for n, file in enumerate(files):
             source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
     if not work.asked:
         raise InputError(f"rooms: {config.rooms} has no room with an item without a center; expected one or more")
