@@ -118,6 +118,7 @@ def run(config: PlaceConfig) -> Done:
         layouts = [answer.layouts for block in work.answers() for answer in block]
         files = files[: max(map(len, layouts), default=0) if work.asked else 0]
         for n, file in enumerate(files):
+            file.parent.mkdir(parents=True, exist_ok=True)
             source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
     if not work.asked:
         raise InputError(f"rooms: {config.rooms} has no room with an item without a center; expected one or more")
