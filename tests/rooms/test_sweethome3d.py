@@ -295,8 +295,8 @@ def test_a_home_in_which_nothing_moved_is_written_byte_for_byte(tmp_path: Path) 
 
 
 @given(
-    x=st.floats(0.8, 3.2),
-    y=st.floats(-2.2, -0.8),
+    x=st.floats(1.2, 2.8),
+    y=st.floats(-1.8, -1.2),
     rotation=st.floats(0, 360),
     was=st.floats(-7, 7),
     encoding=st.booleans(),

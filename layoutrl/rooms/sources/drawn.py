@@ -19,7 +19,7 @@ from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.files import LARGEST, MOST, room_from_dict
-from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, rings
+from layoutrl.rooms.room import FILM, TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, rings
 from layoutrl.rooms.sources.categories import NO_ROOM, Names
 from layoutrl.rooms.sources.plans import is_drawn_before
 
@@ -179,7 +179,8 @@ def tidy(floor: Polygon, walls: shapely.Geometry | None = None) -> list[Polygon]
     a wall. Raises RoomError where nothing is left.
     """
     free = floor if walls is None else floor.difference(walls)
-    opened = free.buffer(-NARROW / 2, join_style="mitre").buffer(NARROW / 2, join_style="mitre")
+    with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
+        opened = free.buffer(-NARROW / 2, join_style="mitre").buffer(NARROW / 2, join_style="mitre")
     first, *others = _parts(opened)
     return [_straight(part) for part in (first, *(part for part in others if part.area > ROOM))]
 
@@ -293,7 +294,8 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[l
     for strip in strips:
         cut = strip.difference(taken)
         # Without films, where rounding leaves an opening not quite as deep as the wall.
-        kept = cut.buffer(-1e-3, join_style="mitre").buffer(1e-3, join_style="mitre")
+        with np.errstate(all="ignore"):
+            kept = cut.buffer(-FILM / 2, join_style="mitre").buffer(FILM / 2, join_style="mitre")
         walls += [[list(corner) for corner in ring] for ring in rings(shapely.set_precision(kept, 1e-6))]
         taken = taken.union(strip)
     return walls

@@ -133,8 +133,10 @@ def _floor(meshes: list[Any]) -> Polygon:
         if index.ndim != 1 or len(index) % 3 or not ((index >= 0) & (index < len(corners))).all():
             raise RoomError("floor", "expected triangles between its corners")
         triangles += list(corners[index.astype(int)].reshape(-1, 3, 2))
-    shapes = shapely.polygons(triangles) if triangles else []
-    whole = shapely.union_all(shapely.buffer(shapes, SEAM, join_style="mitre")).buffer(-SEAM, join_style="mitre")
+    shapes = shapely.polygons(np.array(triangles).reshape(-1, 3, 2))
+    shapes = shapes[shapely.area(shapes) > SEAM**2]
+    with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
+        whole = shapely.union_all(shapely.buffer(shapes, SEAM, join_style="mitre")).buffer(-SEAM, join_style="mitre")
     parts = [part for part in shapely.get_parts(whole) if isinstance(part, Polygon)]
     if not parts:
         raise RoomError("floor", "expected a mesh of type Floor with an area; there is none")

@@ -28,7 +28,7 @@ from shapely.geometry import LineString, Polygon
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new
-from layoutrl.rooms.room import Item, Room, RoomError
+from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
 from layoutrl.rooms.sources.categories import HOLDS, Names, names_of
 from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong
 
@@ -203,6 +203,8 @@ def _home_xml(path: Path) -> bytes:
                 raise InputError(f"{path}: expected one {HOME} in it; got {what}")
             with archive.open(entries[0]) as file:
                 xml = file.read(LARGEST_XML + 1)
+    except InputError:  # which is a ValueError, as some of what a broken file makes zipfile raise
+        raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
@@ -316,7 +318,7 @@ def _walls(element: Element) -> list[Wall]:
     end = np.array((element.number("xEnd"), -element.number("yEnd"))) / 100
     thickness = element.number("thickness") / 100
     length = float(np.hypot(*(end - start)))
-    if thickness <= 0 or length == 0:
+    if min(thickness, length) < FILM:
         return []
     arc = element.number("arcExtent", 0.0)
     points = [start, end] if abs(arc) < 1e-3 else _arc(start, end, arc)
@@ -347,7 +349,7 @@ def _gaps(element: Element) -> list[Gap]:
         return []
     width, depth = element.number("width") / 100, element.number("depth") / 100
     wide, deep = element.number("wallWidth", 1.0), element.number("wallThickness", 1.0)
-    if min(width * wide, depth * deep) <= 0:
+    if min(width * wide, depth * deep) < TOLERANCE:
         return []
     across = width * (element.number("wallLeft", 0.0) + wide / 2 - 0.5)
     across *= -1 if element.flag("modelMirrored", False) else 1
@@ -372,7 +374,7 @@ def _piece(element: Element, names: Names) -> HomePiece | None:
         return None
     width = element.number("widthInPlan", element.number("width")) / 100
     depth = element.number("depthInPlan", element.number("depth")) / 100
-    if min(width, depth) < 0.01:
+    if min(width, depth) < TOLERANCE:
         return None
     parts = sorted(inner, key=lambda e: -e.number("width") * e.number("depth"))
     called = next((part for part in (element, *parts) if names.knows(*part.names)), element)
