@@ -205,13 +205,13 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     assert "mine-placed.jsonl is there already" in again.stderr
 
 
-@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
-def test_shards_are_placed_side_by_side(launcher: str, tmp_path: Path) -> None:
+def test_shards_are_placed_side_by_side_as_on_a_cluster(tmp_path: Path) -> None:
+    """By submitit, which starts jobs on Slurm, too."""
     documents = [room_to_dict(room) for room in design_rooms("balcony", "test", 7, 4).rooms]
     for document in documents[:2]:
         del document["furniture"][0]["center"]
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
-    given = ("by=search", "rooms=mine.jsonl", "seconds=0.01", "shard=0/2,1/2", f"hydra/launcher={launcher}")
+    given = ("by=search", "rooms=mine.jsonl", "seconds=0.01", "shard=0/2,1/2", "hydra/launcher=submitit_local")
     done = fresh("-m", "layoutrl", "place", "-m", *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for shard in range(2):

@@ -41,7 +41,7 @@ from layoutrl.runs.trained import trained_agent
 
 DESIGNED = 200  # rooms of each type, whose relations a rival keeps
 APART = 0.1  # metres: layouts in which no item stands further elsewhere are one
-AT_ONCE = 64  # briefs that an agent furnishes in one batch
+AT_ONCE = 256  # briefs that an agent furnishes in one batch
 TURNED = 1.0  # degrees
 VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
 TRIES = 2  # for each layout that is asked for, until that many differ
