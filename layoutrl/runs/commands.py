@@ -25,11 +25,16 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from layoutrl import InputError
 from layoutrl.runs.config import config_directory, register
 
+INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
 class Stopped(InputError):
     """By the user, and saved."""
+
+
+class Incomplete(InputError):
+    """What could be done is done, and what could not has been said."""
 
 
 def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bool = False) -> Callable[[], None]:
@@ -52,6 +57,8 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             if isinstance(error, Stopped):
                 sys.exit(said)  # and with it the sweep
             print(said, file=sys.stderr)  # the other jobs shall not suffer
+            if isinstance(error, Incomplete):
+                raise
             raise InputError("a job of the sweep failed, as is said above") from None
 
     def main() -> None:
@@ -72,6 +79,9 @@ def answers_errors() -> Iterator[None]:
     """Answer what the user can mend in one line, without a traceback."""
     try:
         yield
+    except Incomplete as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(INCOMPLETE)
     except (InputError, OmegaConfBaseException, OSError) as error:
         sys.exit(f"error: {in_a_line(error)}")
     except KeyboardInterrupt:

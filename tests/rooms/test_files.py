@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, write_rooms
+from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, with_layout, write_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms
 
@@ -210,10 +211,10 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     ),
     "window in mid room": (put("windows", polygons([[1, 1], [2, 1], [2, 1.2]])), "windows[0]", "in the walls"),
     "door without polygon": (put("doors", [{}]), "doors[0].polygon", "missing"),
-    "door with a width": (
-        lambda room: room["doors"][0].__setitem__("width", 1),
-        "doors[0].width",
-        "unknown field",
+    "door with polygons": (
+        lambda room: room["doors"][0].__setitem__("polygons", []),
+        "doors[0].polygons",
+        "unknown field; expected polygon",
     ),
     "doors are one object": (put("doors", {"polygon": []}), "doors", "list"),
     "size zero": (put_item("size", [0, 1.5]), "furniture[0].size", "above zero"),
@@ -235,7 +236,7 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     "item outside": (put_item("center", [3.5, 1.5]), "furniture[0].center", "outer walls"),
     "category empty": (put_item("category", " "), "furniture[0].category", "name"),
     "category a number": (put_item("category", 3), "furniture[0].category", "name"),
-    "item with a colour": (put_item("colour", "red"), "furniture[0].colour", "unknown field"),
+    "item with a centre": (put_item("centre", [1, 1]), "furniture[0].centre", "unknown field; expected center"),
     "item is a text": (put("furniture", ["bed"]), "furniture[0]", "JSON object"),
     "furniture is null": (put("furniture", None), "furniture", "list"),
     "target too large": (put("target", 2), "target", "0 to 1"),
@@ -245,11 +246,27 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     "target a fraction": (put("target", 0.0), "target", "index"),
     "unknown room type": (put("room_type", "attic"), "room_type", "bathroom, bedroom"),
     "room type a number": (put("room_type", 1), "room_type", "name"),
-    "unknown field": (put("ceiling", 2.5), "ceiling", "unknown field"),
+    "unknown field": (put("hole", []), "hole", "unknown field; expected holes"),
     "group empty": (put("group", ""), "group", "name"),
     **{f"{name} missing": (drop(name), name, "missing") for name in document() if name != "id"},
     **{f"item's {name} missing": (drop_item(name), f"furniture[0].{name}", "missing") for name in ("category", "size")},
 }
+
+
+def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> None:
+    own = document(ceiling=2.5, note="for Ada")
+    own["doors"][0]["width"] = 0.9
+    own["furniture"][0] |= {"colour": "red", "faults": ["overlaps"]}
+    known = room_from_dict(document())
+    assert room_from_dict(own) == known
+    bare = replace(known.furniture[0], center=None, rotation=None)
+    asked = replace(known, furniture=(bare, *known.furniture[1:]))
+    written = with_layout(own, asked, known, [(1, "outside"), (1, "overlaps")])
+    assert written["furniture"][1].pop("faults") == ["outside", "overlaps"]
+    del own["furniture"][0]["faults"]
+    assert written == own
+    nowhere = with_layout(own, asked, asked, [])
+    assert nowhere == own  # what is not placed is left where it was
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))
@@ -414,3 +431,73 @@ def test_an_outline_around_which_no_walls_can_be_drawn_is_answered() -> None:
     document = {"id": "a", "room_type": "study", "outline": leaning, "doors": [], "windows": [], "furniture": []}
     with pytest.raises(RoomError, match="walls: cannot be drawn around this outline; expected them to be given"):
         room_from_dict(document)
+
+
+# units
+
+
+def scaled(written: dict[str, Any], by: float) -> dict[str, Any]:
+    """A room's document with lengths in another unit, by its fields: written out, unlike the reader's own way."""
+    document = json.loads(json.dumps(written))
+    for name in ("outline", "holes", "walls", "doors", "windows"):
+        text = json.dumps(document.get(name, []))
+        document[name] = json.loads(
+            text, parse_float=lambda number: float(number) * by, parse_int=lambda n: int(n) * by
+        )
+    for item in document["furniture"]:
+        for name in ("center", "size"):
+            item[name] = [length * by for length in item[name]]
+    return document
+
+
+@given(rooms(), st.sampled_from([("cm", 100), ("mm", 1000)]))
+def test_centimetres_and_millimetres_are_told_and_said(
+    tmp_path_factory: pytest.TempPathFactory, room: Room, unit: tuple[str, int]
+) -> None:
+    name, by = unit
+    path = write(tmp_path_factory.mktemp("rooms") / "rooms.jsonl", scaled(room_to_dict(room), by))
+    told, given = read_rooms(path, strict=True), read_rooms(path, strict=True, unit=name)
+    assert told.notes == [f"{path}: lengths are read as {name}, as rooms are large (unit=m if they are)"]
+    assert str(told).endswith(told.notes[0])
+    assert given.notes == []
+    for (read,) in (told.rooms, given.rooms):
+        assert read.indoor.symmetric_difference(room.indoor).area < 1e-6
+        for item, before in zip(read.furniture, room.furniture, strict=True):
+            assert (*item.size, *item.center, item.rotation) == pytest.approx(
+                (*before.size, *before.center, before.rotation)
+            )
+
+
+@given(rooms())
+def test_metres_are_taken_for_metres(tmp_path_factory: pytest.TempPathFactory, room: Room) -> None:
+    path = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
+    write_rooms(path, [room])
+    collection = read_rooms(path, strict=True)
+    assert (collection.rooms, collection.notes) == ([room], [])
+
+
+def test_a_file_has_one_unit_that_of_most_of_its_rooms(tmp_path: Path) -> None:
+    small = {name: [] for name in ("doors", "windows", "furniture")}
+    lines = [scaled(document(id=f"room {k}"), 1000) for k in range(3)]
+    closet = scaled(document(id="closet", outline=[[0, 0], [1, 0], [1, 1], [0, 1]], **small), 1000)
+    collection = read_rooms(write(tmp_path / "rooms.jsonl", *lines, closet), strict=True)
+    assert collection.rooms[-1].indoor.area == pytest.approx(1.0)  # alone it is taken for 10 m wide
+
+
+def test_a_hall_in_metres_is_no_room_in_centimetres(tmp_path: Path) -> None:
+    hall = document(outline=[[0, 0], [100, 0], [100, 3], [0, 3]])
+    (room,) = read_rooms(write(tmp_path / "rooms.jsonl", hall), strict=True).rooms
+    assert room.indoor.area == 300
+
+
+def test_an_unknown_unit_is_answered(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm; got inches"):
+        read_rooms(write(tmp_path / "rooms.jsonl", document()), unit="inches")
+
+
+def test_a_window_through_a_thick_wall_is_read_where_walls_are_given_and_said_so_where_not() -> None:
+    window = polygons([[1, 3], [2, 3], [2, 3.36], [1, 3.36]])
+    with pytest.raises(RoomError, match=r"it reaches 0\.36 m out; give walls that are thicker as `walls`"):
+        room_from_dict(document(windows=window))
+    wall = polygons([[0, 3], [1, 3], [1, 3.36], [0, 3.36]])
+    assert len(room_from_dict(document(windows=window, walls=wall)).windows) == 1

@@ -1,0 +1,133 @@
+"""Files of rooms, of whichever format: read into rooms, and layouts written back as what they came from.
+
+source = opened(Path("home.sh3d"), move="bed,wardrobe")
+print(source.collection)           # what was read, and what was left out, and why
+...                                # furnish rooms of source.collection.rooms that lack an item's center
+source.write(layouts, Path("home-placed.sh3d"))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+from layoutrl import InputError
+from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.files import check_new, write_rooms
+from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources import read_homes
+from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.front3d import MODELS
+from layoutrl.rooms.sources.procthor import ASSETS
+from layoutrl.rooms.sources.sweethome3d import read_home
+
+FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
+SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
+LOOK = 2**20  # bytes, at the start of a file, that tell its format
+
+
+class Source(Protocol):
+    """Rooms that were read, and how layouts of them are written."""
+
+    collection: Collection  # what is to be placed has no center
+    suffix: str  # of the files that it writes, such as ".jsonl"
+
+    def write(self, layouts: Iterable[Room], out: Path) -> None:
+        """Write layouts to a new file: rooms of the collection, by their ids, with the same items in the same order.
+
+        An item without a center is left where it was. Raises InputError where `out` is there already, has another
+        suffix or cannot be written.
+        """
+        ...
+
+
+@dataclass
+class RoomsSource:
+    """Rooms of a format that layouts are not written in: they are written as JSON, a room a line."""
+
+    collection: Collection
+    suffix: str = ".jsonl"
+
+    def write(self, layouts: Iterable[Room], out: Path) -> None:
+        """Write the layouts, and no other rooms. Raises InputError as every Source does."""
+        check_new(out, self.suffix)
+        try:
+            write_rooms(out, layouts)
+        except OSError as error:
+            raise InputError(f"out: {out} cannot be written ({error.strerror})") from None
+
+
+def opened(
+    path: Path,
+    *,
+    move: str | None = None,
+    room: str | None = None,
+    room_type: str | None = None,
+    categories: Path | None = None,
+    unit: str = "auto",
+    strict: bool = False,
+) -> Source:
+    """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read.
+
+    The format is found out from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d), houses of
+    ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
+
+    - `move`: what is to be placed anew, `all` or categories with commas between them. By default what the file marks:
+      items without a center; in a home, what stands outside all rooms.
+    - `room`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
+      room whose type knows it and that has floor for it.
+    - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
+      left out.
+    - `categories`: a YAML file with names of furniture, beside those that are known. Of all but rooms in JSON.
+    - `unit`: of rooms in JSON: m, cm, mm, or auto, which tells them by how large rooms and doors are.
+    - `strict`: raise InputError for the first room in JSON that cannot be used, instead of leaving it out.
+    """
+    kind = format_of(path)
+    if kind == "sweethome3d" and path.is_file():
+        return read_home(path, move=move, room=room, room_type=room_type, names=names_of(categories))
+    for name, value in (("room", room), ("room_type", room_type)):
+        if value is not None:
+            raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
+    collection = read_homes(kind, path, strict, unit, categories)
+    collection.rooms = [to_place(read, move) for read in collection.rooms]
+    return RoomsSource(collection)
+
+
+def format_of(path: Path) -> str:
+    """The format of a file, or of the first that can be one in a folder: json, sweethome3d, procthor or front3d.
+
+    Raises InputError where there is none. What is none of the others is taken for json: its reader says what is wrong.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; expected one of {SUFFIXES}")
+    found = [path] if path.is_file() else list(path.rglob("*"))
+    files = sorted((f for f in found if f.suffix in FORMATS and f.name not in (ASSETS, MODELS)), key=lambda f: f.parts)
+    if not files:
+        raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
+    file = files[0]
+    if file.suffix == ".sh3d":
+        return "sweethome3d"
+    if file.suffix == ".gz":
+        return "procthor"
+    try:
+        with file.open("rb") as text:
+            start = text.read(LOOK)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
+    if b'"floorPolygon"' in start:
+        return "procthor"
+    return "front3d" if b'"jid"' in start else "json"
+
+
+def to_place(room: Room, move: str | None) -> Room:
+    """The room in which what `move` names, all or categories with commas between them, has no center or rotation."""
+    if move is None:
+        return room
+    named = {name.strip() for name in move.split(",")}
+    items = tuple(
+        replace(item, center=None, rotation=None) if item.category in named or "all" in named else item
+        for item in room.furniture
+    )
+    return replace(room, furniture=items)
