@@ -98,9 +98,14 @@ def room_to_dict(room: Room) -> dict[str, Any]:
 
 def parse_room(text: str | bytes) -> Room:
     """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
+    return room_from_dict(parse_json(text))
+
+
+def parse_json(text: str | bytes) -> Any:
+    """What a JSON text holds. Raises RoomError where it is none, or of an unusual size, or names a key twice."""
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
-        document = json.loads(text, object_pairs_hook=_once)
+        return json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
         ended = error.pos >= len(error.doc.rstrip())
         raise RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended)) from None
@@ -110,7 +115,6 @@ def parse_room(text: str | bytes) -> Room:
         raise
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
         raise RoomError("text", f"expected numbers and nesting of a usual size; {error}") from None
-    return room_from_dict(document)
 
 
 def room_from_dict(document: Any) -> Room:

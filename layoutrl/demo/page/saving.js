@@ -1,0 +1,69 @@
+// Files in and out, and the link that holds the room.
+
+import { read } from "./api.js";
+import { $, element, known, open, say } from "./page.js";
+import { thumbnail } from "./plan.js";
+import { packed, snapshot, state, unpacked, words } from "./store.js";
+
+const LARGEST = 5e6; // bytes that the server takes
+
+function download(content, kind, ending) {
+  const name = state.room.id.replace(/[^\w-]+/g, "_");
+  const link = element("a", { href: URL.createObjectURL(new Blob([content], { type: kind })), download: `${name}.${ending}` });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+export function offer(rooms, before = false) {
+  const entries = rooms.map(({ room, box }) => {
+    const node = element("button", { type: "button", title: room.id, onclick: () => open(structuredClone(room)) });
+    node.append(thumbnail(room, box), element("span", { textContent: words(room.room_type) }));
+    return element("li", {}, node);
+  });
+  if (before) $("gallery").prepend(...entries);
+  else $("gallery").append(...entries);
+}
+
+async function opened(file) {
+  if (!file) return;
+  if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
+  try {
+    const { rooms, left_out } = await read(file);
+    offer(rooms, true);
+    known.gallery.unshift(...rooms);
+    await open(structuredClone(rooms[0].room));
+    $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
+  } catch (error) {
+    say(`${file.name}: ${error.message}`);
+  }
+}
+
+$("file").onchange = () => opened($("file").files[0]);
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", (event) => {
+  event.preventDefault();
+  opened(event.dataTransfer.files[0]);
+});
+
+$("save-json").onclick = () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json");
+
+$("share").onclick = async () => {
+  history.replaceState(null, "", `#room=${await packed(snapshot())}`);
+  $("link-label").hidden = false;
+  $("link").value = location.href;
+  $("link").select();
+};
+
+// The room of the address, if it holds one. Says what is wrong with one that cannot be read.
+export async function fromLink() {
+  if (!location.hash.startsWith("#room=")) return false;
+  try {
+    const { room, locked } = JSON.parse(await unpacked(location.hash.slice(6)));
+    return await open(room, locked);
+  } catch {
+    say("The link holds no whole room.");
+    return false;
+  }
+}
+
+addEventListener("hashchange", fromLink);
