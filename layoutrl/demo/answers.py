@@ -8,7 +8,9 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import chain
+from pathlib import Path
 from statistics import median_low
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,8 @@ from layoutrl.env.faults import MISSING, faults
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import parse_json, parse_room, room_from_dict, room_to_dict
+from layoutrl.rooms.files import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
@@ -78,7 +81,7 @@ class Answers:
         """The answer to a question, whose JSON names the `room`. Raises InputError for what is wrong with it."""
         if len(body) > LARGEST_BODY:
             raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB; got {len(body) // 1000} kB")
-        asked = parse_json(body)
+        asked = parsed(body)
         if not isinstance(asked, dict) or "room" not in asked:
             raise InputError("room: missing; expected a JSON object with a room")
         return self.questions[question](asked)
@@ -141,25 +144,25 @@ class Answers:
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
 
     def read(self, content: bytes) -> Answer:
-        """The rooms of a file that somebody opens, one a line, and what is wrong with the others."""
-        try:
-            rooms, left_out = [shown(limited(parse_room(content)))], []  # a .json file, perhaps of many lines
-        except RoomError:
-            rooms, left_out = [], []
-            lines = [(n, line) for n, line in enumerate(content.split(b"\n"), 1) if line.strip()]
-            for n, line in lines[:MOST_ROOMS]:
-                try:
-                    if len(line) > LARGEST_BODY:
-                        raise InputError(f"expected at most {LARGEST_BODY // 1000} kB")
-                    rooms.append(shown(limited(parse_room(line))))
-                except InputError as error:
-                    left_out.append(f"line {n}: {error}")
-            if len(lines) > MOST_ROOMS:
-                left_out.append(
-                    f"line {lines[MOST_ROOMS][0]}: expected at most {MOST_ROOMS} rooms; the rest is left out"
-                )
+        """The rooms of a file that somebody opens, and what is wrong with the others."""
+        with TemporaryDirectory(prefix="layoutrl-") as folder:
+            path = Path(folder) / f"file{suffix_of(content)}"
+            path.write_bytes(content)
+            try:
+                collection = opened(path).collection
+            except InputError as error:
+                raise InputError(str(error).replace(str(path), "file")) from None
+        left_out = [f"{where}: {problem}".replace(str(path), "line") for where, problem in collection.left_out]
+        rooms = []
+        for room in collection.rooms[:MOST_ROOMS]:
+            try:
+                rooms.append(shown(limited(room)))
+            except InputError as error:
+                left_out.append(f"{room.id}: {error}")
+        if (more := len(collection.rooms) - MOST_ROOMS) > 0:
+            left_out.append(f"{more} more rooms are left out; expected at most {MOST_ROOMS}")
         if not rooms:
-            raise InputError(left_out[0] if left_out else "file: expected rooms, one a line; it is empty")
+            raise InputError(left_out[0] if left_out else "file: expected rooms; it is empty")
         return {"rooms": rooms, "left_out": left_out}
 
     def _known(self, room_type: str) -> frozenset[str]:
@@ -172,6 +175,17 @@ class Answers:
         if not isinstance(self.furnisher, Thinker):
             raise InputError("values: who furnishes here is a search, which values no places")
         return self.furnisher
+
+
+def suffix_of(content: bytes) -> str:
+    """What a file is, by how it begins: a home is a ZIP, a .json file is one document."""
+    if content.startswith(b"PK"):
+        return ".sh3d"
+    try:
+        parsed(content)
+    except RoomError:
+        return ".jsonl"
+    return ".json"
 
 
 def room_in(asked: Any) -> Room:

@@ -12,13 +12,17 @@
 May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
 item that stands it is 0; of one to be placed it is to be chosen), `shape` and `tucked`, `target` where the type's main
 item is there once, and `group`.
+Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
+that is spelled much like a field of ours is refused.
 What is wrong is answered with the file, the line, the room, the field and what is expected.
 """
 
 from __future__ import annotations
 
+import copy
+import difflib
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +41,8 @@ SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by 
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
+FAULTS = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
+ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
 
 
 def read_rooms(path: Path, strict: bool = False) -> Collection:
@@ -47,7 +53,7 @@ def read_rooms(path: Path, strict: bool = False) -> Collection:
     """
     collection = Collection(f"json {path}")
     seen: set[str] = set()
-    for where, text in _documents(Path(path)):
+    for where, text in documents(Path(path)):
         try:
             room = parse_room(text)
             if room.id in seen:
@@ -96,13 +102,32 @@ def room_to_dict(room: Room) -> dict[str, Any]:
     return document
 
 
+def with_layout(
+    document: Mapping[str, Any], asked: Room, layout: Room, wrong: Iterable[tuple[int, str]]
+) -> dict[str, Any]:
+    """A room's document with a layout of what was asked: poses of items that had no center, and what is wrong.
+
+    `wrong` is (index of the item, fault). All else is as it was; so is what the layout does not place.
+    """
+    written = copy.deepcopy(dict(document))
+    for entry, before, item in zip(written["furniture"], asked.furniture, layout.furniture, strict=True):
+        entry.pop(FAULTS, None)
+        if before.center is None and item.center is not None:
+            entry["center"] = [round(metres, 6) for metres in item.center]
+            if item.rotation is not None:
+                entry["rotation"] = item.rotation
+    for k, fault in wrong:
+        written["furniture"][k].setdefault(FAULTS, []).append(fault)
+    return written
+
+
 def parse_room(text: str | bytes) -> Room:
     """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
-    return room_from_dict(parse_json(text))
+    return room_from_dict(parsed(text))
 
 
-def parse_json(text: str | bytes) -> Any:
-    """What a JSON text holds. Raises RoomError where it is none, or of an unusual size, or names a key twice."""
+def parsed(text: str | bytes) -> Any:
+    """The plain lists and numbers of a room's JSON text. Raises RoomError where it is no JSON."""
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_once)
@@ -176,23 +201,28 @@ def _check_places(room: Room) -> None:
             )
 
 
-def _documents(path: Path) -> Iterator[tuple[str, bytes]]:
-    """(where, text) of every room below `path`."""
+def documents(path: Path) -> Iterator[tuple[str, bytes]]:
+    """(where, text) of every room below `path`, one after the other. Raises InputError where there is none to read."""
+    for file in room_files(path):
+        try:
+            with file.open("rb") as stream:
+                if file.suffix == ".jsonl":
+                    yield from ((f"{file}:{n}", line) for n, line in enumerate(stream, 1) if line.strip())
+                else:
+                    yield f"{file}:1", stream.read()
+        except OSError as error:
+            raise InputError(f"{file}: cannot be read ({error.strerror})") from None
+
+
+def room_files(path: Path) -> list[Path]:
+    """The file, or those below the folder, that hold rooms. Raises InputError where there is none."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
     found = [path] if path.is_file() else [f for f in path.rglob("*") if f.suffix in (".json", ".jsonl")]
     files = sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
     if not files:
         raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
-    for file in files:
-        try:
-            text = file.read_bytes()
-        except OSError as error:
-            raise InputError(f"{file}: cannot be read ({error.strerror})") from None
-        if file.suffix == ".jsonl":
-            yield from ((f"{file}:{n}", line) for n, line in enumerate(text.split(b"\n"), 1) if line.strip())
-        else:
-            yield f"{file}:1", text
+    return files
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -226,8 +256,9 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
         if name not in entry:
             raise RoomError(prefix + name, "missing")
     for name in entry:
-        if name not in required + optional:
-            raise RoomError(prefix + name, f"unknown field; expected {', '.join(required + optional)}")
+        known = required + optional
+        if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
+            raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
 
 
 def _item(entry: Any, field: str) -> Item:

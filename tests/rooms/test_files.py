@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, write_rooms
+from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, with_layout, write_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms
 
@@ -210,10 +211,10 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     ),
     "window in mid room": (put("windows", polygons([[1, 1], [2, 1], [2, 1.2]])), "windows[0]", "in the walls"),
     "door without polygon": (put("doors", [{}]), "doors[0].polygon", "missing"),
-    "door with a width": (
-        lambda room: room["doors"][0].__setitem__("width", 1),
-        "doors[0].width",
-        "unknown field",
+    "door with polygons": (
+        lambda room: room["doors"][0].__setitem__("polygons", []),
+        "doors[0].polygons",
+        "unknown field; expected polygon",
     ),
     "doors are one object": (put("doors", {"polygon": []}), "doors", "list"),
     "size zero": (put_item("size", [0, 1.5]), "furniture[0].size", "above zero"),
@@ -235,7 +236,7 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     "item outside": (put_item("center", [3.5, 1.5]), "furniture[0].center", "outer walls"),
     "category empty": (put_item("category", " "), "furniture[0].category", "name"),
     "category a number": (put_item("category", 3), "furniture[0].category", "name"),
-    "item with a colour": (put_item("colour", "red"), "furniture[0].colour", "unknown field"),
+    "item with a centre": (put_item("centre", [1, 1]), "furniture[0].centre", "unknown field; expected center"),
     "item is a text": (put("furniture", ["bed"]), "furniture[0]", "JSON object"),
     "furniture is null": (put("furniture", None), "furniture", "list"),
     "target too large": (put("target", 2), "target", "0 to 1"),
@@ -245,11 +246,27 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     "target a fraction": (put("target", 0.0), "target", "index"),
     "unknown room type": (put("room_type", "attic"), "room_type", "bathroom, bedroom"),
     "room type a number": (put("room_type", 1), "room_type", "name"),
-    "unknown field": (put("ceiling", 2.5), "ceiling", "unknown field"),
+    "unknown field": (put("hole", []), "hole", "unknown field; expected holes"),
     "group empty": (put("group", ""), "group", "name"),
     **{f"{name} missing": (drop(name), name, "missing") for name in document() if name != "id"},
     **{f"item's {name} missing": (drop_item(name), f"furniture[0].{name}", "missing") for name in ("category", "size")},
 }
+
+
+def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> None:
+    own = document(ceiling=2.5, note="for Ada")
+    own["doors"][0]["width"] = 0.9
+    own["furniture"][0] |= {"colour": "red", "faults": ["overlaps"]}
+    known = room_from_dict(document())
+    assert room_from_dict(own) == known
+    bare = replace(known.furniture[0], center=None, rotation=None)
+    asked = replace(known, furniture=(bare, *known.furniture[1:]))
+    written = with_layout(own, asked, known, [(1, "outside"), (1, "overlaps")])
+    assert written["furniture"][1].pop("faults") == ["outside", "overlaps"]
+    del own["furniture"][0]["faults"]
+    assert written == own
+    nowhere = with_layout(own, asked, asked, [])
+    assert nowhere == own  # what is not placed is left where it was
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))
