@@ -25,14 +25,10 @@ def run(config: DemoConfig) -> None:
 
 def listening(port: int) -> socket.socket:
     """A socket of 127.0.0.1. Raises InputError where the port is not to be had."""
-    listener = socket.socket()
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind(("127.0.0.1", port))
+        return socket.create_server(("127.0.0.1", port))
     except OSError as error:
-        listener.close()
         raise InputError(f"port: {port} cannot be had ({error.strerror}); expected a free one, as port=8766") from None
-    return listener
 
 
 main = command("demo", DemoConfig, run)

@@ -10,7 +10,7 @@ import json
 import socket
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -19,7 +19,7 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -44,13 +44,18 @@ HEADERS = {
 
 def serve(config: DemoConfig, listener: socket.socket) -> None:
     """Serve the page at a socket until Ctrl-C."""
-    host, port = listener.getsockname()
     answers = Answers(furnisher_of(config))
-    site = application(answers, f"{host}:{port}", config.timeout)
     answers.warm()
+    host, port = listener.getsockname()
     print(f"http://{host}:{port} shows the page; Ctrl-C ends it", flush=True)
-    settings = uvicorn.Config(site, log_level="critical", access_log=False, server_header=False, lifespan="on")
-    uvicorn.Server(settings).run([listener])
+    server_of(answers, listener, config.timeout).run([listener])
+
+
+def server_of(answers: Answers, listener: socket.socket, timeout: float) -> uvicorn.Server:
+    """Who serves the page at a socket."""
+    host, port = listener.getsockname()
+    site = application(answers, f"{host}:{port}", timeout)
+    return uvicorn.Server(uvicorn.Config(site, log_level="critical", access_log=False, server_header=False))
 
 
 def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
@@ -90,6 +95,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
     routes.append(Route("/api/read", asking(answers.read, "slow"), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
+    handlers[Exception] = lambda _, error: refused(500, f"bug: {type(error).__name__}; the server goes on")
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
 
 
@@ -131,7 +137,7 @@ def refused(status: int, line: str) -> Response:
 
 
 class Guard:
-    """Lets only this machine's own page through, adds what browsers are to keep to, and answers bugs in a line."""
+    """Lets only this machine's own page through, and adds what browsers are to keep to."""
 
     def __init__(self, inner: ASGIApp, host: str):
         self.inner = inner
@@ -156,10 +162,5 @@ class Guard:
         elif headers.get("origin", next(iter(self.origins))) not in self.origins:
             await refused(403, "Origin: expected the page of this server")(scope, receive, with_headers)
         else:
-            try:
+            with suppress(Exception):  # Starlette has answered it, and raises it again
                 await self.inner(scope, receive, with_headers)
-            except ClientDisconnect:
-                return
-            except Exception as error:
-                line = f"bug: {type(error).__name__}; the page goes on, and the project would like to know"
-                await refused(500, line)(scope, receive, with_headers)

@@ -1,7 +1,6 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { ask } from "./api.js";
-import { $, DRAFT_SIZE, changed, known, open, plan, render, say } from "./page.js";
+import { $, DRAFT_SIZE, answered, changed, known, open, plan, render, say } from "./page.js";
 import { metres, snapped } from "./plan.js";
 import { state, words } from "./store.js";
 
@@ -32,7 +31,7 @@ async function put() {
     return render();
   }
   try {
-    const said = await ask("opening", { room, kind: mode, at: cursor, width: Number($("wide").value) });
+    const said = await answered("opening", { room, kind: mode, at: cursor, width: Number($("wide").value) });
     Object.assign(state, { room: said.room, look: said, mode: "edit", choices: [] });
     await changed();
   } catch (error) {
@@ -50,7 +49,7 @@ async function close() {
 
 document.addEventListener("unopen", async ({ detail }) => {
   try {
-    const said = await ask("opening", { room: state.room, remove: detail });
+    const said = await answered("opening", { room: state.room, remove: detail });
     Object.assign(state, { room: said.room, look: said, selected: null, choices: [] });
     await changed();
   } catch (error) {

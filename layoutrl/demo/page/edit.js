@@ -1,7 +1,6 @@
 // Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
 
-import { ask } from "./api.js";
-import { $, changed, known, look, plan, render, say, select } from "./page.js";
+import { $, answered, changed, known, look, plan, render, select } from "./page.js";
 import { metres } from "./plan.js";
 import { commit, item, state, travel } from "./store.js";
 
@@ -30,6 +29,7 @@ plan.addEventListener("pointermove", (event) => {
   const center = [drag.center[0] + x - drag.from[0], drag.center[1] + y - drag.from[1]].map(centimetres);
   if (!drag.moved && Math.hypot(x - drag.from[0], y - drag.from[1]) < 0.02) return;
   drag.moved = true;
+  state.notice = "";
   state.room.furniture[drag.index].center = center;
   state.look.gaps = [];
   render();
@@ -54,8 +54,8 @@ async function settled(index, before) {
   const { problem } = state;
   if (problem) {
     Object.assign(room.furniture[index], before);
+    state.notice = problem;
     await look();
-    say(problem);
   } else {
     commit();
     render();
@@ -68,6 +68,7 @@ function change(fields) {
   if (!chosen || !idle() || state.locked[state.selected.index]) return;
   const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
   Object.assign(chosen, fields);
+  state.notice = "";
   if ("size" in fields) state.choices = [];
   render();
   settled(state.selected.index, before);
@@ -143,17 +144,12 @@ for (const [id, side] of [["depth", 0], ["width", 1]]) {
 }
 $("degrees").onchange = () => item().center && change({ rotation: Number($("degrees").value) });
 
-function travelled(back) {
+async function travelled(back) {
   if (!idle() || !travel(back)) return;
-  state.choices = [];
-  state.thoughts = null;
-  state.look.gaps = [];
-  ask("look", { room: state.room }).then((said) => {
-    state.look = said;
-    state.problem = "";
-    render();
-    look();
-  });
+  Object.assign(state, { choices: [], thoughts: null, problem: "", look: { ...state.look, gaps: [] } });
+  state.look = await answered("look", { room: state.room });
+  render();
+  look();
 }
 
 $("undo").onclick = () => travelled(true);

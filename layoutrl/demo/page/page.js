@@ -51,15 +51,25 @@ async function looking() {
   }
 }
 
+// A question whose answer the plan waits for.
+export async function answered(question, body) {
+  plan.setAttribute("aria-busy", "true");
+  try {
+    return await ask(question, body);
+  } finally {
+    if (!running) plan.setAttribute("aria-busy", "false");
+  }
+}
+
 // Take another room. It is shown as soon as the server has read it.
 export async function open(room, locked = []) {
   try {
-    const said = await ask("look", { room });
-    Object.assign(state, { room: said.room, look: said, problem: "", selected: null, choices: [], thoughts: null, mode: "edit" });
+    const said = await answered("look", { room });
+    Object.assign(state, { room: said.room, look: said, problem: "", notice: "", mode: "edit" });
+    Object.assign(state, { selected: null, choices: [], thoughts: null });
     state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
     commit();
     render();
-    plan.setAttribute("aria-busy", "false");
     document.body.dataset.state = "idle";
     return true;
   } catch (error) {
@@ -70,6 +80,7 @@ export async function open(room, locked = []) {
 
 // Show and keep a change that is done, and ask what is wrong with it now.
 export function changed() {
+  state.notice = "";
   commit();
   render();
   return look();
@@ -78,8 +89,7 @@ export function changed() {
 export function select(kind, index) {
   const same = state.selected?.kind === kind && state.selected.index === index;
   if (same) return;
-  state.selected = kind ? { kind, index } : null;
-  state.thoughts = null;
+  Object.assign(state, { selected: kind ? { kind, index } : null, thoughts: null, notice: "" });
   state.look.gaps = [];
   document.dispatchEvent(new Event("choose"));
   render();
@@ -104,7 +114,7 @@ function told(index) {
 }
 
 function renderList() {
-  const { room, look: { faults }, problem, mode } = state;
+  const { room, look: { faults }, problem, notice, mode } = state;
   $("title").textContent = `${words(room.room_type)}, ${state.look.area.toFixed(1)} m²`;
   $("title").dataset.room = room.id;
   $("furniture").replaceChildren(...room.furniture.map((entry, k) => {
@@ -122,8 +132,8 @@ function renderList() {
     waiting && `${waiting} to be placed`,
     wrong && faults.filter(([k]) => room.furniture[k]?.center).map(([, , text]) => text).join("; "),
   ];
-  say(problem || parts.filter(Boolean).join("; "));
-  if (!problem && !faults.length) $("verdict").textContent = room.furniture.length ? "Nothing is wrong." : "It is empty: add furniture.";
+  say(problem || notice || parts.filter(Boolean).join("; "));
+  if (!problem && !notice && !faults.length) $("verdict").textContent = room.furniture.length ? "Nothing is wrong." : "It is empty: add furniture.";
 }
 
 function renderSelected() {

@@ -5,6 +5,7 @@ export const state = {
   locked: [], // of each piece of furniture
   look: null, // what the server last said of the room
   problem: "", // why the server refuses the room as it is
+  notice: "", // what else is to be said, until something changes
   selected: null, // {kind: "item" | "opening", index}
   mode: "edit", // or "draw", "door", "window"
   draft: [], // corners of an outline that is being drawn
