@@ -24,7 +24,9 @@ def main() -> None:
     name, *options = sys.argv[1:] or ["--help"]
     if name in ("--help", "-h", "help"):
         width = max(map(len, COMMANDS))
-        print("layoutrl <command> [<option>=<value> ...]", *(f"  {k:{width}}  {COMMANDS[k]}" for k in COMMANDS), sep="\n")
+        print(
+            "layoutrl <command> [<option>=<value> ...]", *(f"  {k:{width}}  {COMMANDS[k]}" for k in COMMANDS), sep="\n"
+        )
         print("layoutrl <command> --help shows its options")
     elif name in COMMANDS:
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

@@ -1,208 +1,271 @@
-"""python -m layoutrl.place run=<folder> rooms=<file> [item=<category>] [out=<file>]
+"""python -m layoutrl.place run=<folder> rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
-One item a room, by a trained agent; or, with by=search or by=annealer instead of run=, all items that have no center.
+Places what has no center in rooms of a file: by a trained agent, or, with by=search or by=annealer, by a rival.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
-from dataclasses import replace
+import json
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
+from itertools import chain, groupby, islice
 from pathlib import Path
+from typing import IO, Any
 
-import numpy as np
 from tqdm import tqdm
 
-from layoutrl import InputError
-from layoutrl.env.answerable import answerable
-from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.faults import faults
-from layoutrl.env.geometry import fitting_positions
-from layoutrl.env.observation import observation_of
-from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.metrics import blocks_openings
-from layoutrl.evaluation.protocols import greedy
-from layoutrl.rivals.budgets import seconds_budget
-from layoutrl.rivals.rooms.annealer import anneal
-from layoutrl.rivals.rooms.relations import Relations, mine
-from layoutrl.rivals.rooms.search import search
-from layoutrl.rooms.brief import missing, ways
-from layoutrl.rooms.collection import Collection, choose_missing
-from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import read_rooms, write_rooms
-from layoutrl.rooms.room import Item, Room, envelopes
-from layoutrl.rooms.sources import main_item, read_files
-from layoutrl.runs.commands import command
-from layoutrl.runs.config import PlaceConfig, TrainConfig
-from layoutrl.runs.folder import load_config
-from layoutrl.runs.machine import device_of
-from layoutrl.runs.trained import trained_agent
+from layoutrl import InputError, __version__
+from layoutrl.env.answerable import Answerable, answerable
+from layoutrl.env.faults import MISSING, faults_of_all
+from layoutrl.rooms.brief import missing
+from layoutrl.rooms.files import room_files, with_layout
+from layoutrl.rooms.formats import Source, check_new, opened
+from layoutrl.rooms.room import Room
+from layoutrl.runs.commands import Incomplete, command
+from layoutrl.runs.config import PlaceConfig
+from layoutrl.runs.furnishers import Hired, hired
+from layoutrl.runs.streams import (
+    STANDARD,
+    Entry,
+    Growing,
+    Tally,
+    blocks,
+    count,
+    growing,
+    json_entries,
+    source_entries,
+)
 
-DESIGNED = 200  # rooms of each type, whose relations a rival keeps
+JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
+LONGEST = 100  # letters of a room's id in the name of its picture
+NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
 
-def run(config: PlaceConfig) -> Path:
-    """Put what has no center where it belongs, in rooms of a file; returns the file written.
+@dataclass(frozen=True)
+class Answered:
+    """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault)."""
 
-    Raises InputError where no room lacks such an item, or the file to write is there already.
+    entry: Entry
+    asked: Answerable
+    wanted: list[int]  # items that are to be placed
+    layouts: list[Room]
+    wrong: list[list[tuple[int, str]]]
+
+    @property
+    def placed(self) -> int:
+        """How many items the best layout places."""
+        return sum(self.layouts[0].furniture[k].center is not None for k in self.wanted)
+
+    def documents(self) -> Iterator[dict[str, Any]]:
+        """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
+        if not self.wanted:
+            yield self.entry.document
+            return
+        for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
+            written = with_layout(self.entry.document, self.asked.asked, layout, wrong)
+            yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
+
+    def lines(self) -> Iterator[str]:
+        """What there is to say of each layout."""
+        for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
+            name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
+            placed = sum(layout.furniture[k].center is not None for k in self.wanted)
+            by_item = groupby([each for each in wrong if each[0] not in self.asked.refused], key=lambda each: each[0])
+            said = [
+                f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in each)}" for k, each in by_item
+            ]
+            found = "; ".join([*self.asked.lines, *said]) or "nothing is wrong"
+            yield f"{name}: {placed} of {len(self.wanted)} placed; {found}"
+
+
+@dataclass(frozen=True)
+class Done:
+    """The files that were written, and what was placed."""
+
+    files: list[Path]
+    tally: Tally
+
+
+def run(config: PlaceConfig) -> Done:
+    """Put what has no center where it belongs, in rooms of a file, and write them as they came; says what it does.
+
+    Raises InputError where no room lacks such an item, or a file to write is there already.
     """
-    source = Path(config.rooms).expanduser()
-    out = Path(config.out or source.absolute().parent / f"{source.absolute().stem}-placed.jsonl").expanduser()
-    if out.exists() or out.suffix != ".jsonl":
-        what = "is there already" if out.exists() else "is no .jsonl file"
-        raise InputError(f"out: {out} {what}; expected the name of a new .jsonl file, as out=<file>")
-    if (config.run is None) == (config.by is None):
-        raise InputError(
-            "run: expected either run=<folder> of a training, or by=search or by=annealer, which need none"
-        )
     if config.by and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
-    done = by_rival(config, source) if config.run is None else by_agent(config, Path(config.run), source)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    write_rooms(out, done)
-    print(f"wrote {out}")
-    return out
+    source = None if in_json(config.rooms) else opened(Path(config.rooms).expanduser(), move=config.move)
+    suffix = source.suffix if source else JSON
+    piped = STANDARD in (config.out, config.out or config.rooms)
+    if piped and suffix != JSON:
+        raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
+    total = len(source.collection.rooms) if source else count(config.rooms)  # says, too, where there is no such file
+    files = [] if piped else out_files(config, suffix)
+    work = Work(config, hired(config), source, total, sys.stderr if piped else sys.stdout)
+    if suffix == JSON:
+        with (
+            nullcontext(Growing(sys.stdout.buffer, work.tally)) if piped else growing(files[0], about(config)) as sheet
+        ):
+            work.tally = sheet.tally
+            for block in work.answers():
+                sheet.add(document for answer in block for document in answer.documents())
+            sheet.wanted = work.asked
+    else:
+        assert source is not None
+        layouts = [answer.layouts for block in work.answers() for answer in block]
+        for n, file in enumerate(files if work.asked else []):
+            source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
+    if not work.asked:
+        raise InputError(f"rooms: {config.rooms} has no room with an item without a center; expected one or more")
+    work.say(str(work.tally))
+    for file in files:
+        work.say(f"wrote {file}")
+    return Done(files, work.tally)
 
 
-def by_agent(config: PlaceConfig, folder: Path, source: Path) -> list[Room]:
-    """The rooms with the one item that has no center where a trained agent moves it."""
-    trained, device = load_config(folder, TrainConfig), device_of(config.device)
-    agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
-    collection = read_files("json", trained.room.type, source)
-    asked = known(choose_missing(collection, item_of(trained, config.item, categories)), categories)
-    chosen = fitting(facing_all_ways(asked))
-    print(chosen)
-    if not chosen.rooms:
-        why = "; ".join(line.strip() for line in str(chosen).splitlines()[1:])
-        raise InputError(
-            f"rooms: {source} has no {trained.room.type} to work on: {why or 'it is empty'}; "
-            "expected one item without a center"
-        )
+class Work:
+    """The rooms of a file, answered a block at a time."""
 
-    # The simulator is for rooms whose answer is known. Here it is none: any place will do, and nothing looks at it.
-    rooms = [placed(room, *room.envelope.centroid.coords) for room in chosen.rooms]
-    simulator = Simulator(rooms, trained.method.moves, trained.reward.weights)
-    index = np.arange(len(rooms))
-    episodes = greedy(agent, trained.method).rollout(
-        BatchSimulator(simulator, device),
-        observation_of(trained.method.observation, rooms, device, categories),
-        index,
-        simulator.starts(index, np.random.default_rng(config.seed)),
-    )
-    index = best_facings(rooms, episodes.value[episodes.moves, index])
-    place = episodes.final[index]
-    overlap, outside = simulator.overlap_and_outside(index, place)
-    blocks = blocks_openings(simulator, index, place)
-    for n, k in enumerate(index):
-        (x, y), item = place[n], rooms[k].moving
-        print(
-            f"{rooms[k].id}: {item.category} at {x:.3f}, {y:.3f}, rotation {item.degrees:g}, after {episodes.moves[k]} "
-            f"moves; {overlap[n]:.1%} over other items, {outside[n]:.1%} outside"
-            f"{', blocks an opening' if blocks[n] else ''}"
-        )
-    target = {room.id: room.target for room in collection.rooms}  # as it was read
-    centers = [(round(x, 4), round(y, 4)) for x, y in place.tolist()]
-    return [
-        replace(placed(rooms[k], center), target=target[rooms[k].id]) for k, center in zip(index, centers, strict=True)
-    ]
+    def __init__(self, config: PlaceConfig, who: Hired, source: Source | None, total: int | None, says: IO[str]):
+        self.config, self.who, self.source, self.total = config, who, source, total
+        self.tally = Tally()
+        self._says = says
 
+    def say(self, line: str) -> None:
+        """Print it, above the bar of progress."""
+        tqdm.write(line, file=self._says)
 
-def by_rival(config: PlaceConfig, source: Path) -> list[Room]:
-    """The rooms with all items that have no center where a rival puts them, which knows designed rooms of each type."""
-    collection = read_rooms(source)
-    print(collection)
-    if not (briefs := [room for room in collection.rooms if missing(room)]):
-        raise InputError(f"rooms: {source} has no room with an item without a center; expected one or more")
-    relations: dict[str, Relations] = {}
-    done = []
-    for k, room in enumerate(tqdm(briefs, "furnishing", unit="room", delay=1, disable=None)):
-        if room.room_type not in relations:
-            relations[room.room_type] = mine(design_rooms(room.room_type, "train", 0, DESIGNED).rooms)
-        known = relations[room.room_type]
-        asked = answerable(room, known.alone)
-        spent, rng = seconds_budget(config.seconds, time.process_time), np.random.default_rng([config.seed, k])
-        if config.by == "search":
-            layout = search(asked.brief, known, config.search, spent, rng)
+    @property
+    def asked(self) -> bool:
+        """Whether anything was to be placed; a shard of a file may have nothing."""
+        return self.tally.rooms > 0 or self.config.part != (0, 1)
+
+    def answers(self) -> Iterator[list[Answered]]:
+        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then."""
+        shard, shards = self.config.part
+        done = self.tally.entries
+        first = shard + done * shards
+        folder = picture_folder(self.config, new=not done)
+        if done:
+            self.say(f"goes on after {done} rooms")
+        entries: Iterator[Entry]
+        if self.source:
+            entries = islice(source_entries(self.source), first, None, shards)
         else:
-            layout = anneal(asked.brief, known, config.annealer, spent, rng)
-        done.append(asked.answer(layout))
-        wrong = [
-            f"the {done[-1].furniture[n].category}: {fault}" for n, fault in faults(done[-1]) if n not in asked.refused
+            entries = json_entries(self.config.rooms, self.config.move, first, shards)
+        length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
+        with tqdm(None, "furnishing", length, initial=done, unit="room", delay=1, disable=None) as bar:
+            for block in blocks(entries, self.who.at_once):
+                answers = iter(self._answered([entry for entry in block if entry.room]))
+                answered = []
+                for entry in block:
+                    self.tally.entries += 1
+                    if entry.room is None:
+                        self.tally.left_out += 1
+                        self.say(f"{entry.where}: left out: {entry.problem}")
+                        continue
+                    answered.append(answer := next(answers))
+                    self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
+                yield answered
+                bar.update(len(block))
+
+    def _answered(self, entries: Sequence[Entry]) -> list[Answered]:
+        asked = [asked_of(entry, self.config, self.who) for entry in entries]
+        briefs = [answerable.brief for answerable, wanted in asked if missing(answerable.brief)]
+        layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
+        rooms = []  # of each entry
+        for what, _ in asked:
+            found = [each.layout for each in next(layouts)] if missing(what.brief) else []
+            rooms.append([what.answer(layout) for layout in found] or [what.asked])
+        wrong = iter(faults_of_all(list(chain.from_iterable(rooms))))
+        return [
+            Answered(entry, what, wanted, some, [next(wrong) for _ in some])
+            for entry, (what, wanted), some in zip(entries, asked, rooms, strict=True)
         ]
-        tqdm.write(f"{room.id}: {'; '.join([*asked.lines, *wrong]) or 'all is placed, and nothing is wrong'}")
-    return done
+
+    def _told(self, answer: Answered, picture: Path | None) -> None:
+        if not answer.wanted:
+            return
+        self.tally.rooms += 1
+        self.tally.items += len(answer.wanted)
+        self.tally.placed += answer.placed
+        for fault in [fault for _, fault in answer.wrong[0] if fault != MISSING]:
+            self.tally.faults[fault] = self.tally.faults.get(fault, 0) + 1
+        for line in answer.lines():
+            self.say(line)
+        if picture:
+            from layoutrl.figures.drawing import draw  # matplotlib, which takes a second
+
+            for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):
+                room_id = re.sub(r"[^\w.-]+", "_", layout.id)[:LONGEST]
+                choice = f"-{n}" if n > 1 else ""
+                draw(layout, wrong, picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}"))
 
 
-def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) -> str:
-    """The category to place: what the agent was trained to move. Raises InputError for another, where that is known."""
-    source, item = str(trained.data.source), trained.room.item
-    moved = main_item(source, trained.room.type) if item == "main" else item
-    known = moved != "all" and (item != "main" or source != "json")  # rooms of one's own may name other targets
-    if asked and known and asked != moved:
-        raise InputError(f"item: the agent was trained to move a {moved}; expected it, got {asked}")
-    if asked and asked not in categories:
-        raise InputError(f"item: expected what the agent knows, one of {', '.join(categories)}; got {asked}")
-    return asked or moved
+def asked_of(entry: Entry, config: PlaceConfig, who: Hired) -> tuple[Answerable, list[int]]:
+    """What of a room can be furnished, and the items that are to be: those of `item=`, or all that have no center."""
+    assert entry.room is not None
+    room = entry.room
+    wanted = [k for k in missing(room) if config.item in (None, room.furniture[k].category)]
+    others = frozenset(missing(room)) - {*wanted}
+    kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
+    known = answerable(kept, who.known(room.room_type)) if wanted else Answerable(kept, frozenset(), [])
+    places = [k for k in range(len(room.furniture)) if k not in others]
+    return Answerable(room, others | {places[k] for k in known.refused}, known.lines), wanted
 
 
-def known(chosen: Collection, categories: Sequence[str]) -> Collection:
-    """The rooms whose target the agent knows; the others left out. Other furniture that it does not know is no matter:
-    it is observed as of no category."""
-    reasons = {
-        room.id: f"the agent knows no {room.moving.category}, but {', '.join(categories)}"
-        for room in chosen.rooms
-        if room.moving.category not in categories
-    }
-    return _without(chosen, reasons)
+def in_json(rooms: str) -> bool:
+    """Whether rooms come in JSON as README has it, one after the other."""
+    return rooms == STANDARD or Path(rooms).suffix in ("", ".json", ".jsonl")
 
 
-def facing_all_ways(chosen: Collection) -> Collection:
-    """Each room whose target has no rotation four times, once for each way that it can face."""
-    rooms = []
-    for room in chosen.rooms:
-        rooms += [with_target(room, replace(room.moving, rotation=degrees)) for degrees in ways(room, room.moving)]
-    return replace(chosen, rooms=rooms)
+def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
+    """The files to write: one, or in formats that hold each room once, one for each choice. All are new."""
+    source = Path(config.rooms).expanduser().absolute()
+    out = Path(config.out).expanduser() if config.out else source.with_name(f"{source.stem}-placed{suffix}")
+    shard, shards = config.part
+    if shards > 1:
+        out = out.with_name(f"{out.stem}-{shard}of{shards}{out.suffix}")
+    last = 1 if suffix == JSON else config.choices
+    files = [out if n == 1 else out.with_name(f"{out.stem}-{n}{out.suffix}") for n in range(1, last + 1)]
+    for file in files:
+        check_new(file, suffix)
+    return files
 
 
-def fitting(chosen: Collection) -> Collection:
-    """The rooms that their target fits into as it faces; those into which it fits in no way left out."""
-    rooms = chosen.rooms
-    regions = fitting_positions(envelopes(rooms), np.array([room.moving.template for room in rooms]))
-    fits = [room for room, region in zip(rooms, regions, strict=True) if not region.is_empty]
-    misfits = {room.id: f"the {room.moving.category} does not fit into it" for room in rooms}
-    for room in fits:
-        misfits.pop(room.id, None)
-    return _without(replace(chosen, rooms=fits), misfits)
+def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
+    """Where pictures go, if they are asked for. Raises InputError where others are there already."""
+    if config.pictures is None:
+        return None
+    if config.drawing == "dxf" and find_spec("ezdxf") is None:
+        raise InputError("drawing: dxf needs ezdxf; expected it to be installed, as by pip install 'layoutrl[dxf]'")
+    shard, shards = config.part
+    folder = Path(config.pictures).expanduser() / (f"{shard}of{shards}" if shards > 1 else "")
+    folder.mkdir(parents=True, exist_ok=True)
+    if new and any(folder.iterdir()):
+        raise InputError(f"pictures: {folder} is not empty; expected a new folder, as pictures=<folder>")
+    return folder
 
 
-def best_facings(rooms: Sequence[Room], value: np.ndarray) -> np.ndarray:
-    """Of the entries (B,) of each room the one that ended at the highest value (B,), by the order of the rooms."""
-    best: dict[str, int] = {}
-    for k, room in enumerate(rooms):
-        if room.id not in best or value[k] > value[best[room.id]]:
-            best[room.id] = k
-    return np.array(list(best.values()))
+def about(config: PlaceConfig) -> dict[str, Any]:
+    """All that decides what is placed where, as JSON keeps it: a run that was stopped goes on only with the same."""
+    files = [] if config.rooms == STANDARD else room_files(Path(config.rooms).expanduser())
+    stats = [(str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
+    kept: dict[str, Any] = json.loads(json.dumps(said | {"rooms": stats, "version": __version__}))
+    return kept
 
 
-def _without(chosen: Collection, reasons: dict[str, str]) -> Collection:
-    rooms = [room for room in chosen.rooms if room.id not in reasons]
-    return replace(chosen, rooms=rooms, left_out=[*chosen.left_out, *reasons.items()])
+def carry_out(config: PlaceConfig) -> None:
+    """Place as configured. Raises Incomplete where something is not placed, or a room cannot be read."""
+    if not run(config).tally.whole:
+        raise Incomplete("not everything is placed, as is said above")
 
 
-def placed(room: Room, center: tuple[float, float]) -> Room:
-    """The room with its target there."""
-    return with_target(room, replace(room.moving, center=center))
-
-
-def with_target(room: Room, item: Item) -> Room:
-    """The room with another target."""
-    furniture = list(room.furniture)
-    assert room.target is not None
-    furniture[room.target] = item
-    return replace(room, furniture=tuple(furniture))
-
-
-main = command("place", PlaceConfig, run)
+main = command("place", PlaceConfig, carry_out)
 
 if __name__ == "__main__":
     main()

@@ -1,9 +1,14 @@
-"""What an agent cannot place is left out, with the reason."""
+"""Rooms of a user's own: what is placed, what is said, and that nothing is lost."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from io import BytesIO, TextIOWrapper
+from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,11 +17,15 @@ import pytest
 import layoutrl.place
 from layoutrl import InputError
 from layoutrl.evaluation.protocols import Greedy, Rollout, greedy
-from layoutrl.place import run
+from layoutrl.place import run as place
 from layoutrl.rivals.rooms.annealer import MOVES
+from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.room import Room
+from layoutrl.runs import furnishers
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
+from layoutrl.runs.furnishers import Answer, Hired, same
 from layoutrl.train import run as train
 from tests.runs.test_resume import SHORT
 
@@ -48,7 +57,21 @@ def without_place(document: dict[str, Any], **changed: Any) -> dict[str, Any]:
     return found
 
 
-def test_an_item_that_the_agent_does_not_know_is_left_out_and_other_furniture_is_no_matter(
+def run(config: PlaceConfig) -> list[dict[str, Any]]:
+    """The rooms as they are written."""
+    (file,) = place(config).files
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
+def bare(document: dict[str, Any]) -> dict[str, Any]:
+    """The document without any center or rotation."""
+    found = json.loads(json.dumps(document))
+    for item in found["furniture"]:
+        del item["center"], item["rotation"]
+    return found
+
+
+def test_an_item_that_the_agent_does_not_know_is_not_placed_and_other_furniture_is_no_matter(
     agent: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     strange, known, beside = (without_place(document) for document in DOCUMENTS)
@@ -56,11 +79,29 @@ def test_an_item_that_the_agent_does_not_know_is_left_out_and_other_furniture_is
     other = next(k for k in range(len(beside["furniture"])) if k != beside["target"])
     beside["furniture"][other]["category"] = "totem"
     file = written(tmp_path, [strange, known, beside])
-    placed = run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
-    ids = [json.loads(line)["id"] for line in placed.read_text().splitlines()]
-    assert ids == [known["id"], beside["id"]]
+    rooms = run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
+    assert [room["id"] for room in rooms] == [document["id"] for document in DOCUMENTS]
+    items = [room["furniture"][room["target"]] for room in rooms]
+    assert ["center" in item for item in items] == [False, True, True]
+    assert items[0]["faults"] == ["not placed"]
     said = capsys.readouterr().out
-    assert "left out 1: the agent knows no waterbed, but bed, chair, desk, " in said
+    assert f"{rooms[0]['id']}: 0 of 1 placed; the waterbed is not placed: nobody knows it; expected a " in said
+    assert "placed 2 of 3 items in 3 rooms" in said
+
+
+def test_an_agent_places_all_that_it_was_trained_to_move_in_rooms_of_its_type(
+    agent: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    documents = [bare(document) for document in DOCUMENTS]
+    documents[1]["room_type"] = "study"
+    file = written(tmp_path, documents)
+    rooms = run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
+    assert all({"center", "rotation"} <= item.keys() for room in rooms[::2] for item in room["furniture"])
+    assert not any("center" in item for item in rooms[1]["furniture"])
+    assert "who is asked does not furnish a study" in capsys.readouterr().out
+    only = run(PlaceConfig(run=str(agent), rooms=str(file), item="bed", device="cpu", out=str(tmp_path / "o.jsonl")))
+    placed = {item["category"] for item in only[0]["furniture"] if "center" in item}
+    assert placed == {"bed"}
 
 
 def test_an_item_without_rotation_faces_where_its_value_is_highest(
@@ -79,10 +120,11 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
                 found.value[found.moves, np.arange(5)] = np.arange(5) == facing
                 return found
 
-        monkeypatch.setattr(layoutrl.place, "greedy", lambda agent, method: Best(**vars(greedy(agent, method))))
+        monkeypatch.setattr(
+            layoutrl.runs.furnishers, "greedy", lambda agent, method: Best(**vars(greedy(agent, method)))
+        )
         out = tmp_path / f"{facing}.jsonl"
-        run(PlaceConfig(run=str(agent), rooms=str(tmp_path / "rooms.jsonl"), out=str(out), device="cpu"))
-        rooms = [json.loads(line) for line in out.read_text().splitlines()]
+        rooms = run(PlaceConfig(run=str(agent), rooms=str(tmp_path / "rooms.jsonl"), out=str(out), device="cpu"))
         return [room["furniture"][room["target"]]["rotation"] for room in rooms]
 
     assert [rotations(facing) for facing in range(4)] == [[90.0 * facing, 180.0] for facing in range(4)]
@@ -92,21 +134,19 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
 def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is_named(
     by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(layoutrl.place, "DESIGNED", 20)
-    documents = [json.loads(json.dumps(document)) for document in DOCUMENTS]
-    for document in documents[:2]:
-        for item in document["furniture"]:
-            del item["center"], item["rotation"]
+    monkeypatch.setattr(furnishers, "DESIGNED", 20)
+    documents = [*map(bare, DOCUMENTS[:2]), DOCUMENTS[2]]
     documents[1]["furniture"][0] |= {"category": "waterbed"}
     documents[1]["furniture"][1]["size"] = [9, 9]
     file = written(tmp_path, documents)
-    placed = run(composed("place", f"by={by}", f"rooms={file}", "seconds=0.1"))
-    rooms = [json.loads(line) for line in placed.read_text().splitlines()]
-    assert [room["id"] for room in rooms] == [document["id"] for document in documents[:2]]
+    rooms = run(composed("place", f"by={by}", f"rooms={file}", "seconds=0.1"))
+    assert rooms[2] == documents[2]
     assert all({"center", "rotation"} <= item.keys() for item in rooms[0]["furniture"])
     assert [k for k, item in enumerate(rooms[1]["furniture"]) if "center" not in item] == [0, 1]
     said = capsys.readouterr().out
-    assert f"{rooms[1]['id']}: the waterbed is not placed: nobody knows it; expected a category as " in said
+    assert (
+        f"{rooms[1]['id']}: 3 of 5 placed; the waterbed is not placed: nobody knows it; expected a category as " in said
+    )
     assert f"the {documents[1]['furniture'][1]['category']} of 9 by 9 m is not placed: it fits into the room" in said
 
 
@@ -149,18 +189,205 @@ def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
     file = written(tmp_path, DOCUMENTS)
     for given in ((), ("by=search", "run=runs/bedroom/some")):
         with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=search"):
-            run(composed("place", *given, f"rooms={file}"))
+            place(composed("place", *given, f"rooms={file}"))
     with pytest.raises(InputError, match="has no room with an item without a center"):
-        run(composed("place", "by=search", f"rooms={file}"))
+        place(composed("place", "by=search", f"rooms={file}"))
 
 
-def test_where_nothing_is_placed_the_last_line_says_why(agent: Path, tmp_path: Path) -> None:
-    whole, strange, large = DOCUMENTS[0], without_place(DOCUMENTS[1]), without_place(DOCUMENTS[2], size=[99, 99])
-    strange["furniture"][strange["target"]]["category"] = "waterbed"
-    file = written(tmp_path, [whole, strange, large])
-    with pytest.raises(InputError, match=rf"^rooms: {file} has no bedroom to work on: .*$") as caught:
-        run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
-    said = str(caught.value)
-    assert f"left out 1: expected one item without a center; got 0 ({whole['id']}); " in said
-    assert "left out 1: the agent knows no waterbed, but " in said
-    assert f"left out 1: the bed does not fit into it ({large['id']}); " in said
+def test_an_item_that_fits_into_the_walls_but_not_indoors_is_not_placed(agent: Path, tmp_path: Path) -> None:
+    outline = np.array(DOCUMENTS[0]["outline"])
+    long = float(np.ptp(outline, axis=0).max()) + 0.1  # the walls are twice as thick
+    file = written(tmp_path, [without_place(DOCUMENTS[0], size=[long, 0.3])])
+    (room,) = run(PlaceConfig(run=str(agent), rooms=str(file), device="cpu"))
+    item = room["furniture"][room["target"]]
+    assert "center" not in item
+    assert item["faults"] == ["not placed"]
+
+
+def test_up_to_so_many_layouts_differ_and_are_a_group(agent: Path, tmp_path: Path) -> None:
+    file = written(tmp_path, [bare(DOCUMENTS[0])])
+    rooms = run(PlaceConfig(run=str(agent), rooms=str(file), choices=3, device="cpu"))
+    name = DOCUMENTS[0]["id"]
+    assert [room["id"] for room in rooms] == [name, f"{name} choice 2", f"{name} choice 3"][: len(rooms)]
+    layouts = [room_from_dict(room) for room in rooms]
+    assert {room.group for room in layouts} == {name}
+    assert len(layouts) > 1
+    assert not any(same(one, other) for one, other in combinations(layouts, 2))
+
+
+def test_layouts_are_the_same_where_every_item_has_one_like_it_in_its_place() -> None:
+    room = room_from_dict(DOCUMENTS[0])
+    items = room.furniture
+    assert same(room, replace(room, furniture=items[::-1]))
+    assert isinstance(items[0].center, tuple)
+    x, y = items[0].center
+    for change, alike in (
+        ({"center": (x + 0.09, y)}, True),
+        ({"center": (x + 0.11, y)}, False),
+        ({"rotation": items[0].degrees + 360}, True),
+        ({"rotation": items[0].degrees + 90}, False),
+        ({"center": None}, False),
+    ):
+        assert same(room, replace(room, furniture=(replace(items[0], **change), *items[1:]))) == alike
+
+
+class Middle:
+    """Puts everything into the middle of its room, at once."""
+
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Answer]]:
+        return [[Answer(self.layout(brief), 0.0)] for brief in briefs]
+
+    def layout(self, brief: Room) -> Room:
+        (center,) = brief.indoor.centroid.coords
+        return furnished(brief, dict.fromkeys(missing(brief), (center, 0.0)))
+
+
+@pytest.fixture
+def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
+    furnisher = Middle()
+    hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"], 2)
+    monkeypatch.setattr(layoutrl.place, "hired", lambda config: hired)
+    return furnisher
+
+
+def many(folder: Path, count: int = 7) -> tuple[Path, list[dict[str, Any]]]:
+    documents = [bare(DOCUMENTS[k % 3]) | {"id": f"room {k}", "note": k} for k in range(count)]
+    return written(folder, documents), documents
+
+
+def test_faults_stand_in_the_file_which_is_read_again_and_all_else_is_as_it_was(middle: Middle, tmp_path: Path) -> None:
+    file, documents = many(tmp_path)
+    rooms = run(PlaceConfig(by="search", rooms=str(file)))
+    for room, document in zip(rooms, documents, strict=True):
+        assert "overlaps" in room["furniture"][0]["faults"]
+        room_from_dict(room)
+        for item in room["furniture"]:
+            assert item.pop("rotation") == 0
+            del item["center"]
+            item.pop("faults", None)
+        assert room == document
+
+
+def test_what_moves_is_placed_anew(middle: Middle, tmp_path: Path) -> None:
+    file = written(tmp_path, DOCUMENTS[:1])
+    (room,) = run(PlaceConfig(by="search", rooms=str(file), move="bed"))
+    moved = [k for k, item in enumerate(room["furniture"]) if item["category"] == "bed"]
+    for k, (item, before) in enumerate(zip(room["furniture"], DOCUMENTS[0]["furniture"], strict=True)):
+        assert (item["center"] != before["center"]) == (k in moved)
+
+
+def test_an_interrupted_run_goes_on_where_it_was(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, _ = many(tmp_path)
+    whole = run(PlaceConfig(by="search", rooms=str(file), out=str(tmp_path / "whole.jsonl")))
+    layout, seen = Middle.layout, []
+
+    def until_the_fourth(self: Middle, brief: Room) -> Room:
+        seen.append(brief.id)
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+        return layout(self, brief)
+
+    monkeypatch.setattr(Middle, "layout", until_the_fourth)
+    config = PlaceConfig(by="search", rooms=str(file))
+    with pytest.raises(KeyboardInterrupt):
+        place(config)
+    part = tmp_path / "rooms-placed.jsonl.part"
+    with (part / "rooms.jsonl").open("a") as stream:
+        stream.write('{"id": "half a ro')  # as a kill would leave it
+    with pytest.raises(InputError, match=r"^out: .* of a run that was stopped, with another seed; expected the same"):
+        place(replace(config, seed=1))
+    assert run(config) == whole
+    assert seen[4:] == [f"room {k}" for k in range(2, 7)]  # what was done, of blocks of two, is not done again
+    assert not part.exists()
+    assert "goes on after 2 rooms" in capsys.readouterr().out
+
+
+def test_shards_are_all_of_a_file(middle: Middle, tmp_path: Path) -> None:
+    file, documents = many(tmp_path)
+    shards = [run(PlaceConfig(by="search", rooms=str(file), shard=f"{k}/3")) for k in range(3)]
+    assert [len(rooms) for rooms in shards] == [3, 2, 2]
+    assert [room["id"] for k in range(7) for room in [shards[k % 3][k // 3]]] == [d["id"] for d in documents]
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [*(f"rooms-placed-{k}of3.jsonl" for k in range(3)), "rooms.jsonl"]
+
+
+def test_nothing_of_the_users_is_overwritten(middle: Middle, tmp_path: Path) -> None:
+    file, _ = many(tmp_path)
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "cat.png").touch()
+    (tmp_path / "rooms-placed.jsonl").touch()
+    for given, said in (
+        ({}, "out: .* is there already"),
+        ({"out": str(file)}, "out: .* is there already"),
+        ({"out": str(tmp_path / "new.jsonl"), "pictures": str(tmp_path / "pictures")}, "pictures: .* is not empty"),
+    ):
+        with pytest.raises(InputError, match=said):
+            place(PlaceConfig(by="search", rooms=str(file), **given))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["pictures", "rooms-placed.jsonl", "rooms.jsonl"]
+
+
+@pytest.mark.parametrize("drawing", ["svg", "png", "dxf"])
+def test_each_layout_is_drawn(drawing: str, middle: Middle, tmp_path: Path) -> None:
+    if drawing == "dxf":
+        pytest.importorskip("ezdxf")
+    file, _ = many(tmp_path, 3)
+    run(PlaceConfig(by="search", rooms=str(file), pictures=str(tmp_path / "p"), drawing=drawing))
+    assert sorted(path.name for path in (tmp_path / "p").iterdir()) == [f"{k + 1}-room_{k}.{drawing}" for k in range(3)]
+
+
+def test_rooms_come_and_go_by_standard_input_and_output(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    file, documents = many(tmp_path)
+    monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(file.read_bytes())))
+    assert place(PlaceConfig(by="search", rooms="-")).files == []
+    out, said = capsysbinary.readouterr()
+    assert [json.loads(line)["id"] for line in out.splitlines()] == [document["id"] for document in documents]
+    assert b"room 0: 4 of 4 placed; the " in said
+
+
+def test_what_is_not_placed_or_not_read_is_the_exit_status(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, large, broken = bare(DOCUMENTS[0]), bare(DOCUMENTS[1]), {"id": "b"}
+    large["furniture"][0]["size"] = [99, 99]
+    for documents, status in (([good], None), ([good, large], 2), ([good, broken], 2), ([DOCUMENTS[0]], 1)):
+        file = written(tmp_path, documents)
+        monkeypatch.setattr("sys.argv", ["layoutrl", "by=search", f"rooms={file}"])
+        if status is None:
+            layoutrl.place.main()
+        else:
+            with pytest.raises(SystemExit) as ended:
+                layoutrl.place.main()
+            assert ended.value.code == status or status == 1
+        out = tmp_path / "rooms-placed.jsonl"
+        assert out.exists() == (status != 1)
+        out.unlink(missing_ok=True)
+    assert "rooms.jsonl:2: left out: room 'b': room_type: missing" in capsys.readouterr().out
+
+
+def test_no_more_of_a_file_is_in_memory_than_a_block(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    line = json.dumps(bare(DOCUMENTS[0])).encode()
+    read = []
+
+    class Endless:
+        def __iter__(self) -> Iterator[bytes]:
+            while len(read) < 20:
+                read.append(line)
+                yield line
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=Endless()))
+    with pytest.raises(KeyboardInterrupt):
+        place(PlaceConfig(by="search", rooms="-"))
+    assert len(capsysbinary.readouterr().out.splitlines()) == 20
+
+
+@pytest.mark.parametrize("shard", ["8/8", "1", "a/b", "-1/8"])
+def test_a_shard_that_is_none_is_refused(shard: str) -> None:
+    with pytest.raises(InputError, match=r"^shard: expected one of 0/8"):
+        composed("place", "by=search", "rooms=rooms.jsonl", f"shard='{shard}'")

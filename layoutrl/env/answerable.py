@@ -46,9 +46,9 @@ def answerable(room: Room, known: Collection[str]) -> Answerable:
         item = room.furniture[k]
         if item.category not in known:
             near = difflib.get_close_matches(item.category, known, 3, 0) or sorted(known)
-            lines.append(
-                f"the {item.category} is not placed: nobody knows it; expected a category as {', '.join(near)}"
-            )
+            why = f"nobody knows it; expected a category as {', '.join(near)}"
+            why = why if known else f"who is asked does not furnish a {room.room_type}"
+            lines.append(f"the {item.category} is not placed: {why}")
             refused.add(k)
         elif not fits(room, item):
             size = " by ".join(f"{side:g}" for side in item.size)

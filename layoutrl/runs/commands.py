@@ -23,7 +23,12 @@ from layoutrl import InputError
 from layoutrl.runs.config import config_directory, register
 from layoutrl.runs.resume import Stopped
 
+INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
+
+
+class Incomplete(InputError):
+    """What could be done is done, and what could not has been said."""
 
 
 def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bool = False) -> Callable[[], None]:
@@ -46,7 +51,8 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             if isinstance(error, Stopped):
                 sys.exit(said)  # and with it the sweep
             print(said, file=sys.stderr)  # the other jobs shall not suffer
-            raise InputError("a job of the sweep failed, as is said above") from None
+            kind = Incomplete if isinstance(error, Incomplete) else InputError
+            raise kind("a job of the sweep failed, as is said above") from None
 
     def main() -> None:
         if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
@@ -66,6 +72,9 @@ def answers_errors() -> Iterator[None]:
     """Answer what the user can mend in one line, without a traceback."""
     try:
         yield
+    except Incomplete as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(INCOMPLETE)
     except (InputError, OmegaConfBaseException, OSError) as error:
         sys.exit(f"error: {in_a_line(error)}")
     except KeyboardInterrupt:

@@ -5,6 +5,7 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -200,14 +201,30 @@ class PlaceConfig:
     search: Searching = MISSING
     annealer: Annealing = MISSING
     rooms: str = MISSING
+    move: str | None = None
     item: str | None = None
+    choices: int = 1
+    shard: str = "0/1"
     out: str | None = None
+    pictures: str | None = None
+    drawing: Any = "svg"
     checkpoint: Any = "last"
     seed: int = 0
     device: str = "auto"
 
+    @property
+    def part(self) -> tuple[int, int]:
+        """Of the rooms: the shard, and of how many."""
+        shard, shards = map(int, self.shard.split("/"))
+        return shard, shards
+
     def __post_init__(self) -> None:
         one_of("checkpoint", self.checkpoint, "last", "best")
+        one_of("drawing", self.drawing, "svg", "png", "dxf")
+        _within("choices", self.choices, self.choices >= 1, "1 or more")
+        split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
+        in_range = split is not None and int(split[1]) < int(split[2])
+        _within("shard", self.shard, in_range, "one of 0/8, 1/8, ..., 7/8 for the eighths of a file")
         if self.by is not None:
             one_of("by", self.by, "search", "annealer")
         _within("seconds", self.seconds, self.seconds > 0, "more than 0")

@@ -1,0 +1,204 @@
+"""A room as a drawing to true size: SVG in layers for the web and for print, PNG, and DXF for CAD.
+
+What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named. Lengths are metres; y points
+up in DXF and down in SVG.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from matplotlib import style
+from matplotlib.figure import Figure
+
+from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
+from layoutrl.figures import HALO, ORANGE, STYLE, draw_item, draw_room
+from layoutrl.rooms.clearances import RAISED
+from layoutrl.rooms.room import Item, Point, Room
+
+Wrong = Iterable[tuple[int, str]]
+
+MARGIN = 0.1  # metres around the walls
+PRINTED = 40  # millimetres a metre in SVG: 1:25
+LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
+WIDE = 0.6  # of a letter, as a share of its height
+MIDDLE = 5  # of a text in a DXF: its insertion point
+ACI = {"A-WALL": 7, "A-DOOR": 3, "A-GLAZ": 5, "A-FURN": 8}  # layers of a DXF, and their AutoCAD colours
+
+
+def draw(room: Room, wrong: Wrong, path: Path) -> None:
+    """Write a drawing in the format of the suffix: .svg, .png, or .dxf, which needs ezdxf."""
+    if path.suffix == ".svg":
+        path.write_text(svg(room, wrong), encoding="utf-8", newline="\n")
+    elif path.suffix == ".png":
+        png(room, wrong, path)
+    else:
+        dxf(room, wrong, path)
+
+
+def svg(room: Room, wrong: Wrong = ()) -> str:
+    """A drawing whose user units are metres, with a <g> for each layer: floor, walls, openings, furniture, labels.
+
+    Every item is a <g> with its index as data-id, its data-category, and its data-faults, if it has some.
+    """
+    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
+    faults, items = _by_item(wrong), _standing(room)
+    floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
+    layers = {
+        "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
+        "walls": [_polygon(wall, _hex(BLACK)) for wall in room.walls],
+        "openings": [
+            _polygon(opening.polygon, _hex(DOOR if opening.kind == "door" else WINDOW), f' data-kind="{opening.kind}"')
+            for opening in room.openings
+        ],
+        "furniture": [_item(k, item, faults[k]) for k, item in items],
+        "labels": [_label(item, faults[k]) for k, item in items],
+    }
+    groups = [
+        "\n".join([f'<g class="{name}" inkscape:groupmode="layer" inkscape:label="{name}">', *shapes, "</g>"])
+        for name, shapes in layers.items()
+    ]
+    width, height = x1 - x0, y1 - y0
+    return "\n".join(
+        [
+            '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
+            f'viewBox="{x0:.4g} {-y1:.4g} {width:.4g} {height:.4g}" '
+            f'width="{PRINTED * width:.4g}mm" height="{PRINTED * height:.4g}mm" font-family="sans-serif">',
+            f"<title>{escape(room.id)}</title>",
+            '<defs><pattern id="fault" width=".1" height=".1" patternUnits="userSpaceOnUse" '
+            f'patternTransform="rotate(45)"><path d="M0 0V.1" stroke="{ORANGE}" stroke-width=".04"/></pattern></defs>',
+            *groups,
+            "</svg>\n",
+        ]
+    )
+
+
+def png(room: Room, wrong: Wrong, path: Path) -> None:
+    """The same as a picture of pixels."""
+    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
+    with style.context(STYLE):
+        figure = Figure(figsize=(1.6 * (x1 - x0), 1.6 * (y1 - y0)))
+        figure.set_layout_engine("none")
+        axes = figure.add_axes((0, 0, 1, 1))
+        draw_room(axes, replace(room, target=None), names=7)
+        for k, faults in _by_item(wrong).items():
+            item = room.furniture[k]
+            if item.center is not None:
+                draw_item(axes, item, item.center, fill=False, hatch="////", edgecolor=ORANGE, linewidth=1.5)
+                said = "\n".join(faults)
+                at = item.center[0], item.center[1] - 0.12
+                axes.text(*at, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
+        axes.set(xlim=(x0, x1), ylim=(y0, y1))
+        figure.savefig(path, dpi=150)
+
+
+def dxf(room: Room, wrong: Wrong, path: Path) -> None:
+    """The same for CAD: closed polylines and circles, y up, the unit a metre. Needs ezdxf, the extra `dxf`."""
+    import ezdxf
+    from ezdxf import units
+
+    document = ezdxf.new("R2010", units=units.M)
+    for name, color in ACI.items():
+        document.layers.add(name, color=color)
+    space, faults = document.modelspace(), _by_item(wrong)
+    for wall in room.walls:
+        space.add_lwpolyline(wall, close=True, dxfattribs={"layer": "A-WALL"})
+    for opening in room.openings:
+        layer = "A-DOOR" if opening.kind == "door" else "A-GLAZ"
+        space.add_lwpolyline(opening.polygon, close=True, dxfattribs={"layer": layer})
+    for k, item in _standing(room):
+        assert item.center is not None
+        if item.form == "circle":
+            space.add_circle(item.center, item.size[0] / 2, dxfattribs={"layer": "A-FURN"})
+        else:
+            space.add_lwpolyline(_corners(item), close=True, dxfattribs={"layer": "A-FURN"})
+            space.add_line(*_front(item), dxfattribs={"layer": "A-FURN"})
+        looks = {"layer": "A-FURN", "insert": item.center, "char_height": LETTERS[1], "attachment_point": MIDDLE}
+        space.add_mtext("\\P".join([item.category, *faults[k]]), dxfattribs=looks)
+    document.saveas(path)
+
+
+def _by_item(wrong: Wrong) -> dict[int, list[str]]:
+    faults: dict[int, list[str]] = defaultdict(list)
+    for k, fault in wrong:
+        faults[k].append(fault)
+    return faults
+
+
+def _standing(room: Room) -> list[tuple[int, Item]]:
+    """The items that have a place, with their indices: what others stand on first, then what is under a table."""
+    placed = [(k, item) for k, item in enumerate(room.furniture) if item.center is not None]
+    return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
+
+
+def _corners(item: Item) -> list[Point]:
+    return [(float(x), float(y)) for x, y in item.footprint.exterior.coords[:-1]]
+
+
+def _front(item: Item) -> tuple[Point, Point]:
+    """A line to the middle of its front."""
+    assert item.center is not None
+    (x, y), angle = item.center, np.radians(item.degrees)
+    inner, outer = (
+        (x + share * np.cos(angle) * item.size[0] / 2, y + share * np.sin(angle) * item.size[0] / 2)
+        for share in (0.7, 1)
+    )
+    return inner, outer
+
+
+def _item(index: int, item: Item, faults: Sequence[str]) -> str:
+    assert item.center is not None
+    x, y = item.center
+
+    def shape(looks: str) -> str:
+        if item.form == "circle":
+            return f'<circle cx="{_number(x)}" cy="{_number(-y)}" r="{_number(item.size[0] / 2)}" {looks}/>'
+        return f'<polygon points="{_points(_corners(item))}" {looks}/>'
+
+    category = escape(item.category)
+    parts = [f"<title>{category}{': ' if faults else ''}{escape(', '.join(faults))}</title>"]
+    parts.append(shape(f'fill="{_hex(color_of(item.category))}" stroke="#000" stroke-width=".01"'))
+    if item.form != "circle":
+        parts.append(f'<path d="M{_points(_front(item))}" stroke="#000" stroke-width=".015"/>')
+    if faults:
+        parts.append(shape(f'fill="url(#fault)" stroke="{ORANGE}" stroke-width=".03"'))
+    wrong = f' data-faults="{escape(", ".join(faults))}"' if faults else ""
+    return f'<g data-id="{index}" data-category="{category}"{wrong}>{"".join(parts)}</g>'
+
+
+def _label(item: Item, faults: Sequence[str]) -> str:
+    """The category, a word a line, and below it what is wrong, no wider than the item where that can be read."""
+    assert item.center is not None
+    x0, _, x1, _ = item.footprint.bounds
+    words = item.category.replace("_", " ").split()
+    least, most = LETTERS
+    size = min(max((x1 - x0) / (WIDE * max(map(len, [*words, *faults]), default=1)), least), most)
+    x, top = item.center[0], -item.center[1] - size * (len(words) + len(faults)) / 2
+    lines = [
+        f'<tspan x="{_number(x)}" y="{_number(top + (n + 0.8) * size)}"{weight}>{escape(text)}</tspan>'
+        for n, (text, weight) in enumerate([*((w, "") for w in words), *((f, ' font-weight="bold"') for f in faults)])
+    ]
+    halo = f'stroke="#fff" stroke-width="{_number(size / 5)}" paint-order="stroke"' if faults else ""
+    return f'<text font-size="{_number(size)}" text-anchor="middle" {halo}>{"".join(lines)}</text>'
+
+
+def _polygon(ring: Sequence[Point], color: str, more: str = "") -> str:
+    return f'<polygon points="{_points(ring)}" fill="{color}"{more}/>'
+
+
+def _points(ring: Iterable[Point]) -> str:
+    return " ".join(f"{_number(x)},{_number(-y)}" for x, y in ring)
+
+
+def _number(metres: float) -> str:
+    """To a tenth of a millimetre."""
+    return f"{round(float(metres), 4) + 0.0:g}"
+
+
+def _hex(color: tuple[int, int, int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*color)

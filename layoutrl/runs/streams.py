@@ -1,0 +1,158 @@
+"""Rooms of files as they come, and files of answers that grow with them: no file is too long for the memory."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import IO, Any, TypeVar
+
+from layoutrl import InputError
+from layoutrl.rooms.files import documents, parsed, room_files, room_from_dict, room_to_dict
+from layoutrl.rooms.formats import Source, to_place
+from layoutrl.rooms.room import Room, RoomError
+from layoutrl.runs.folder import LOCK, locked
+
+STANDARD = "-"  # the name of standard input and output
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A room of a file, with all that stands there of it; or what is wrong with it (`room` is None)."""
+
+    where: str
+    room: Room | None
+    document: dict[str, Any]
+    problem: str = ""
+
+
+def json_entries(path: str, move: str | None, first: int = 0, step: int = 1) -> Iterator[Entry]:
+    """The rooms in JSON of a file, a folder, or standard input (STANDARD), one after the other: each `step`-th."""
+    texts = standard_input() if path == STANDARD else documents(Path(path).expanduser())
+    for where, text in islice(texts, first, None, step):
+        document: Any = {}
+        try:
+            document = parsed(text)
+            yield Entry(where, to_place(room_from_dict(document), move), document)
+        except RoomError as error:
+            name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
+            yield Entry(where, None, {}, f"{name}{error}")
+
+
+def standard_input() -> Iterator[tuple[str, bytes]]:
+    """(where, text) of each line."""
+    yield from ((f"standard input:{n}", line) for n, line in enumerate(sys.stdin.buffer, 1) if line.strip())
+
+
+def source_entries(source: Source) -> Iterator[Entry]:
+    """The rooms of a file of another format."""
+    yield from (Entry(where, None, {}, problem) for where, problem in source.collection.left_out)
+    yield from (Entry(room.id, room, room_to_dict(room)) for room in source.collection.rooms)
+
+
+def count(path: str) -> int | None:
+    """How many rooms in JSON there are, quickly: a blank line counts as one. None of standard input."""
+    if path == STANDARD:
+        return None
+    total = 0
+    for file in room_files(Path(path).expanduser()):
+        with file.open("rb") as stream:
+            lines = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b""))
+        total += max(lines, 1) if file.suffix == ".jsonl" else 1
+    return total
+
+
+def blocks(entries: Iterable[T], size: int) -> Iterator[list[T]]:
+    """So many of them at a time."""
+    left = iter(entries)
+    while block := list(islice(left, size)):
+        yield block
+
+
+@dataclass
+class Tally:
+    """What was done so far."""
+
+    entries: int = 0
+    left_out: int = 0
+    rooms: int = 0  # in which something was to be placed
+    items: int = 0  # to be placed
+    placed: int = 0
+    faults: dict[str, int] = field(default_factory=dict)  # of the best layout of each room
+
+    @property
+    def whole(self) -> bool:
+        """Whether all rooms could be read, and everything is placed."""
+        return not self.left_out and self.placed == self.items
+
+    def __str__(self) -> str:
+        said = [f"placed {self.placed} of {self.items} items in {self.rooms} rooms"]
+        said += [f"{number} {fault}" for fault, number in self.faults.items()]
+        said += [f"left out {self.left_out} of {self.entries} rooms"] * (self.left_out > 0)
+        return "; ".join(said)
+
+
+class Growing:
+    """A file that grows line by line, and what was done for it."""
+
+    def __init__(self, stream: IO[bytes], tally: Tally, state: Path | None = None, about: Any = None):
+        self.tally = tally
+        self.wanted = True  # once it is whole
+        self._stream, self._state, self._about = stream, state, about
+
+    def add(self, documents: Iterable[dict[str, Any]]) -> None:
+        """Write rooms, and that they are done: from here on nothing of it is done again."""
+        self._stream.write("".join(json.dumps(document) + "\n" for document in documents).encode())
+        self._stream.flush()
+        if self._state:
+            kept = {"about": self._about, "bytes": self._stream.tell(), "tally": asdict(self.tally)}
+            fresh = self._state.with_suffix(".new")
+            fresh.write_text(json.dumps(kept))
+            fresh.replace(self._state)
+
+
+@contextmanager
+def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
+    """A file that is there under its name when it is whole. Until then it grows in the folder <name>.part.
+
+    Where that folder is left of a run that was stopped, and was `about` the same, this goes on with it. Raises
+    InputError where it was about something else, another process is at it, or the file is there by then.
+    """
+    folder = out.with_name(f"{out.name}.part")
+    folder.mkdir(parents=True, exist_ok=True)
+    lines, state = folder / "rooms.jsonl", folder / "state.json"
+    with locked(folder / LOCK, wait=False):
+        kept = _kept(state, about)
+        try:
+            with lines.open("ab") as stream:
+                stream.truncate(kept["bytes"])
+                grown = Growing(stream, Tally(**kept["tally"]), state, about)
+                yield grown
+        except BaseException:
+            if not state.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
+        if grown.wanted:
+            if out.exists():
+                raise InputError(f"out: {out} was made meanwhile; expected no file there; the rooms are in {lines}")
+            lines.rename(out)
+        shutil.rmtree(folder, ignore_errors=True)  # on Windows the lock stays
+
+
+def _kept(state: Path, about: dict[str, Any]) -> dict[str, Any]:
+    if not state.exists():
+        return {"bytes": 0, "tally": asdict(Tally())}
+    kept = json.loads(state.read_text())
+    other = [name for name, value in about.items() if kept["about"].get(name) != value]
+    if other:
+        raise InputError(
+            f"out: {state.parent} is of a run that was stopped, with another {', '.join(other)}; expected the same "
+            "again, which goes on with it, or another out=<file>, or that the folder is removed"
+        )
+    return kept
