@@ -20,6 +20,7 @@ from layoutrl.demo.furnisher import Furnished, Furnisher, SearchFurnisher, Think
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.env.faults import MISSING, faults
+from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
@@ -70,6 +71,7 @@ class Answers:
             "furnish": self.furnish,
             "values": self.values,
             "moves": self.moves,
+            "svg": self.svg,
         }
 
     def warm(self) -> None:
@@ -142,6 +144,11 @@ class Answers:
         thinker, room = self._thinker(), room_in(asked)
         found = thinker.moves(room, item_in(asked, room))
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
+
+    def svg(self, asked: Any) -> Answer:
+        """The room as a drawing to true size."""
+        room = room_in(asked)
+        return {"svg": svg(room, faults(room))}
 
     def read(self, content: bytes) -> Answer:
         """The rooms of a file that somebody opens, and what is wrong with the others."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
+from PIL import Image
 
 from layoutrl.env.faults import faults
 from layoutrl.rooms.designer.generator import design_rooms
@@ -467,6 +470,15 @@ def test_files_are_opened_and_dropped(page, tmp_path):
 def test_a_room_is_saved_as_it_is_read(page):
     document = room_of(page)
     assert room_to_dict(parse_room(json.dumps(document))) == document
+
+
+def test_a_room_is_saved_as_drawings(page):
+    drawing = ElementTree.fromstring(saved(page, "svg"))
+    items = [node for node in drawing.iter() if "data-id" in node.attrib]
+    assert len(items) == len(room_of(page)["furniture"])
+    picture = Image.open(io.BytesIO(saved(page, "png"))).convert("RGB")
+    assert max(picture.size) == 1600
+    assert len(set(picture.resize((100, 80)).getdata())) > 5
 
 
 def test_a_link_holds_the_room_and_what_is_locked(page, browser):

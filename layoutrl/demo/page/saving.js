@@ -1,11 +1,12 @@
 // Files in and out, and the link that holds the room.
 
-import { read } from "./api.js";
+import { ask, read } from "./api.js";
 import { $, element, known, open, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { packed, snapshot, state, unpacked, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
+const PIXELS = 1600; // of the longer side of a PNG
 
 function download(content, kind, ending) {
   const name = state.room.id.replace(/[^\w-]+/g, "_");
@@ -46,6 +47,33 @@ document.addEventListener("drop", (event) => {
 });
 
 $("save-json").onclick = () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json");
+
+const svg = async () => (await ask("svg", { room: state.room })).svg;
+
+$("save-svg").onclick = async () => {
+  try {
+    download(await svg(), "image/svg+xml", "svg");
+  } catch (error) {
+    say(error.message);
+  }
+};
+
+$("save-png").onclick = async () => {
+  try {
+    const picture = new Image();
+    const url = URL.createObjectURL(new Blob([await svg()], { type: "image/svg+xml" }));
+    picture.src = url;
+    await picture.decode();
+    const wide = Math.max(picture.naturalWidth, picture.naturalHeight);
+    const [width, height] = [picture.naturalWidth, picture.naturalHeight].map((side) => Math.round((side * PIXELS) / wide));
+    const canvas = element("canvas", { width, height });
+    canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
+    URL.revokeObjectURL(url);
+    canvas.toBlob((blob) => download(blob, "image/png", "png"), "image/png");
+  } catch (error) {
+    say(error.message);
+  }
+};
 
 $("share").onclick = async () => {
   history.replaceState(null, "", `#room=${await packed(snapshot())}`);
