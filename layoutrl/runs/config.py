@@ -276,6 +276,8 @@ class BenchConfig(TrainConfig):
     batches: list[int] = MISSING
     items: list[int] = MISSING
     items_rooms: int = MISSING
+    requests: int = MISSING
+    clients: int = MISSING
     probe_every: int = MISSING
     minutes: float = MISSING
 
@@ -283,9 +285,9 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         check_method("paper", self.paper)
         for part in self.parts:
-            one_of("parts", part, "speed", "rooms", "memory", "growth", "training", "image", "sb3")
+            one_of("parts", part, "speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
         _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
-        for name in ("batch", "images", "items_rooms", "probe_every"):
+        for name in ("batch", "images", "items_rooms", "requests", "clients", "probe_every"):
             value = getattr(self, name)
             _within(name, value, value >= 1, "1 or more")
         for name in ("shapely_batches", "batches", "items"):
