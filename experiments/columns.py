@@ -82,8 +82,8 @@ class CellConfig(TrainConfig):
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
         one_of("planit_time", self.planit_time, "agent", "updates")
-        if self.data.source == "json":
-            raise InputError("data: the tables are of designer, floorplans and designer_rooms; got json")
+        if self.data.source not in SOURCES:
+            raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
         if self.fill == "planit":
             one_of("budget.name", self.budget.name, *self.planit.updates)
 
@@ -351,6 +351,7 @@ def oracle(config: CellConfig, setting: Setting) -> dict[str, Any]:
     return {"places": {"oracle": (setting.room, place)}}
 
 
+SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
 FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
     "agent": agent,
     "regressor": regressor,

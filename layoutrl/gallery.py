@@ -13,7 +13,6 @@ from layoutrl import InputError
 from layoutrl.figures import STYLE, draw_room, save
 from layoutrl.rooms.collection import choose_item
 from layoutrl.rooms.room import MAIN_ITEM, Room
-from layoutrl.rooms.sources import read_files
 from layoutrl.rooms.sources.parts import Data, designed_rooms
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import GalleryConfig, RoomConfig
@@ -57,8 +56,7 @@ def _rooms(room: RoomConfig, data: Data, count: int) -> list[Room]:
     """The first rooms of a type; of files, also those whose items are still to be placed."""
     if data.source == "designer":
         return designed_rooms(room.type, room.item, replace(data, train_rooms=count), "train")
-    assert data.source is not None
-    collection = read_files(data.source, room.type, data.path, data.labels, data.strict)
+    collection = data.read(room.type)
     if room.item != "main":
         collection = choose_item(collection, room.item)
     print(collection)

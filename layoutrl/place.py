@@ -22,8 +22,8 @@ from layoutrl import InputError, __version__
 from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.env.faults import MISSING, faults_of_all
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.files import room_files, with_layout
-from layoutrl.rooms.formats import Source, check_new, opened
+from layoutrl.rooms.files import check_new, room_files, with_layout
+from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig
@@ -66,7 +66,7 @@ class Answered:
             yield self.entry.document
             return
         for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
-            written = with_layout(self.entry.document, self.asked.asked, layout, wrong)
+            written = with_layout(self.entry.document, self.asked.asked, layout, wrong, self.entry.unit)
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
@@ -97,7 +97,7 @@ def run(config: PlaceConfig) -> Done:
     """
     if config.by and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
-    source = None if in_json(config.rooms) else opened(Path(config.rooms).expanduser(), move=config.move)
+    source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = STANDARD in (config.out, config.out or config.rooms)
     if piped and suffix != JSON:
@@ -133,6 +133,7 @@ class Work:
         self.config, self.who, self.source, self.total = config, who, source, total
         self.tally = Tally()
         self._says = says
+        self._units = {"m", config.unit}  # that need not be told
 
     def say(self, line: str) -> None:
         """Print it, above the bar of progress."""
@@ -153,9 +154,10 @@ class Work:
             self.say(f"goes on after {done} rooms")
         entries: Iterator[Entry]
         if self.source:
+            self.say(str(self.source.collection))
             entries = islice(source_entries(self.source), first, None, shards)
         else:
-            entries = json_entries(self.config.rooms, self.config.move, first, shards)
+            entries = json_entries(self.config, first, shards)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
         with tqdm(None, "furnishing", length, initial=done, unit="room", delay=1, disable=None) as bar:
             for block in blocks(entries, self.who.at_once):
@@ -167,6 +169,9 @@ class Work:
                         self.tally.left_out += 1
                         self.say(f"{entry.where}: left out: {entry.problem}")
                         continue
+                    if entry.unit not in self._units:
+                        self._units.add(entry.unit)
+                        self.say(f"lengths are read as {entry.unit}, as rooms are large (unit=m if they are)")
                     answered.append(answer := next(answers))
                     self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
                 yield answered
@@ -217,9 +222,29 @@ def asked_of(entry: Entry, config: PlaceConfig, who: Hired) -> tuple[Answerable,
     return Answerable(room, others | {places[k] for k in known.refused}, known.lines), wanted
 
 
-def in_json(rooms: str) -> bool:
-    """Whether rooms come in JSON as README has it, one after the other."""
-    return rooms == STANDARD or Path(rooms).suffix in ("", ".json", ".jsonl")
+def source_of(config: PlaceConfig) -> Source | None:
+    """The file, read whole; None of rooms in JSON, which come one after the other."""
+    path = Path(config.rooms).expanduser()
+    kind = "json" if config.rooms == STANDARD else format_of(path)
+    homes = {"into": config.into, "room_type": config.room_type}
+    wrong = homes if kind != "sweethome3d" or path.is_dir() else {}
+    if kind == "json":
+        wrong |= {"categories": config.categories}
+    for name, value in wrong.items():
+        if value is not None:
+            raise InputError(
+                f"{name}: rooms of {config.rooms} say themselves what and where they are; expected no {name}="
+            )
+    if kind == "json":
+        return None
+    return opened(
+        path,
+        move=config.move,
+        room=config.into,
+        room_type=config.room_type,
+        categories=Path(config.categories).expanduser() if config.categories else None,
+        unit=config.unit,
+    )
 
 
 def out_files(config: PlaceConfig, suffix: str) -> list[Path]:

@@ -17,13 +17,15 @@ NAMED = 3  # examples named for each reason in a summary
 class Collection:
     """What a source read: the rooms it kept, and (id, reason) of each that it left out.
 
-    `inside` says that no item reaches beyond the outer walls, which spares the check.
+    `inside` says that no item reaches beyond the outer walls, which spares the check. `notes` are what else the user
+    should know of how it was read, a line each.
     """
 
     source: str
     rooms: list[Room] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     inside: bool = False
+    notes: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         kept = {room.id for room in self.rooms}
@@ -36,7 +38,7 @@ class Collection:
         for reason, ids in sorted(by_reason.items(), key=lambda entry: -len(entry[1])):
             named = ", ".join(ids[:NAMED]) + (", ..." if len(ids) > NAMED else "")
             lines.append(f"  left out {len(ids)}: {reason} ({named})")
-        return "\n".join(lines)
+        return "\n".join(lines + [f"  {note}" for note in self.notes])
 
 
 def choose_item(collection: Collection, category: str) -> Collection:
@@ -44,7 +46,7 @@ def choose_item(collection: Collection, category: str) -> Collection:
 
     `main` keeps the source's choice; `all` takes every item.
     """
-    chosen = Collection(f"{collection.source}, item {category}", left_out=list(collection.left_out))
+    chosen = _after(collection, f"item {category}")
     for room in collection.rooms:
         if category == "main":
             indices = [] if room.target is None else [room.target]
@@ -67,7 +69,7 @@ def choose_item(collection: Collection, category: str) -> Collection:
 
 def all_standing(collection: Collection) -> Collection:
     """The rooms that are furnished, and of which every item stands within the outer walls."""
-    chosen = Collection(f"{collection.source}, whole rooms", left_out=list(collection.left_out))
+    chosen = _after(collection, "whole rooms")
     for room in collection.rooms:
         if not room.furniture:
             chosen.left_out.append((room.id, "the room holds no furniture"))
@@ -85,7 +87,7 @@ def choose_missing(collection: Collection, category: str) -> Collection:
 
     What else has none is as if it were not there.
     """
-    chosen = Collection(f"{collection.source}, item {category} without a center", left_out=list(collection.left_out))
+    chosen = _after(collection, f"item {category} without a center")
     for room in collection.rooms:
         missing = [k for k, item in enumerate(room.furniture) if item.center is None]
         indices = [k for k in missing if category in (room.furniture[k].category, "all")]
@@ -95,6 +97,11 @@ def choose_missing(collection: Collection, category: str) -> Collection:
             what = "item" if category == "all" else category
             chosen.left_out.append((room.id, f"expected one {what} without a center; got {len(indices)}"))
     return chosen
+
+
+def _after(collection: Collection, chosen: str) -> Collection:
+    """An empty collection that knows what was left out before."""
+    return Collection(f"{collection.source}, {chosen}", left_out=list(collection.left_out), notes=collection.notes)
 
 
 def split(rooms: Sequence[Room], fold: int = 0) -> tuple[list[Room], list[Room]]:

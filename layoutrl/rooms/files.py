@@ -1,4 +1,4 @@
-"""Rooms in JSON: one a line in a .jsonl file, or one in a .json file; metres, y up.
+"""Rooms in JSON: one a line in a .jsonl file, or one in a .json file; metres (or cm or mm, by `unit`), y up.
 
     {"id": "b-17", "room_type": "bedroom",
      "outline": [[0, 0], [3.6, 0], [3.6, 4.2], [0, 4.2]],
@@ -22,6 +22,7 @@ from __future__ import annotations
 import copy
 import difflib
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -39,33 +40,47 @@ OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
 SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
 MOST = 1000  # corners of a polygon, and entries of any other list
+UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # in a metre
+LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room: below 1.3 m none is one, above 13 m few are
+WIDEST = {"m": 8.0, "cm": 300.0}  # door or window: the narrowest of a room is between 0.3 and 3 m
+LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
 FAULTS = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
 ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
 
 
-def read_rooms(path: Path, strict: bool = False) -> Collection:
+def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collection:
     """Read one .json or .jsonl file, or every such file below a folder.
 
+    Lengths are in `unit`: m, cm, mm, or auto, which tells a file's by how large its rooms and doors are, and notes it.
     A room that cannot be used is left out and named; with `strict` it raises InputError.
-    Raises InputError where there is no file to read.
+    Raises InputError where there is no file to read, or no such unit.
     """
+    if unit not in ("auto", *UNITS):
+        raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit}")
     collection = Collection(f"json {path}")
     seen: set[str] = set()
-    for where, text in documents(Path(path)):
-        try:
-            room = parse_room(text)
-            if room.id in seen:
-                raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
-        except RoomError as error:
-            message = f"{_name_in(text)}{error}"
-            if strict:
-                raise InputError(f"{where}: {message}") from None
-            collection.left_out.append((where, message))
-        else:
-            seen.add(room.id)
-            collection.rooms.append(room)
+    for file in room_files(Path(path)):
+        read = [(where, text, parsed(text)) for where, text in texts_of(file)]
+        in_file = unit_of([document for _, _, document in read]) if unit == "auto" else unit
+        if in_file != unit and in_file != "m":
+            collection.notes.append(f"{file}: lengths are read as {in_file}, as rooms are large (unit=m if they are)")
+        for where, text, document in read:
+            try:
+                if isinstance(document, RoomError):
+                    raise document
+                room = room_from_dict(in_metres(document, UNITS[in_file]))
+                if room.id in seen:
+                    raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
+            except RoomError as error:
+                message = f"{_name_in(text)}{error}"
+                if strict:
+                    raise InputError(f"{where}: {message}") from None
+                collection.left_out.append((where, message))
+            else:
+                seen.add(room.id)
+                collection.rooms.append(room)
     return collection
 
 
@@ -73,6 +88,13 @@ def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
     """Write rooms to a .jsonl file, one a line (or one room to a .json file)."""
     lines = "".join(json.dumps(room_to_dict(room)) + "\n" for room in rooms)
     Path(path).write_text(lines, encoding="utf-8", newline="\n")
+
+
+def check_new(out: Path, suffix: str) -> None:
+    """Raise InputError unless `out` is a new file of this suffix: nothing of a user's is ever overwritten."""
+    if out.exists() or out.suffix != suffix:
+        what = "is there already" if out.exists() else f"is no {suffix} file"
+        raise InputError(f"out: {out} {what}; expected the name of a new {suffix} file, as out=<file>")
 
 
 def room_to_dict(room: Room) -> dict[str, Any]:
@@ -103,17 +125,18 @@ def room_to_dict(room: Room) -> dict[str, Any]:
 
 
 def with_layout(
-    document: Mapping[str, Any], asked: Room, layout: Room, wrong: Iterable[tuple[int, str]]
+    document: Mapping[str, Any], asked: Room, layout: Room, wrong: Iterable[tuple[int, str]], unit: str = "m"
 ) -> dict[str, Any]:
     """A room's document with a layout of what was asked: poses of items that had no center, and what is wrong.
 
-    `wrong` is (index of the item, fault). All else is as it was; so is what the layout does not place.
+    `wrong` is (index of the item, fault), `unit` that of the document. All else is as it was; so is an item that the
+    layout does not place.
     """
     written = copy.deepcopy(dict(document))
     for entry, before, item in zip(written["furniture"], asked.furniture, layout.furniture, strict=True):
         entry.pop(FAULTS, None)
         if before.center is None and item.center is not None:
-            entry["center"] = [round(metres, 6) for metres in item.center]
+            entry["center"] = [round(metres * UNITS[unit], 6) for metres in item.center]
             if item.rotation is not None:
                 entry["rotation"] = item.rotation
     for k, fault in wrong:
@@ -123,23 +146,69 @@ def with_layout(
 
 def parse_room(text: str | bytes) -> Room:
     """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
-    return room_from_dict(parsed(text))
+    document = parsed(text)
+    if isinstance(document, RoomError):
+        raise document
+    return room_from_dict(document)
 
 
 def parsed(text: str | bytes) -> Any:
-    """The plain lists and numbers of a room's JSON text. Raises RoomError where it is no JSON."""
+    """What a text of JSON holds, or the RoomError that says why it is none."""
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
         ended = error.pos >= len(error.doc.rstrip())
-        raise RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended)) from None
+        return RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended))
     except UnicodeDecodeError as error:
-        raise RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}") from None
-    except RoomError:
-        raise
+        return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
+    except RoomError as error:
+        return error
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
-        raise RoomError("text", f"expected numbers and nesting of a usual size; {error}") from None
+        return RoomError("text", f"expected numbers and nesting of a usual size; {error}")
+
+
+def unit_of(documents: Iterable[Any]) -> str:
+    """The unit of most rooms of a file."""
+    votes = Counter(unit for document in documents if (unit := _guess(document)))
+    return votes.most_common(1)[0][0] if votes else "m"
+
+
+def _guess(document: Any) -> str | None:
+    """The unit of a room: metres where it is no larger than a house, else by its doors, else by its own size."""
+    try:
+        side = _extent(document["outline"])
+        if side <= LONGEST["m"]:
+            return "m"
+        widths = [_extent(door["polygon"]) for kind in ("doors", "windows") for door in document[kind]]
+        limits = WIDEST if widths else LONGEST
+        return next((unit for unit, limit in limits.items() if min(widths or [side]) <= limit), "mm")
+    except (LookupError, TypeError, ValueError, ArithmeticError):  # no room; it is left out later, and said why
+        return None
+
+
+def _extent(ring: Any) -> float:
+    return max(max(axis) - min(axis) for axis in zip(*ring, strict=True))
+
+
+def in_metres(document: Any, per_metre: float) -> Any:
+    """A document with its lengths in metres; what is no length is as it was."""
+    if per_metre == 1 or not isinstance(document, dict):
+        return document
+    scaled = {name: _divided(value, per_metre) for name, value in document.items() if name in LENGTHS}
+    return document | scaled
+
+
+def _divided(value: Any, by: float, depth: int = 4) -> Any:
+    """Numbers divided, in lists and in what has lengths by name, as deep as a room has them."""
+    if isinstance(value, list) and depth:
+        return [_divided(each, by, depth - 1) for each in value]
+    if isinstance(value, dict):
+        return {name: _divided(each, by) if name in LENGTHS else each for name, each in value.items()}
+    try:
+        return value / by if isinstance(value, int | float) and not isinstance(value, bool) else value
+    except OverflowError:  # of an integer, which is refused later
+        return value
 
 
 def room_from_dict(document: Any) -> Room:
@@ -172,11 +241,11 @@ def room_from_dict(document: Any) -> Room:
     target = _target(document.get("target"), furniture, MAIN_ITEM[room_type])
     group = _text(document.get("group", room_id), "group")
     room = Room(room_id, room_type, outline, walls, openings, furniture, target, holes, group)
-    _check_places(room)
+    _check_places(room, "walls" in document)
     return room
 
 
-def _check_places(room: Room) -> None:
+def _check_places(room: Room, with_walls: bool) -> None:
     border = room.indoor.boundary
     corners = [point for wall in room.walls for point in wall]
     thickness = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
@@ -190,7 +259,10 @@ def _check_places(room: Room) -> None:
             )
         reach = shapely.distance(room.indoor, shapely.points(opening.polygon)).max()
         if reach > thickness + TOLERANCE:
-            raise RoomError(field, f"expected to lie in the walls ({thickness:.2f} m); it reaches {reach:.2f} m out")
+            hint = "" if with_walls else "; give walls that are thicker as `walls`"
+            raise RoomError(
+                field, f"expected to lie in the walls ({thickness:.2f} m); it reaches {reach:.2f} m out{hint}"
+            )
         inside = opening.shape.intersection(room.indoor).area / opening.shape.area
         if inside > 0.5:
             raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
@@ -201,28 +273,26 @@ def _check_places(room: Room) -> None:
             )
 
 
-def documents(path: Path) -> Iterator[tuple[str, bytes]]:
-    """(where, text) of every room below `path`, one after the other. Raises InputError where there is none to read."""
-    for file in room_files(path):
-        try:
-            with file.open("rb") as stream:
-                if file.suffix == ".jsonl":
-                    yield from ((f"{file}:{n}", line) for n, line in enumerate(stream, 1) if line.strip())
-                else:
-                    yield f"{file}:1", stream.read()
-        except OSError as error:
-            raise InputError(f"{file}: cannot be read ({error.strerror})") from None
-
-
 def room_files(path: Path) -> list[Path]:
-    """The file, or those below the folder, that hold rooms. Raises InputError where there is none."""
+    """The files of rooms at `path`, in order of their names. Raises InputError where there is none."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
     found = [path] if path.is_file() else [f for f in path.rglob("*") if f.suffix in (".json", ".jsonl")]
-    files = sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
-    if not files:
+    if not found:
         raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
-    return files
+    return sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
+
+
+def texts_of(file: Path) -> Iterator[tuple[str, bytes]]:
+    """(where, text) of every room in a file, as it is read. Raises InputError where it cannot be."""
+    try:
+        with file.open("rb") as stream:
+            if file.suffix == ".jsonl":
+                yield from ((f"{file}:{n}", line) for n, line in enumerate(stream, 1) if line.strip())
+            else:
+                yield f"{file}:1", stream.read()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -15,8 +15,17 @@ from typing import Protocol
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import read_rooms, write_rooms
+from layoutrl.rooms.files import check_new, write_rooms
 from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources import read_homes
+from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.front3d import MODELS
+from layoutrl.rooms.sources.procthor import ASSETS
+from layoutrl.rooms.sources.sweethome3d import read_home
+
+FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
+SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
+LOOK = 2**20  # bytes, at the start of a file, that tell its format
 
 
 class Source(Protocol):
@@ -54,27 +63,62 @@ def opened(
     path: Path,
     *,
     move: str | None = None,
-    room: str | None = None,  # noqa: ARG001 - of homes
-    room_type: str | None = None,  # noqa: ARG001 - of homes
-    categories: Path | None = None,  # noqa: ARG001 - of homes
-    unit: str = "auto",  # noqa: ARG001
+    room: str | None = None,
+    room_type: str | None = None,
+    categories: Path | None = None,
+    unit: str = "auto",
     strict: bool = False,
 ) -> Source:
     """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read.
 
-    The format is found out from the content: rooms in JSON (.json, .jsonl), homes of Sweet Home 3D (.sh3d).
+    The format is found out from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d), houses of
+    ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
 
     - `move`: what is to be placed anew, `all` or categories with commas between them. By default what the file marks:
       items without a center; in a home, what stands outside all rooms.
-    - `room`: the id of the one room that furniture outside all rooms is for; by default the room whose type knows it.
-    - `room_type`: of rooms that neither their name nor their furniture tells of; without it they are left out.
-    - `categories`: a YAML file with names of furniture, beside those that are known.
+    - `room`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
+      room whose type knows it and that has floor for it.
+    - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
+      left out.
+    - `categories`: a YAML file with names of furniture, beside those that are known. Of all but rooms in JSON.
     - `unit`: of rooms in JSON: m, cm, mm, or auto, which tells them by how large rooms and doors are.
     - `strict`: raise InputError for the first room in JSON that cannot be used, instead of leaving it out.
     """
-    collection = read_rooms(path, strict)
+    kind = format_of(path)
+    if kind == "sweethome3d" and path.is_file():
+        return read_home(path, move=move, room=room, room_type=room_type, names=names_of(categories))
+    for name, value in (("room", room), ("room_type", room_type)):
+        if value is not None:
+            raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
+    collection = read_homes(kind, path, strict, unit, categories)
     collection.rooms = [to_place(read, move) for read in collection.rooms]
     return RoomsSource(collection)
+
+
+def format_of(path: Path) -> str:
+    """The format of a file, or of the first that can be one in a folder: json, sweethome3d, procthor or front3d.
+
+    Raises InputError where there is none. What is none of the others is taken for json: its reader says what is wrong.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; expected one of {SUFFIXES}")
+    found = [path] if path.is_file() else list(path.rglob("*"))
+    files = sorted((f for f in found if f.suffix in FORMATS and f.name not in (ASSETS, MODELS)), key=lambda f: f.parts)
+    if not files:
+        raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
+    file = files[0]
+    if file.suffix == ".sh3d":
+        return "sweethome3d"
+    if file.suffix == ".gz":
+        return "procthor"
+    try:
+        with file.open("rb") as text:
+            start = text.read(LOOK)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
+    if b'"floorPolygon"' in start:
+        return "procthor"
+    return "front3d" if b'"jid"' in start else "json"
 
 
 def to_place(room: Room, move: str | None) -> Room:
@@ -87,10 +131,3 @@ def to_place(room: Room, move: str | None) -> Room:
         for item in room.furniture
     )
     return replace(room, furniture=items)
-
-
-def check_new(out: Path, suffix: str) -> None:
-    """Raise InputError unless `out` is a new file of this suffix: nothing of a user's is ever overwritten."""
-    if out.exists() or out.suffix != suffix:
-        what = "is there already" if out.exists() else f"is no {suffix} file"
-        raise InputError(f"out: {out} {what}; expected the name of a new {suffix} file, as out=<file>")

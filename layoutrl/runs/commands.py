@@ -51,8 +51,9 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             if isinstance(error, Stopped):
                 sys.exit(said)  # and with it the sweep
             print(said, file=sys.stderr)  # the other jobs shall not suffer
-            kind = Incomplete if isinstance(error, Incomplete) else InputError
-            raise kind("a job of the sweep failed, as is said above") from None
+            if isinstance(error, Incomplete):
+                raise
+            raise InputError("a job of the sweep failed, as is said above") from None
 
     def main() -> None:
         if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported

@@ -25,6 +25,7 @@ from layoutrl.rivals.rooms.annealer import MOVES, Annealing
 from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.collection import FOLDS
+from layoutrl.rooms.files import UNITS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
 
@@ -201,7 +202,11 @@ class PlaceConfig:
     search: Searching = MISSING
     annealer: Annealing = MISSING
     rooms: str = MISSING
+    unit: Any = "auto"
     move: str | None = None
+    into: str | None = None
+    room_type: str | None = None
+    categories: str | None = None
     item: str | None = None
     choices: int = 1
     shard: str = "0/1"
@@ -221,6 +226,9 @@ class PlaceConfig:
     def __post_init__(self) -> None:
         one_of("checkpoint", self.checkpoint, "last", "best")
         one_of("drawing", self.drawing, "svg", "png", "dxf")
+        one_of("unit", self.unit, "auto", *UNITS)
+        if self.room_type is not None:
+            one_of("room_type", self.room_type, *MAIN_ITEM)
         _within("choices", self.choices, self.choices >= 1, "1 or more")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
         in_range = split is not None and int(split[1]) < int(split[2])
@@ -361,6 +369,7 @@ def check_data(data: Data) -> None:
     for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
         value = getattr(data, name)
         _within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
+    one_of("data.unit", data.unit, "auto", *UNITS)
 
 
 def one_of(name: str, value: str, *allowed: str) -> None:

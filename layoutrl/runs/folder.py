@@ -68,7 +68,8 @@ def folders_of(wanted: Path) -> list[Path]:
 
 def located(data: Data) -> Data:
     """The same data, wherever the run is read from."""
-    return replace(data, root=data.root and str(Path(data.root).expanduser().absolute()))
+    root, categories = (path and str(Path(path).expanduser().absolute()) for path in (data.root, data.categories))
+    return replace(data, root=root, categories=categories)
 
 
 def make_folder(wanted: Path) -> Path:

@@ -8,17 +8,28 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from layoutrl import InputError
-from layoutrl.rooms.files import documents, parsed, room_files, room_from_dict, room_to_dict
+from layoutrl.rooms.files import (
+    UNITS,
+    in_metres,
+    parsed,
+    room_files,
+    room_from_dict,
+    room_to_dict,
+    texts_of,
+    unit_of,
+)
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Room, RoomError
+from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.folder import LOCK, locked
 
 STANDARD = "-"  # the name of standard input and output
+HEAD = 100  # rooms of a file
 T = TypeVar("T")
 
 
@@ -30,19 +41,31 @@ class Entry:
     room: Room | None
     document: dict[str, Any]
     problem: str = ""
+    unit: str = "m"  # of the document
 
 
-def json_entries(path: str, move: str | None, first: int = 0, step: int = 1) -> Iterator[Entry]:
+def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator[Entry]:
     """The rooms in JSON of a file, a folder, or standard input (STANDARD), one after the other: each `step`-th."""
-    texts = standard_input() if path == STANDARD else documents(Path(path).expanduser())
-    for where, text in islice(texts, first, None, step):
-        document: Any = {}
+    for where, text, unit in islice(_texts(config), first, None, step):
+        document = parsed(text)
         try:
-            document = parsed(text)
-            yield Entry(where, to_place(room_from_dict(document), move), document)
+            if isinstance(document, RoomError):
+                raise document
+            room = to_place(room_from_dict(in_metres(document, UNITS[unit])), config.move)
+            yield Entry(where, room, document, unit=unit)
         except RoomError as error:
             name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
             yield Entry(where, None, {}, f"{name}{error}")
+
+
+def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str]]:
+    """(where, text, unit) of each room. The first rooms of a file tell its unit, where it is not said."""
+    files = [None] if config.rooms == STANDARD else room_files(Path(config.rooms).expanduser())
+    for file in files:
+        texts = texts_of(file) if file else standard_input()
+        first = list(islice(texts, HEAD if file else 1))  # who writes to standard input may wait for an answer
+        unit = unit_of(parsed(text) for _, text in first) if config.unit == "auto" else config.unit
+        yield from ((where, text, unit) for where, text in chain(first, texts))
 
 
 def standard_input() -> Iterator[tuple[str, bytes]]:
@@ -51,8 +74,7 @@ def standard_input() -> Iterator[tuple[str, bytes]]:
 
 
 def source_entries(source: Source) -> Iterator[Entry]:
-    """The rooms of a file of another format."""
-    yield from (Entry(where, None, {}, problem) for where, problem in source.collection.left_out)
+    """The rooms of a file of another format. Which are left out, its collection says."""
     yield from (Entry(room.id, room, room_to_dict(room)) for room in source.collection.rooms)
 
 

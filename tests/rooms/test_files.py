@@ -431,3 +431,73 @@ def test_an_outline_around_which_no_walls_can_be_drawn_is_answered() -> None:
     document = {"id": "a", "room_type": "study", "outline": leaning, "doors": [], "windows": [], "furniture": []}
     with pytest.raises(RoomError, match="walls: cannot be drawn around this outline; expected them to be given"):
         room_from_dict(document)
+
+
+# units
+
+
+def scaled(written: dict[str, Any], by: float) -> dict[str, Any]:
+    """A room's document with lengths in another unit, by its fields: written out, unlike the reader's own way."""
+    document = json.loads(json.dumps(written))
+    for name in ("outline", "holes", "walls", "doors", "windows"):
+        text = json.dumps(document.get(name, []))
+        document[name] = json.loads(
+            text, parse_float=lambda number: float(number) * by, parse_int=lambda n: int(n) * by
+        )
+    for item in document["furniture"]:
+        for name in ("center", "size"):
+            item[name] = [length * by for length in item[name]]
+    return document
+
+
+@given(rooms(), st.sampled_from([("cm", 100), ("mm", 1000)]))
+def test_centimetres_and_millimetres_are_told_and_said(
+    tmp_path_factory: pytest.TempPathFactory, room: Room, unit: tuple[str, int]
+) -> None:
+    name, by = unit
+    path = write(tmp_path_factory.mktemp("rooms") / "rooms.jsonl", scaled(room_to_dict(room), by))
+    told, given = read_rooms(path, strict=True), read_rooms(path, strict=True, unit=name)
+    assert told.notes == [f"{path}: lengths are read as {name}, as rooms are large (unit=m if they are)"]
+    assert str(told).endswith(told.notes[0])
+    assert given.notes == []
+    for (read,) in (told.rooms, given.rooms):
+        assert read.indoor.symmetric_difference(room.indoor).area < 1e-6
+        for item, before in zip(read.furniture, room.furniture, strict=True):
+            assert (*item.size, *item.center, item.rotation) == pytest.approx(
+                (*before.size, *before.center, before.rotation)
+            )
+
+
+@given(rooms())
+def test_metres_are_taken_for_metres(tmp_path_factory: pytest.TempPathFactory, room: Room) -> None:
+    path = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
+    write_rooms(path, [room])
+    collection = read_rooms(path, strict=True)
+    assert (collection.rooms, collection.notes) == ([room], [])
+
+
+def test_a_file_has_one_unit_that_of_most_of_its_rooms(tmp_path: Path) -> None:
+    small = {name: [] for name in ("doors", "windows", "furniture")}
+    lines = [scaled(document(id=f"room {k}"), 1000) for k in range(3)]
+    closet = scaled(document(id="closet", outline=[[0, 0], [1, 0], [1, 1], [0, 1]], **small), 1000)
+    collection = read_rooms(write(tmp_path / "rooms.jsonl", *lines, closet), strict=True)
+    assert collection.rooms[-1].indoor.area == pytest.approx(1.0)  # alone it is taken for 10 m wide
+
+
+def test_a_hall_in_metres_is_no_room_in_centimetres(tmp_path: Path) -> None:
+    hall = document(outline=[[0, 0], [100, 0], [100, 3], [0, 3]])
+    (room,) = read_rooms(write(tmp_path / "rooms.jsonl", hall), strict=True).rooms
+    assert room.indoor.area == 300
+
+
+def test_an_unknown_unit_is_answered(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm; got inches"):
+        read_rooms(write(tmp_path / "rooms.jsonl", document()), unit="inches")
+
+
+def test_a_window_through_a_thick_wall_is_read_where_walls_are_given_and_said_so_where_not() -> None:
+    window = polygons([[1, 3], [2, 3], [2, 3.36], [1, 3.36]])
+    with pytest.raises(RoomError, match=r"it reaches 0\.36 m out; give walls that are thicker as `walls`"):
+        room_from_dict(document(windows=window))
+    wall = polygons([[0, 3], [1, 3], [1, 3.36], [0, 3.36]])
+    assert len(room_from_dict(document(windows=window, walls=wall)).windows) == 1

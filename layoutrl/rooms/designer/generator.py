@@ -9,6 +9,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -145,7 +146,11 @@ def _end_with_parent() -> None:
     """A worker whose parent is killed would wait for work for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
-    parent.join()
+    try:
+        parent.join()
+    except ValueError:  # forked by a worker of joblib, it is told of no end to wait for
+        while os.getppid() == parent.ident:
+            time.sleep(1)
     os._exit(1)
 
 

@@ -9,9 +9,11 @@ from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import read_rooms
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.rooms.sources import designer_rooms, floorplans
+from layoutrl.rooms.sources import designer_rooms, floorplans, front3d, procthor, sweethome3d
+from layoutrl.rooms.sources.categories import names_of
 
-FILES = ("floorplans", "designer_rooms", "json")
+READERS = {"sweethome3d": sweethome3d.read, "procthor": procthor.read, "front3d": front3d.read}  # of whole homes
+FILES = ("floorplans", "designer_rooms", "json", *READERS)
 
 
 def main_item(source: str, room_type: str) -> str:
@@ -20,7 +22,13 @@ def main_item(source: str, room_type: str) -> str:
 
 
 def read_files(
-    source: str, room_type: str, root: Path | None, labels: Literal["snapped", "raw"] = "snapped", strict: bool = False
+    source: str,
+    room_type: str,
+    root: Path | None,
+    labels: Literal["snapped", "raw"] = "snapped",
+    strict: bool = False,
+    unit: str = "auto",
+    categories: Path | None = None,
 ) -> Collection:
     """The rooms of one type that a source's files hold. Raises InputError where the source or its files are unknown."""
     if source not in FILES:
@@ -31,8 +39,15 @@ def read_files(
         return floorplans.read(root, room_type, labels)
     if source == "designer_rooms":
         return designer_rooms.read(root, room_type)
-    collection = read_rooms(root, strict)
+    collection = read_homes(source, root, strict, unit, categories)
     others = [room for room in collection.rooms if room.room_type != room_type]
     collection.left_out += [(room.id, f"the room is a {room.room_type}, not a {room_type}") for room in others]
     collection.rooms = [room for room in collection.rooms if room.room_type == room_type]
     return collection
+
+
+def read_homes(
+    source: str, root: Path, strict: bool = False, unit: str = "auto", categories: Path | None = None
+) -> Collection:
+    """The rooms of all types in files of a source whose files do not say which type they hold."""
+    return read_rooms(root, strict, unit) if source == "json" else READERS[source](root, names_of(categories))

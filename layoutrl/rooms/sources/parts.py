@@ -17,18 +17,26 @@ from layoutrl.rooms.sources import designer_cache, read_files
 class Data:
     """Which rooms: where they come from, how many, of which seed; `conf/data/` has the values."""
 
-    source: str | None  # designer, floorplans, designer_rooms or json
+    source: str | None  # designer, floorplans, designer_rooms, json, sweethome3d, procthor or front3d
     root: str | None = None  # folder or file of the source's original data; designer: of its cache
     train_rooms: int | None = 5000  # designer: rooms to train on
     test_rooms: int | None = 1000  # designer: held-out rooms, from a seed of their own
     seed: int | None = 0  # designer: of the rooms
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
     strict: bool = False  # json: stop at the first room that cannot be used
+    unit: str = "auto"  # json: m, cm, mm, or auto, which tells it by how large rooms and doors are
+    categories: str | None = None  # sweethome3d, procthor, front3d: a YAML file of further names of furniture
 
     @property
     def path(self) -> Path | None:
         """The root as a path, `~` resolved."""
         return None if self.root is None else Path(self.root).expanduser()
+
+    def read(self, room_type: str) -> Collection:
+        """The rooms of one type that the source's files hold. Raises InputError where there are no such files."""
+        assert self.source is not None
+        categories = None if self.categories is None else Path(self.categories).expanduser()
+        return read_files(self.source, room_type, self.path, self.labels, self.strict, self.unit, categories)
 
 
 def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
@@ -36,11 +44,9 @@ def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[R
 
     The designer makes the two parts from different seeds. Rooms of files are split by the hash of their group.
     """
-    assert data.source is not None
     if data.source == "designer":
         return designed_rooms(room_type, item, data, "train"), designed_rooms(room_type, item, data, "test")
-    collection = read_files(data.source, room_type, data.path, data.labels, data.strict)
-    return split(_with_item(collection, room_type, item), fold)
+    return split(_with_item(data.read(room_type), room_type, item), fold)
 
 
 def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
@@ -48,10 +54,9 @@ def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list
 
     Raises InputError where either part is empty.
     """
-    assert data.source is not None
     if data.source == "designer":
         return _designed(room_type, data, "train").rooms, _designed(room_type, data, "test").rooms
-    chosen = all_standing(read_files(data.source, room_type, data.path, data.labels, data.strict))
+    chosen = all_standing(data.read(room_type))
     print(chosen)
     return _both(*split(chosen.rooms, fold))
 

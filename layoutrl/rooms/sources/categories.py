@@ -1,0 +1,153 @@
+"""What other programs call furniture and rooms, and its name here: `categories.yaml`, and a user's own file."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.resources import files
+from itertools import chain
+from pathlib import Path
+
+import yaml
+
+from layoutrl import InputError
+from layoutrl.rooms.room import MAIN_ITEM
+
+OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
+LARGEST_FILE = 2**20  # bytes, of a user's own
+
+# What tells the type of a room without a name, in this order; and what may be put into a room of each type: what
+# the designer puts there, and what does as well.
+TELLING = {
+    "bathroom": {"toilet", "bathtub", "shower"},
+    "bedroom": {"bed"},
+    "kitchen": {"cooktop", "fridge", "counter"},
+    "living_room": {"sofa", "loveseat", "tv_unit"},
+    "study": {"desk"},
+    "dining_room": {"table"},
+}
+HOLDS = {
+    "balcony": {"armchair", "bench", "chair", "laundry_cabinet", "lounge_chair", "plant_rack", "side_table", "sink"}
+    | {"stool", "table", "washer", "washing_machine"},
+    "bathroom": {"bathtub", "shower", "sink", "toilet", "vanity", "washing_machine"},
+    "bedroom": {"armchair", "bed", "bench", "bookcase", "chair", "desk", "dresser", "nightstand", "side_table", "stool"}
+    | {"tv_unit", "wardrobe"},
+    "dining_room": {"bench", "chair", "sideboard", "stool", "table", "wardrobe"},
+    "kitchen": {"chair", "cooktop", "counter", "fridge", "sideboard", "sink", "stool", "table", "washing_machine"},
+    "living_room": {"armchair", "bookcase", "chair", "coffee_table", "lounge_chair", "loveseat", "side_table"}
+    | {"sideboard", "sofa", "sofa_bed", "stool", "table", "tv_unit"},
+    "study": {"armchair", "bookcase", "chair", "desk", "lounge_chair", "side_table", "sofa_bed", "stool", "wardrobe"},
+    "tatami": {"chair", "desk", "platform", "stool", "wardrobe"},
+}
+
+
+class Names:
+    """The table: what a name of another program is here, and the names that nobody knew."""
+
+    def __init__(self, table: Mapping[str, Iterable[str]]):
+        self._furniture: dict[str, str] = {}
+        self._rooms: dict[str, str] = {}
+        for ours, theirs in table.items():
+            rooms = ours in MAIN_ITEM or ours == NO_ROOM
+            for name in (ours, *theirs):
+                (self._rooms if rooms else self._furniture)[plain(name)] = ours
+        self.unknown: Counter[tuple[str, str]] = Counter()  # (name, what it is called as an obstacle), how often
+
+    @property
+    def categories(self) -> list[str]:
+        """The categories that furniture is known by."""
+        return sorted(set(self._furniture.values()) - {OBSTACLE, DECOR})
+
+    def category(self, *names: str | None) -> tuple[str, bool] | None:
+        """(what it is here, whether that is a known category) of the first name that is known; None for decor.
+
+        What is not known is an obstacle, called as it is there.
+        """
+        given = [name for name in names if name and name.strip()]
+        for part in chain.from_iterable(map(_parts, given)):
+            if found := self._furniture.get(part):
+                called = part.replace(" ", "_") if found == OBSTACLE else found
+                return None if found == DECOR else (called, found != OBSTACLE)
+        called = (plain(given[0]) if given else "").replace(" ", "_")[:40] or OBSTACLE
+        self.unknown[given[-1][:40] if given else "without a name", called] += 1
+        return called, False
+
+    def knows(self, *names: str | None) -> bool:
+        """Whether a name is that of a category."""
+        parts = chain.from_iterable(_parts(name) for name in names if name)
+        return next((self._furniture[p] for p in parts if p in self._furniture), OBSTACLE) not in (OBSTACLE, DECOR)
+
+    def room_type(self, name: str | None, furniture: Iterable[str]) -> str | None:
+        """The type of a room by its name, else by what stands in it; NO_ROOM for one that nobody furnishes."""
+        words = f" {plain(name or '')} "
+        for named, ours in self._rooms.items():
+            if f" {named} " in words:
+                return ours
+        held = set(furniture)
+        return next((room_type for room_type, telling in TELLING.items() if telling & held), None)
+
+    def notes(self) -> list[str]:
+        """A line for each name that was not known."""
+        known = self.categories
+        lines = []
+        for (name, called), times in self.unknown.most_common():
+            near = difflib.get_close_matches(called, known, 3, 0)
+            lines.append(
+                f"{name!r} ({times}) is no known furniture and stands as an obstacle; nearest are {', '.join(near)} "
+                "(categories=<file> names it)"
+            )
+        return lines
+
+
+def plain(name: str) -> str:
+    """A name in small letters, without its catalogue, accents, numbers and signs: eTeks#bed140x190 is "bed"."""
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name[:200].rpartition("#")[2])
+    decomposed = unicodedata.normalize("NFKD", name).casefold()
+    letters = "".join(c for c in decomposed if not unicodedata.combining(c))
+    return " ".join(re.findall(r"[^\W\d_]+", re.sub(r"\d+(x\d+)*", " ", letters)))
+
+
+def _parts(name: str) -> list[str]:
+    """A name, and its parts at slashes without what follows a dash, the last first: "table/coffee table - round"."""
+    parts = [part.partition(" - ")[0] for part in reversed(name[:200].split("/"))]
+    return [plain(part) for part in (name, *parts)]
+
+
+def names_of(file: Path | None = None) -> Names:
+    """The package's table, with what a user's file adds to it. Raises InputError where that is no such file."""
+    table = {ours: list(theirs) for ours, theirs in _own_table().items()}
+    if file is not None:
+        for ours, theirs in _users(Path(file)).items():
+            table.setdefault(ours, []).extend(theirs)
+    return Names(table)
+
+
+@cache
+def _own_table() -> dict[str, list[str]]:
+    text = files("layoutrl.rooms.sources").joinpath("categories.yaml").read_text(encoding="utf-8")
+    return yaml.safe_load(text)
+
+
+def _users(file: Path) -> dict[str, list[str]]:
+    expected = "expected a YAML file as `sofa: [couch, settee]`, a list of names for each category"
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise InputError(f"categories: {file} is larger than 1 MB; {expected}")
+        table = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"categories: {file} cannot be read ({error.strerror}); {expected}") from None
+    except (ValueError, RecursionError, yaml.YAMLError) as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", None)
+        where = "" if line is None else f":{line + 1}"
+        raise InputError(f"categories: {file}{where} is no YAML; {expected}") from None
+    if not isinstance(table, dict):
+        raise InputError(f"categories: {file}: {expected}; got no categories")
+    for ours, theirs in table.items():
+        names = isinstance(theirs, list) and all(isinstance(name, str) and plain(name) for name in theirs)
+        if not isinstance(ours, str) or not names:
+            raise InputError(f"categories: {file}: {str(ours)[:40]}: {expected}")
+    return table

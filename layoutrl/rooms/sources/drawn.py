@@ -1,0 +1,362 @@
+"""A room from what plans draw of it: floor, walls, doors, windows and pieces of furniture; metres, y up."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+import shapely
+from shapely.affinity import rotate, translate
+from shapely.geometry import Polygon, box
+from shapely.geometry.polygon import orient
+
+from layoutrl.rooms.clearances import HOSTS
+from layoutrl.rooms.files import LARGEST, MOST, room_from_dict
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, rings
+from layoutrl.rooms.sources.categories import NO_ROOM, Names
+from layoutrl.rooms.sources.plans import is_drawn_before
+
+NARROW = 0.18  # metres: what is narrower of a floor is none
+JOG = 0.04  # metres: jogs of a floor's border that are smaller are slips of the hand
+LEAN = 1.0  # degrees by which a side of a floor may lean from the axes by a slip
+ROOM = 1.0  # square metres, of the further parts of a floor that a wall cuts: smaller ones are no rooms
+LINING = 0.06  # metres, of the wall where a side has none: rooms that are open to each other
+NEAR = 0.1  # metres from a floor to a wall that is its own
+ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
+DIGITS = 4  # lengths are rounded to a tenth of a millimetre
+HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
+FLATTEST = 0.1  # metres: carpets are lower
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of furniture that stands on a floor: the item that it is, and whether its category is known."""
+
+    item: Item
+    known: bool
+
+
+P = TypeVar("P", bound=Piece)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall as it is drawn, without what is cut out of it."""
+
+    body: Polygon
+    thickness: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A door or window as it is drawn: where it lies in some wall, along it and across."""
+
+    kind: Literal["door", "window"]
+    shape: Polygon
+
+
+@dataclass
+class DrawnRoom(Generic[P]):
+    """A room as it is drawn: what it is called, its floor as traced and tidied, and what stands there."""
+
+    name: str | None
+    label: str  # in its id: its name, or a number
+    traced: Polygon
+    floor: Polygon
+    pieces: list[P] = field(default_factory=list)
+
+
+@dataclass
+class Storey(Generic[P]):
+    """What is drawn of the rooms of one level; `prefix` begins their ids."""
+
+    prefix: str
+    walls: list[Wall] | None = None  # None where the format draws none
+    gaps: list[Gap] = field(default_factory=list)
+    rooms: list[DrawnRoom[P]] = field(default_factory=list)
+    left_out: list[tuple[str, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @cached_property
+    def _bodies(self) -> shapely.Geometry | None:
+        return shapely.union_all([wall.body for wall in self.walls]) if self.walls else None
+
+    def draw(self, name: str | None, label: str, floor: Callable[[], Polygon]) -> None:
+        """Add a room, or several where walls cut its floor; or the reason to leave it out. Walls are there before."""
+        try:
+            traced = floor()
+            self.rooms += [DrawnRoom(name, label, traced, part) for part in tidy(traced, self._bodies)]
+        except RoomError as error:
+            self.left_out.append((f"{self.prefix}/{label}", str(error)))
+
+    def put(self, piece: P) -> bool:
+        """Put a piece into the room that it stands in; whether there is one. Rooms are there before."""
+        center = shapely.Point(piece.item.center)
+        inside = [room for room in self.rooms if room.traced.intersects(center)]
+        if inside:
+            min(inside, key=lambda room: room.floor.distance(center)).pieces.append(piece)
+        return bool(inside)
+
+    def finished(
+        self,
+        names: Names,
+        group: str,
+        room_type: str | None = None,
+        moves: Callable[[P], bool] = lambda _: False,
+    ) -> Iterator[tuple[Room, list[P]]]:
+        """(room, its pieces) of every room of a type that is furnished; `left_out` and `notes` tell of the others.
+
+        What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it.
+        """
+        taken: Counter[str] = Counter()
+        for drawn in self.rooms:
+            taken[drawn.label] += 1
+            again = f" ({taken[drawn.label]})" if taken[drawn.label] > 1 else ""
+            room_id = f"{self.prefix}/{drawn.label}{again}"
+            kind = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces]) or room_type
+            if kind is None or kind == NO_ROOM:
+                unknown = "nothing tells its type; expected a name or furniture that does, or room_type=<type>"
+                self.left_out.append((room_id, "nobody furnishes such a room" if kind else unknown))
+                continue
+            items = [
+                replace(piece.item, center=None, rotation=None) if moves(piece) else piece.item
+                for piece in drawn.pieces
+            ]
+            try:
+                room, held = room_of(room_id, kind, drawn.floor, self.walls, self.gaps, items, group)
+            except RoomError as error:
+                self.left_out.append((room_id, str(error)))
+                continue
+            if beyond := sorted({items[k].category for k in {*range(len(items))} - {*held}}):
+                self.notes.append(f"{room_id}: left out, since it reaches beyond the walls: {', '.join(beyond)}")
+            yield room, [drawn.pieces[k] for k in held]
+
+
+def oblong(x: float, y: float, width: float, depth: float, degrees: float) -> Polygon:
+    """A rectangle around (x, y), `width` along its own x, turned counter-clockwise."""
+    return translate(rotate(box(-width / 2, -depth / 2, width / 2, depth / 2), degrees, origin=(0, 0)), x, y)
+
+
+def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
+    """The floor that a ring of points bounds, whichever way round; where it crosses itself, its largest part.
+
+    Raises RoomError where there is none.
+    """
+    if len(points) > MOST:
+        raise RoomError("outline", f"expected at most {MOST:,} corners; got {len(points):,}")
+    for point in points:
+        lengths(point)
+    if len(points) < 3:
+        raise RoomError("outline", f"expected three corners or more; got {len(points)}")
+    return _parts(shapely.make_valid(Polygon(points)))[0]
+
+
+def tidy(floor: Polygon, walls: shapely.Geometry | None = None) -> list[Polygon]:
+    """A floor without what walls take of it, what is too narrow to be floor, and slips of the hand; largest part first.
+
+    People trace thresholds of doors and jogs of a few centimetres, and one floor through a door frame, on both sides of
+    a wall. Raises RoomError where nothing is left.
+    """
+    free = floor if walls is None else floor.difference(walls)
+    opened = free.buffer(-NARROW / 2, join_style="mitre").buffer(NARROW / 2, join_style="mitre")
+    first, *others = _parts(opened)
+    return [_straight(part) for part in (first, *(part for part in others if part.area > ROOM))]
+
+
+def _straight(part: Polygon) -> Polygon:
+    # Normalised first: a ring that starts at its lowest left point starts at a true corner.
+    simple = part.normalize().simplify(JOG)
+    straight = Polygon(_upright(simple.exterior.coords[:-1]), [h.coords for h in simple.interiors])
+    return orient(straight if straight.is_valid else simple)
+
+
+def _parts(shape: shapely.Geometry) -> list[Polygon]:
+    """The parts of a floor, the largest first."""
+    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon) and part.area > NARROW**2]
+    if not parts:
+        raise RoomError("outline", "expected a floor; it has no area to stand on")
+    return sorted(parts, key=lambda part: -part.area)
+
+
+def _upright(ring: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The ring with sides that all but lie along an axis laid along it: a jog that was cut off makes others lean."""
+    corners = np.array(ring)
+    for k in range(len(corners)):
+        n = (k + 1) % len(corners)
+        step = np.abs(corners[n] - corners[k])
+        across = int(step.argmin())
+        if step[across] < math.tan(math.radians(LEAN)) * step[1 - across]:
+            corners[[k, n], across] = corners[[k, n], across].mean()
+    return [(float(x), float(y)) for x, y in corners]
+
+
+def room_of(
+    room_id: str,
+    room_type: str,
+    floor: Polygon,
+    walls: Sequence[Wall] | None,
+    gaps: Iterable[Gap],
+    furniture: Iterable[Item],
+    group: str,
+) -> tuple[Room, list[int]]:
+    """A room around a tidy floor, and which of `furniture` it holds: what reaches beyond its walls is left out.
+
+    `walls` are all that are near, of which each side takes the one that it lies along; None where none are drawn.
+    Of `gaps` those that lie in its walls are its doors and windows. Raises RoomError where no room can be made.
+    """
+    floor = shapely.set_precision(floor, 10.0**-DIGITS)
+    floor = orient(_parts(floor)[0])
+    outline, holes = _ring(floor.exterior.coords), [_ring(hole.coords) for hole in floor.interiors]
+    strips = _strips(outline, None if walls is None else list(walls))
+    band = shapely.union_all(strips).difference(Polygon(outline))
+    openings: list[Gap] = []
+    for gap in gaps:
+        if gap.shape.distance(floor) > NEAR + ACROSS:
+            continue
+        for ring in rings(_drawn_out(gap.shape).intersection(band)):
+            shape = Polygon(ring)
+            beside = shape.buffer(TOLERANCE).intersection(floor.exterior).length
+            if beside > _width(gap.shape) / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
+                openings.append(Gap(gap.kind, shape))
+    document: dict[str, object] = {
+        "id": room_id,
+        "room_type": room_type,
+        "outline": [list(corner) for corner in outline],
+        "holes": [[list(corner) for corner in hole] for hole in holes],
+        "walls": [{"polygon": wall} for wall in _walls(strips, floor, openings)],
+        "doors": [{"polygon": _list(gap.shape)} for gap in openings if gap.kind == "door"],
+        "windows": [{"polygon": _list(gap.shape)} for gap in openings if gap.kind == "window"],
+        "furniture": [],
+        "group": group,
+    }
+    bare, items = room_from_dict(document), _tucked(list(furniture))
+    held = [k for k, item in enumerate(items) if item.center is None or bare.holds(item)]
+    return room_from_dict(document | {"furniture": [_document(items[k]) for k in held]}), held
+
+
+def _strips(outline: Ring, walls: list[Wall] | None) -> list[Polygon]:
+    """For each side of an outline the wall outside it, as thick as what is drawn there, round its corners."""
+    sides = list(pairwise((*outline, outline[0])))
+    depths = [_depth(*side, walls) for side in sides]
+    strips = []
+    for k, ((x0, y0), (x1, y1)) in enumerate(sides):
+        length = math.dist((x0, y0), (x1, y1))
+        ax, ay = (x1 - x0) / length, (y1 - y0) / length
+        before, depth, after = depths[k - 1], depths[k], depths[(k + 1) % len(depths)]
+        start, end = (x0 - ax * before, y0 - ay * before), (x1 + ax * after, y1 + ay * after)
+        out = (ay * depth, -ax * depth)  # on the right of a counter-clockwise side
+        strips.append(Polygon((start, (start[0] + out[0], start[1] + out[1]), (end[0] + out[0], end[1] + out[1]), end)))
+    return strips
+
+
+def _depth(start: tuple[float, float], end: tuple[float, float], walls: list[Wall] | None) -> float:
+    """How far the wall outside a side reaches: that along most of it."""
+    if walls is None:
+        return WALL_THICKNESS
+    (x0, y0), (x1, y1) = start, end
+    length = math.dist(start, end)
+    out = ((y1 - y0) / length * NEAR, (x0 - x1) / length * NEAR)
+    strip = Polygon((start, (x0 + out[0], y0 + out[1]), (x1 + out[0], y1 + out[1]), end))
+    shared = [(wall.body.intersection(strip).area, wall) for wall in walls if wall.body.intersects(strip)]
+    area, wall = max(shared, key=lambda found: found[0], default=(0.0, None))
+    if wall is None or area < 0.2 * strip.area:
+        return LINING
+    middle = shapely.LineString((start, end))
+    return max(LINING, wall.body.intersection(strip).distance(middle) + wall.thickness)
+
+
+def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[list[list[float]]]:
+    """The strips, cut by floor, openings and earlier strips; columns are solid."""
+    taken = shapely.union_all([Polygon(floor.exterior), *(gap.shape for gap in openings)])
+    walls = [[list(corner) for corner in hole.coords[:-1]] for hole in floor.interiors]
+    for strip in strips:
+        cut = strip.difference(taken)
+        # Without films, where rounding leaves an opening not quite as deep as the wall.
+        kept = cut.buffer(-1e-3, join_style="mitre").buffer(1e-3, join_style="mitre")
+        walls += [[list(corner) for corner in ring] for ring in rings(shapely.set_precision(kept, 1e-6))]
+        taken = taken.union(strip)
+    return walls
+
+
+def _drawn_out(shape: Polygon) -> Polygon:
+    """An opening, deeper by ACROSS on both sides."""
+    (x0, y0), (x1, y1), (x2, y2) = shape.minimum_rotated_rectangle.exterior.coords[:3]
+    one, other = math.dist((x0, y0), (x1, y1)), math.dist((x1, y1), (x2, y2))
+    degrees = math.degrees(math.atan2(y1 - y0, x1 - x0)) + (0 if one >= other else 90)
+    center = shape.minimum_rotated_rectangle.centroid
+    return oblong(center.x, center.y, max(one, other), min(one, other) + 2 * ACROSS, degrees)
+
+
+def _width(shape: Polygon) -> float:
+    """The longer side of an opening."""
+    corners = shape.minimum_rotated_rectangle.exterior.coords
+    return max(math.dist(a, b) for a, b in pairwise(corners))
+
+
+def _tucked(items: list[Item]) -> list[Item]:
+    """The items, of which chairs that stand partly under a table or desk do so by intent."""
+    hosts = [item.footprint for item in items if item.category in HOSTS and item.center]
+    return [
+        replace(item, tucked=True)
+        if item.category in ("chair", "stool") and item.center and any(item.footprint.intersects(h) for h in hosts)
+        else item
+        for item in items
+    ]
+
+
+def _document(item: Item) -> dict[str, object]:
+    entry: dict[str, object] = {
+        "category": item.category,
+        "size": [round(side, DIGITS) for side in item.size],
+        "shape": item.form,
+        "tucked": item.tucked,
+    }
+    if item.center is not None and item.rotation is not None:
+        entry |= {
+            "center": [round(c, DIGITS) for c in item.center],
+            "rotation": round(item.rotation, DIGITS) % 360,
+        }
+    return entry
+
+
+def _ring(coords: Iterable[Sequence[float]]) -> Ring:
+    return tuple((round(x, DIGITS), round(y, DIGITS)) for x, y in list(coords)[:-1])
+
+
+def _list(shape: Polygon) -> list[list[float]]:
+    return [list(corner) for corner in shape.exterior.coords[:-1]]
+
+
+# Documents -----------------------------------------------------------------------------------------------------------
+
+
+def loaded(text: bytes) -> Any:
+    """A document of JSON. Raises RoomError for what is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:  # brackets or digits without end, too
+        reason = error.msg if isinstance(error, json.JSONDecodeError) else "numbers and nesting of a usual size"
+        raise RoomError("text", f"expected whole JSON; {reason}") from None
+
+
+def lengths(values: Iterable[Any]) -> tuple[float, ...]:
+    """Numbers of a document, metres. Raises RoomError for what is none, or is no length in a house."""
+    return tuple(map(length, values))
+
+
+def length(number: Any) -> float:
+    """A number of a document, as `lengths` has them."""
+    if isinstance(number, bool) or not isinstance(number, int | float) or not abs(number) <= LARGEST:
+        raise RoomError("a number", f"expected a finite one of at most {LARGEST:g} (metres); got {_short(number)}")
+    return float(number)
+
+
+def _short(value: Any) -> str:
+    return "a huge integer" if isinstance(value, int) else repr(value)[:40]

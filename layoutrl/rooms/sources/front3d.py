@@ -1,0 +1,206 @@
+"""Houses of 3D-FRONT (Fu et al. 2021): a JSON file each; y is up, in metres.
+
+Seen from above x is to the right and z is down. A piece faces along its own z. What a file says neither size nor
+category of, `model_info.json` of the data set does, if it lies beside the houses.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from layoutrl import InputError
+from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
+from layoutrl.rooms.sources.categories import Names
+from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, lengths, loaded, oblong
+
+MODELS = "model_info.json"
+LARGEST_FILE = 2**25  # bytes; houses take a tenth
+HIGHEST = 0.3  # metres: what hangs higher is decor
+SEAM = 0.005  # metres: floors are drawn in parts that all but touch
+MOST = 5000  # triangles of a floor, and corners of a door
+WIDTH = {"door": 0.8, "window": 1.5}  # metres, of those that are titled alone, before they are scaled
+OPENINGS: dict[str, Literal["door", "window"]] = {"Door": "door", "Window": "window", "BayWindow": "window"}
+
+# What the ids of categories mean, where a piece has no title: read off from files that have both.
+SOURCE_CATEGORIES = {
+    "1462419b-2462-4632-aaaa-246285c9c07f": "dresser",
+    "14d0d6c8-6857-4bbf-8c4a-26bf6c25c968": "sideboard",
+    "24670bf9-9c9f-41ae-b190-f5f65eab4ddb": "single bed",
+    "2dd2368f-a3eb-43c2-8a6b-d585cd19d9a6": "armoire",
+    "2e336e49-2a54-46cb-bcee-67d2e5361e61": "sideboard",
+    "30c7fefc-a32e-48e1-9458-dfab61595dc7": "chair",
+    "41ac92b5-5f88-46d0-a59a-e1ed31739154": "king-size bed",
+    "5ad47fd2-b143-4af2-9961-e88a57b4a337": "side table",
+    "5b4dc4ea-d84e-4b21-8cec-f2d090c61275": "ottoman",
+    "5c76d84c-aa8c-4bb8-88fc-cbf8da81be71": "console table",
+    "81780f40-fa53-41c3-8579-65706f4ad50d": "multi seat sofa",
+    "89404b8a-5bb6-42cf-95fa-73c9bfba4c97": "night table",
+    "9161c9e8-49e8-48bd-9ee8-0c75dd267413": "dining table",
+    "9eaee326-16c4-4244-87d5-38e7b57a4e38": "coffee table",
+    "a1804c08-fbdc-4696-9c38-3d3b143c1b02": "media unit",
+    "a5af8349-bd50-46aa-b97a-2940125aafae": "double seat sofa",
+    "c2dcb449-4729-4cfe-9e38-1fc1453211a5": "single seat sofa",
+    "c352426b-2cfd-4855-a75a-50014e437832": "plants",
+    "d2a64592-caa7-4ab1-877e-561323315774": "multi seat sofa",
+    "d6bba626-68d1-4bd7-a32a-bd21457e54a0": "ottoman",
+    "e7a0801e-7abd-4634-b3bc-8777342d124e": "pendant light",
+    "f2c08afc-68c8-42a7-b62c-1b648f87edba": "armchair",
+    "f534e29f-904b-4000-ad45-fcb7869c99b6": "floor lamp",
+}
+
+
+def read(root: Path, names: Names) -> Collection:
+    """The rooms of all houses below a folder, or of one file. Raises InputError where there is none."""
+    folder = root.parent if root.is_file() else root
+    found = [root] if root.is_file() else [file for file in root.rglob("*.json") if file.name != MODELS]
+    files = sorted(found, key=lambda file: file.parts)  # alike on all systems
+    if not files:
+        raise InputError(f"no houses in {root.absolute()}: expected .json files of 3D-FRONT; name their folder")
+    models = _models(folder / MODELS)
+    collection = Collection(f"front3d {root}")
+    for file in files:
+        house: Storey[Piece] = Storey(file.stem)
+        try:
+            if file.stat().st_size > LARGEST_FILE:
+                raise RoomError("text", f"expected a house, of at most {LARGEST_FILE >> 20} MB")
+            _draw(house, loaded(file.read_bytes()), models, names)
+            collection.rooms += [room for room, _ in house.finished(names, file.stem)]
+        except OSError as error:
+            collection.left_out.append((str(file), f"cannot be read ({error.strerror})"))
+        except RoomError as error:
+            collection.left_out.append((str(file), str(error)))
+        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
+            collection.left_out.append((str(file), "a field is missing or is not of the expected kind"))
+        collection.left_out += house.left_out
+        collection.notes += house.notes
+    collection.notes += names.notes()
+    return collection
+
+
+def _models(file: Path) -> dict[str, Any]:
+    """What is known of models by their id; nothing where there is no such file."""
+    if not file.is_file():
+        return {}
+    try:
+        models = json.loads(file.read_bytes())
+        return models if isinstance(models, dict) else {model["model_id"]: model for model in models}
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        raise InputError(f"{file}: expected the list of models of 3D-FUTURE, in JSON") from None
+
+
+def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names: Names) -> None:
+    """Put floors, openings and pieces of a house where they are. Raises what a broken document can."""
+    meshes = {mesh["uid"]: mesh for mesh in document["mesh"]}
+    furniture = {piece["uid"]: piece for piece in document["furniture"]}
+    rooms = document["scene"]["room"]
+    for room in rooms:
+        drawn = [meshes[child["ref"]] for child in room["children"] if child["ref"] in meshes]
+        floors = [mesh for mesh in drawn if mesh["type"] == "Floor"]
+        house.draw(str(room["type"]), str(room["instanceid"])[:60].replace("/", "-"), partial(_floor, floors))
+        house.gaps += [gap for mesh in drawn if mesh["type"] in OPENINGS and (gap := _gap(mesh))]
+    if not house.gaps:  # none is cut into the walls; then what is put there tells of them
+        house.gaps = [gap for room in rooms for child in room["children"] if (gap := _titled(child, furniture))]
+    for room in rooms:
+        for child in room["children"]:
+            try:
+                piece = child["ref"] in furniture and _piece(child, furniture[child["ref"]], models, names)
+            except RoomError as error:
+                house.notes.append(f"{house.prefix}: a piece is left out: {error}")
+                continue
+            if piece:
+                house.put(piece)
+
+
+def _floor(meshes: list[Any]) -> Polygon:
+    """The union of all triangles: several levels of detail overlap."""
+    triangles: list[np.ndarray] = []
+    for mesh in meshes:
+        corners = _corners(mesh)
+        faces = mesh["faces"]
+        if len(faces) > 3 * MOST:
+            raise RoomError("floor", f"expected at most {MOST:,} triangles")
+        index = np.array(faces, dtype=float)
+        if index.ndim != 1 or len(index) % 3 or not ((index >= 0) & (index < len(corners))).all():
+            raise RoomError("floor", "expected triangles between its corners")
+        triangles += list(corners[index.astype(int)].reshape(-1, 3, 2))
+    shapes = shapely.polygons(triangles) if triangles else []
+    whole = shapely.union_all(shapely.buffer(shapes, SEAM, join_style="mitre")).buffer(-SEAM, join_style="mitre")
+    parts = [part for part in shapely.get_parts(whole) if isinstance(part, Polygon)]
+    if not parts:
+        raise RoomError("floor", "expected a mesh of type Floor with an area; there is none")
+    return max(parts, key=lambda part: part.area)
+
+
+def _corners(mesh: Any) -> np.ndarray:
+    """The corners (n, 2) of a mesh, seen from above with y up."""
+    values = mesh["xyz"]
+    if len(values) > 9 * MOST:
+        raise RoomError("mesh", f"expected at most {MOST:,} triangles")
+    points = np.array(lengths(values)).reshape(-1, 3)
+    return points[:, [0, 2]] * (1, -1)
+
+
+def _gap(mesh: Any) -> Gap | None:
+    shape = shapely.MultiPoint(_corners(mesh)).minimum_rotated_rectangle
+    return Gap(OPENINGS[mesh["type"]], shape) if isinstance(shape, Polygon) and shape.area > TOLERANCE**2 else None
+
+
+def _titled(child: Any, furniture: Mapping[str, Any]) -> Gap | None:
+    """The door or window that a piece is by its title, as wide as most of them are."""
+    title = str((furniture.get(child["ref"]) or {}).get("title")).partition("/")[0]
+    if title not in WIDTH:
+        return None
+    x, _, z = lengths(child["pos"])
+    wide = WIDTH[title] * abs(lengths(child["scale"])[0])
+    shape = oblong(x, -z, max(wide, WALL_THICKNESS + TOLERANCE), WALL_THICKNESS, _yaw(child))
+    return Gap("door" if title == "door" else "window", shape)
+
+
+def _yaw(child: Any) -> float:
+    """How far a child is turned, in degrees, counter-clockwise seen from above."""
+    a, b, c, d = lengths(child["rot"])
+    return math.degrees(math.atan2(2 * (d * b + a * c), 1 - 2 * (a * a + b * b)))
+
+
+def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names) -> Piece | None:
+    """A piece that stands on the floor; None for decor, and for what no size is known of."""
+    x, y, z = lengths(child["pos"])
+    size = _size(piece, models.get(str(piece.get("jid"))))
+    if y > HIGHEST or size is None:
+        return None
+    scale = lengths(child["scale"])
+    width, height, depth = (abs(side * by) for side, by in zip(size, scale, strict=True))
+    if height < FLATTEST or min(width, depth) < TOLERANCE:
+        return None
+    model = models.get(str(piece.get("jid")), {})
+    given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))))
+    more = (piece.get("category"), model.get("category"), model.get("super-category"))
+    found = names.category(*(str(name) for name in (*given, *more) if name))
+    if found is None:
+        return None
+    return Piece(Item(found[0], (depth, width), (x, -z), (270 + _yaw(child)) % 360), found[1])
+
+
+def _size(piece: Any, model: Any) -> tuple[float, float, float] | None:
+    """Width, height and depth: `size` has them as width, depth, height, `bbox` in order, a model in centimetres."""
+    if piece.get("size"):
+        width, depth, height = lengths(piece["size"])
+        return width, height, depth
+    if piece.get("bbox"):
+        inner = piece["bbox"]
+        width, height, depth = lengths(inner[0] if isinstance(inner[0], list) else inner)
+        return width, height, depth
+    if model and model.get("boundingBox"):
+        width, height, depth = lengths(float(model["boundingBox"][axis]) / 100 for axis in ("xLen", "yLen", "zLen"))
+        return width, height, depth
+    return None

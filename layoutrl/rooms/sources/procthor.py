@@ -1,0 +1,147 @@
+"""Houses of ProcTHOR and AI2-THOR (Deitke et al. 2022): JSON, one house a line, packed or not.
+
+A house names its objects; how large they are says the asset database, `asset-database.json` of repository
+allenai/procthor (Apache-2.0), which lies beside the houses. Seen from above x is to the right and z is up. Placements
+are largely random: rooms to move in, no designs to learn from.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, Literal
+
+from shapely.geometry import Polygon
+
+from layoutrl import InputError
+from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
+from layoutrl.rooms.sources.categories import Names
+from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, floor_of, length, lengths, loaded, oblong
+
+ASSETS = "asset-database.json"
+SUFFIXES = (".json", ".jsonl", ".gz")
+HIGHEST = 0.3  # metres: what hangs higher is decor
+MOST = 200_000  # houses in a file
+LARGEST_LINE = 2**23  # bytes; a house of ten rooms takes a tenth
+RATIO = 100  # by which a file may unpack; houses do by ten to twenty
+
+Size = tuple[float, float, float]  # metres along x, y (up) and z
+
+
+def read(root: Path, names: Names) -> Collection:
+    """The rooms of all houses in a file, or in a folder of them. Raises InputError where there is none."""
+    folder = root.parent if root.is_file() else root
+    found = [root] if root.is_file() else [f for f in root.rglob("*") if f.suffix in SUFFIXES and f.name != ASSETS]
+    files = sorted(found, key=lambda file: file.parts)  # alike on all systems
+    if not files:
+        raise InputError(f"no houses in {root.absolute()}: expected .jsonl or .jsonl.gz files; name their folder")
+    sizes = _sizes(folder / ASSETS)
+    collection = Collection(f"procthor {root}")
+    for file in files:
+        stem = file.name.partition(".")[0] if file == root else file.relative_to(root).as_posix().partition(".")[0]
+        try:
+            for number, text in _lines(file):
+                _add(collection, text, f"{stem}/{number}", sizes, names)
+        except (OSError, EOFError) as error:
+            collection.left_out.append((str(file), f"the file cannot be read to its end ({str(error)[:60]})"))
+    collection.notes += names.notes()
+    return collection
+
+
+def _sizes(file: Path) -> dict[str, tuple[str, Size]]:
+    """(type, size) of every asset. Raises InputError where there is no such file."""
+    try:
+        database = json.loads(file.read_bytes())
+        found = {}
+        for kind, assets in database.items():
+            for asset in assets:
+                bounds = asset["boundingBox"]
+                found[asset["assetId"]] = (kind, (float(bounds["x"]), float(bounds["y"]), float(bounds["z"])))
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise InputError(
+            f"{file}: expected the sizes of what stands in the houses there: procthor/databases/{ASSETS} of "
+            "repository allenai/procthor"
+        ) from None
+    return found
+
+
+def _lines(file: Path) -> Iterator[tuple[int, bytes]]:
+    """(number, text) of every line that is not empty. Raises OSError or EOFError for a file that breaks off."""
+    most = RATIO * file.stat().st_size + LARGEST_LINE
+    if file.suffix == ".gz":
+        with gzip.open(file) as packed:
+            yield from _numbered(packed, most)
+    else:
+        with file.open("rb") as lines:
+            yield from _numbered(lines, most)
+
+
+def _numbered(lines: IO[bytes] | gzip.GzipFile, most: int) -> Iterator[tuple[int, bytes]]:
+    read = 0
+    for number in range(1, MOST + 1):
+        line = lines.readline(LARGEST_LINE + 1)
+        read += len(line)
+        if not line:
+            return
+        if len(line) > LARGEST_LINE or read > most:
+            raise OSError("a line, or the whole, is larger than any house")
+        if line.strip():
+            yield number, line
+
+
+def _add(collection: Collection, text: bytes, label: str, sizes: Mapping[str, tuple[str, Size]], names: Names) -> None:
+    """Add the rooms of a house, or the reason to leave it out."""
+    house: Storey[Piece] = Storey(label)
+    try:
+        document = loaded(text)
+        for room in document["rooms"]:
+            number = str(room["id"]).rpartition("|")[2]
+            house.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
+        house.gaps = list(_gaps(document))
+        for thing in document["objects"]:
+            if piece := _piece(thing, sizes, names):
+                house.put(piece)
+        collection.rooms += [room for room, _ in house.finished(names, label)]
+    except RoomError as error:
+        collection.left_out.append((label, str(error)))
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
+        collection.left_out.append((label, "a field is missing or is not of the expected kind"))
+    collection.left_out += house.left_out
+    collection.notes += house.notes
+
+
+def _floor(room: Any) -> Polygon:
+    return floor_of([(length(corner["x"]), length(corner["z"])) for corner in room["floorPolygon"]])
+
+
+def _gaps(house: Any) -> Iterator[Gap]:
+    """The doors and windows. A wall has no thickness: they are as deep as the walls that are assumed."""
+    corners = {wall["id"]: [lengths((c["x"], c["z"])) for c in wall["polygon"][:2]] for wall in house["walls"]}
+    kinds: tuple[Literal["door", "window"], ...] = ("door", "window")
+    for kind in kinds:
+        for opening in house[f"{kind}s"]:
+            (x0, y0), (x1, y1) = corners[opening["wall0"]]
+            first, last = lengths(corner["x"] for corner in opening["holePolygon"])
+            side, along = math.dist((x0, y0), (x1, y1)), (first + last) / 2
+            if side > 0 and abs(last - first) > WALL_THICKNESS:
+                x, y = x0 + (x1 - x0) / side * along, y0 + (y1 - y0) / side * along
+                degrees = math.degrees(math.atan2(y1 - y0, x1 - x0))
+                yield Gap(kind, oblong(x, y, abs(last - first), WALL_THICKNESS, degrees))
+
+
+def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names) -> Piece | None:
+    """An object that stands on the floor; None for decor, and for what no size is known of."""
+    if thing["assetId"] not in sizes:
+        return None
+    kind, (along, height, across) = sizes[thing["assetId"]]
+    x, y, z = lengths(thing["position"][axis] for axis in "xyz")
+    degrees = length(thing["rotation"]["y"])
+    if y - height / 2 > HIGHEST or height < FLATTEST or min(along, across) < TOLERANCE:
+        return None
+    found = names.category(kind)
+    return found and Piece(Item(found[0], (across, along), (x, z), (90 - degrees) % 360), found[1])

@@ -1,0 +1,506 @@
+"""Homes of Sweet Home 3D (.sh3d): read as rooms, and written back whole, with what was placed moved.
+
+A home is a ZIP with `Home.xml`: centimetres, y down, radians clockwise. A piece's width is along its own x, its depth
+along its own y, and it faces along y: down, where it is not turned.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import re
+import shutil
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import IO
+from xml.parsers import expat
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Polygon
+
+from layoutrl import InputError
+from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.files import check_new
+from layoutrl.rooms.room import Item, Room, RoomError
+from layoutrl.rooms.sources.categories import HOLDS, Names, names_of
+from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong
+
+HOME = "Home.xml"
+LARGEST_XML = 2**23  # bytes unpacked; homes of many storeys take a tenth
+MOST = {"room": 300, "wall": 1500, "piece": 5000, "point": 20_000}  # in a home: more is no dwelling
+DEEPEST = 100  # elements in each other
+LARGEST = 1e5  # centimetres, of any length
+ARC_STEP = math.radians(10)  # of round walls
+WINDOWS = ("window", "bay", "fenetre", "shutter")
+OPENING, GROUP = "doorOrWindow", "furnitureGroup"
+PIECES = ("pieceOfFurniture", "light", "shelfUnit")
+SAME_PLACE, SAME_ANGLE = 0.02, 1e-5  # centimetres and radians: what is read is rounded
+ATTRIBUTE = re.compile(rb"\s+([^\s=>/]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+
+
+@dataclass
+class Element:
+    """An element of Home.xml that matters, where its tag begins in the file, and what stands in it."""
+
+    tag: str
+    attributes: dict[str, str]
+    start: int
+    inside: list[Element] = field(default_factory=list)
+
+    def number(self, name: str, otherwise: float | None = None) -> float:
+        """A length in centimetres, or an angle in radians. Raises RoomError for what is none."""
+        text = self.attributes.get(name)
+        if text is None and otherwise is not None:
+            return otherwise
+        try:
+            value = float(text or "")
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= LARGEST:
+            found = "nothing" if text is None else repr(text[:40])
+            raise RoomError(f"{self.called}: {name}", f"expected a number of at most {LARGEST:g}; got {found}")
+        return value
+
+    def flag(self, name: str, otherwise: bool) -> bool:
+        """A true or false."""
+        return self.attributes.get(name, str(otherwise)).lower() == "true"
+
+    @property
+    def called(self) -> str:
+        """What to call it before the user."""
+        return f"{self.tag} {(self.attributes.get('name') or self.attributes.get('id') or '')[:40]!r}"
+
+    @property
+    def names(self) -> tuple[str | None, str | None]:
+        """Its names that may say what it is: of the catalogue, which is in English, and the user's."""
+        return self.attributes.get("catalogId"), self.attributes.get("name")
+
+
+@dataclass(frozen=True)
+class HomePiece(Piece):
+    """A piece of furniture, and its element in the file."""
+
+    element: Element
+
+
+@dataclass
+class Home:
+    """A home that was read: its rooms, and how to write it back."""
+
+    path: Path
+    collection: Collection
+    pieces: dict[str, list[HomePiece]]  # of the furniture of each room, by its id
+    xml: bytes
+    suffix: str = ".sh3d"
+
+    @property
+    def rooms(self) -> list[Room]:
+        """The rooms; what is to be placed has no center."""
+        return self.collection.rooms
+
+    def write(self, layouts: Iterable[Room], out: Path) -> None:
+        """Write the whole home with what was placed in these layouts where they have it.
+
+        Nothing else changes: every other entry of the file is the same, byte for byte, and so is every attribute but
+        x, y and angle of what was placed. Raises InputError where `out` is there already or cannot be written.
+        """
+        check_new(out, self.suffix)
+        changes: dict[int, dict[str, float]] = {}
+        asked = {room.id: room for room in self.rooms}
+        for layout in layouts:
+            pieces = self.pieces[layout.id]
+            for piece, before, item in zip(pieces, asked[layout.id].furniture, layout.furniture, strict=True):
+                if before.center is None and item.center is not None:
+                    changes |= _moved(piece.element, item)
+        xml = _changed(self.xml, changes)
+        try:
+            if xml == self.xml:
+                shutil.copyfile(self.path, out)
+            else:
+                _write(self.path, out, xml)
+        except OSError as error:
+            raise InputError(f"out: {out} cannot be written ({error.strerror})") from None
+
+
+def read_home(
+    path: Path,
+    *,
+    move: str | None = None,
+    room: str | None = None,
+    room_type: str | None = None,
+    names: Names | None = None,
+    name: str | None = None,
+) -> Home:
+    """A home, every room of every level as a room of its own; `name` begins their ids, by default the file's.
+
+    `move`, `room` and `room_type` are those of `layoutrl.rooms.formats.opened`. Raises InputError for a file that is
+    no home.
+    """
+    names = names or names_of()
+    name = name or path.stem
+    xml = _home_xml(path)
+    try:
+        elements = _parsed(xml)
+        storeys, outside = _storeys(elements, name, names)
+    except RoomError as error:
+        raise InputError(f"{path}: {HOME}: {error}") from None
+    except expat.ExpatError as error:
+        what = expat.errors.messages.get(error.code, "no XML")
+        raise InputError(f"{path}: {HOME}, line {error.lineno}: expected whole XML; got {what}") from None
+    home = Home(path, Collection(f"home {path}"), {}, xml)
+    moved = None if move is None else {part.strip() for part in move.split(",")}
+    for storey in storeys:
+        for read, pieces in storey.finished(names, name, room_type, lambda piece: _moves(piece, moved, False)):
+            home.collection.rooms.append(read)
+            home.pieces[read.id] = pieces
+        home.collection.left_out += storey.left_out
+        home.collection.notes += storey.notes
+    _park(home, [(prefix, piece) for prefix, piece in outside if _moves(piece, moved, True)], room)
+    if not any(element.tag == "room" for element in elements):
+        home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
+    home.collection.notes += names.notes()
+    return home
+
+
+def read(root: Path, names: Names) -> Collection:
+    """The rooms of all homes below a folder, or of one file. A home that cannot be read is left out."""
+    files = [root] if root.is_file() else sorted(root.rglob("*.sh3d"), key=lambda file: file.parts)
+    if not files:
+        raise InputError(f"no homes in {root.absolute()}: expected .sh3d files; name their folder with data.root=...")
+    collection = Collection(f"homes {root}")
+    for file in files:
+        name = file.stem if file == root else file.relative_to(root).with_suffix("").as_posix()
+        try:
+            home = read_home(file, move="", names=names, name=name)
+        except InputError as error:
+            collection.left_out.append((str(file), str(error).removeprefix(f"{file}: ")))
+            continue
+        collection.rooms += home.rooms
+        collection.left_out += home.collection.left_out
+    collection.notes += names.notes()
+    return collection
+
+
+# From the file to elements -------------------------------------------------------------------------------------------
+
+
+def _home_xml(path: Path) -> bytes:
+    """Home.xml of a home, unpacked no further than it may be. Raises InputError."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = [entry for entry in archive.infolist() if entry.filename == HOME]
+            if len(entries) != 1:
+                what = f"{len(entries)} of them" if entries else "none (saved before Sweet Home 3D 5.3? save it anew)"
+                raise InputError(f"{path}: expected one {HOME} in it; got {what}")
+            with archive.open(entries[0]) as file:
+                xml = file.read(LARGEST_XML + 1)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
+        reason = str(error)[:80] or "it breaks off"
+        raise InputError(f"{path}: expected a home of Sweet Home 3D, which is a whole ZIP file; {reason}") from None
+    if len(xml) > LARGEST_XML:
+        raise InputError(f"{path}: {HOME}: expected at most {LARGEST_XML >> 20} MB; it unpacks to more")
+    return xml
+
+
+def _parsed(xml: bytes) -> list[Element]:
+    """The elements right below the home. Raises RoomError, or ExpatError for what is no XML."""
+    home: list[Element] = []
+    stack: list[list[Element]] = []
+    number: Counter[str] = Counter()
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        kind = "piece" if tag in (*PIECES, OPENING, GROUP) else tag
+        number[kind] += 1
+        if number[kind] > MOST.get(kind, number[kind]):
+            raise RoomError(tag, f"expected at most {MOST[kind]:,} in a home")
+        if len(stack) > DEEPEST:
+            raise RoomError(tag, f"expected at most {DEEPEST} elements in each other")
+        if not stack and tag != "home":
+            raise RoomError(tag, "expected the element home first")
+        element = Element(tag, attributes, parser.CurrentByteIndex)
+        if len(stack) > 0:
+            stack[-1].append(element)
+        stack.append(element.inside if stack else home)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def refused(*_: object) -> None:
+        raise RoomError("DOCTYPE", "expected none: a home needs no entities")
+
+    def declared(_: str, encoding: str | None, __: int) -> None:
+        if encoding and encoding.upper() not in ("UTF-8", "UTF8", "US-ASCII"):
+            raise RoomError("encoding", f"expected UTF-8; got {encoding[:20]}")
+
+    if xml[:2] in (b"\xff\xfe", b"\xfe\xff"):  # places in the file are counted in bytes
+        raise RoomError("encoding", "expected UTF-8; got UTF-16")
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler, parser.XmlDeclHandler = refused, declared
+    parser.Parse(xml, True)
+    return home
+
+
+# From elements to storeys and rooms ----------------------------------------------------------------------------------
+
+
+def _storeys(
+    elements: list[Element], name: str, names: Names
+) -> tuple[list[Storey[HomePiece]], list[tuple[str, HomePiece]]]:
+    """The levels with all that stands in their rooms, and (prefix of its level, piece) outside all rooms.
+
+    Raises RoomError for a number that is none.
+    """
+    named = {e.attributes.get("id"): e for e in elements if e.tag == "level"}
+    storeys: dict[str | None, Storey[HomePiece]] = {}
+    of: dict[int, Storey[HomePiece]] = {}  # an element, by where it begins
+    for element in elements:
+        level = element.attributes.get("level")
+        level = level if level in named else None
+        if level not in storeys:
+            called = "" if level is None else f"/{_label(named[level].attributes.get('name') or level)}"
+            same = sum(storey.prefix.partition(" (")[0] == name + called for storey in storeys.values())
+            storeys[level] = Storey(name + called + (f" ({same + 1})" if same else ""), [])
+        storey = of[element.start] = storeys[level]
+        if element.tag == "wall" and storey.walls is not None:
+            storey.walls += _walls(element)
+        for each in (element, *_within(element)):
+            storey.gaps += _gaps(each) if each.tag == OPENING else []
+    rooms = [element for element in elements if element.tag == "room"]
+    for number, element in enumerate(rooms, 1):
+        called = (element.attributes.get("name") or "").strip()
+        of[element.start].draw(called, _label(called or f"room {number}"), partial(_traced, element))
+    outside = []
+    for element in elements:
+        storey = of[element.start]
+        if element.tag in (*PIECES, GROUP) and (piece := _piece(element, names)) and not storey.put(piece):
+            outside.append((storey.prefix, piece))
+    return list(storeys.values()), outside
+
+
+def _label(name: str) -> str:
+    """A name as a part of an id."""
+    return name[:60].replace("/", "-")
+
+
+def _traced(element: Element) -> Polygon:
+    return floor_of([(p.number("x") / 100, -p.number("y") / 100) for p in element.inside if p.tag == "point"])
+
+
+def _within(element: Element) -> Iterator[Element]:
+    """Every element in a group, at any depth."""
+    for inner in element.inside:
+        yield inner
+        yield from _within(inner)
+
+
+def _walls(element: Element) -> list[Wall]:
+    """A wall as its centre line is drawn, longer by half its thickness where another goes on; round ones in pieces."""
+    start = np.array((element.number("xStart"), -element.number("yStart"))) / 100
+    end = np.array((element.number("xEnd"), -element.number("yEnd"))) / 100
+    thickness = element.number("thickness") / 100
+    length = float(np.hypot(*(end - start)))
+    if thickness <= 0 or length == 0:
+        return []
+    arc = element.number("arcExtent", 0.0)
+    points = [start, end] if abs(arc) < 1e-3 else _arc(start, end, arc)
+    first, last = points[1] - points[0], points[-1] - points[-2]
+    if "wallAtStart" in element.attributes:
+        points[0] = points[0] - first / np.hypot(*first) * thickness / 2
+    if "wallAtEnd" in element.attributes:
+        points[-1] = points[-1] + last / np.hypot(*last) * thickness / 2
+    body = LineString(points).buffer(thickness / 2, cap_style="flat", join_style="mitre")
+    return [Wall(part, thickness) for part in shapely.get_parts(body) if isinstance(part, Polygon)]
+
+
+def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
+    """Points along a round wall, y up. Where `extent` is positive, the centre lies on the left of the way from start to
+    end, which turns counter-clockwise."""
+    half = max(-math.pi + 1e-3, min(math.pi - 1e-3, extent / 2))
+    middle, along = (start + end) / 2, (end - start) / 2
+    center = middle + np.array((-along[1], along[0])) / math.tan(half)
+    turns = np.linspace(0, 2 * half, max(3, 1 + math.ceil(abs(2 * half) / ARC_STEP)))
+    x, y = start - center
+    turned = np.array((x * np.cos(turns) - y * np.sin(turns), x * np.sin(turns) + y * np.cos(turns)))
+    return list(center + turned.T)
+
+
+def _gaps(element: Element) -> list[Gap]:
+    """The part of a door or window that lies in its wall: the model has its leaf open, or a sill."""
+    if not element.flag("visible", True):
+        return []
+    width, depth = element.number("width") / 100, element.number("depth") / 100
+    wide, deep = element.number("wallWidth", 1.0), element.number("wallThickness", 1.0)
+    if min(width * wide, depth * deep) <= 0:
+        return []
+    across = width * (element.number("wallLeft", 0.0) + wide / 2 - 0.5)
+    across *= -1 if element.flag("modelMirrored", False) else 1
+    back = depth * (element.number("wallDistance", 0.0) + deep / 2 - 0.5)
+    angle = element.number("angle", 0.0)
+    x = element.number("x") / 100 + across * math.cos(angle) - back * math.sin(angle)
+    y = element.number("y") / 100 + across * math.sin(angle) + back * math.cos(angle)
+    words = " ".join(filter(None, element.names)).casefold().replace("ê", "e")
+    window = any(word in words for word in WINDOWS)
+    high = element.number("elevation", 0.0) / 100 > HIGHEST
+    shape = oblong(x, -y, width * wide, depth * deep, -math.degrees(angle))
+    return [Gap("window" if window or high else "door", shape)]
+
+
+def _piece(element: Element, names: Names) -> HomePiece | None:
+    """A piece that stands on the floor, or None: of groups the box, called as its largest part that is known."""
+    elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 100.0) / 100
+    if not element.flag("visible", True) or elevation > HIGHEST or height < FLATTEST:
+        return None
+    inner = [e for e in _within(element) if e.tag in PIECES]
+    if element.tag == GROUP and not inner:  # of doors and windows
+        return None
+    width = element.number("widthInPlan", element.number("width")) / 100
+    depth = element.number("depthInPlan", element.number("depth")) / 100
+    if min(width, depth) < 0.01:
+        return None
+    parts = sorted(inner, key=lambda e: -e.number("width") * e.number("depth"))
+    called = next((part for part in (element, *parts) if names.knows(*part.names)), element)
+    found = names.category(*called.names)
+    if found is None:
+        return None
+    category, known = found
+    round_ = abs(width - depth) < 0.02 and any("round" in (name or "").casefold() for name in element.names)
+    center = (element.number("x") / 100, -element.number("y") / 100)
+    rotation = (270 - math.degrees(element.number("angle", 0.0))) % 360
+    size = ((width + depth) / 2,) * 2 if round_ else (depth, width)
+    return HomePiece(Item(category, size, center, rotation, "circle" if round_ else "rectangle"), known, element)
+
+
+# From drawn rooms to rooms -------------------------------------------------------------------------------------------
+
+
+def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
+    """Whether a piece is to be placed: what nobody knows is not, and `all` leaves out what is part of the building."""
+    if not piece.known or move is None:
+        return piece.known and parked
+    return piece.item.category in move or ("all" in move and piece.element.flag("movable", True))
+
+
+def _park(home: Home, parked: list[tuple[str, HomePiece]], room_id: str | None) -> None:
+    """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
+    type knows it and that has the floor for it: of its level, without such a piece, with the most floor free."""
+    if room_id is not None and room_id not in home.pieces:
+        known = ", ".join(home.pieces)
+        raise InputError(f"room: {home.path} has no room {room_id!r} to furnish; expected one of {known}")
+    rooms = {room.id: room for room in home.rooms}
+    for prefix, piece in sorted(parked, key=lambda entry: -entry[1].item.size[0] * entry[1].item.size[1]):
+        category, area = piece.item.category, piece.item.size[0] * piece.item.size[1]
+        free = {r.id: r.indoor.area - sum(i.size[0] * i.size[1] for i in r.furniture) for r in rooms.values()}
+        fitting = [r for r in rooms.values() if category in HOLDS[r.room_type] and free[r.id] > area]
+        if room_id is not None:
+            chosen = rooms[room_id]
+        elif fitting:
+            chosen = min(
+                fitting,
+                key=lambda r: (not r.id.startswith(prefix), category in (i.category for i in r.furniture), -free[r.id]),
+            )
+        else:
+            home.collection.notes.append(
+                f"the {category} outside all rooms stays there: no room's type knows it, with floor for it (room=<id>)"
+            )
+            continue
+        item = replace(piece.item, center=None, rotation=None)
+        rooms[chosen.id] = replace(chosen, furniture=(*chosen.furniture, item))
+        home.pieces[chosen.id].append(piece)
+    home.collection.rooms = list(rooms.values())
+
+
+# From layouts to the file --------------------------------------------------------------------------------------------
+
+
+def _moved(element: Element, item: Item) -> dict[int, dict[str, float]]:
+    """The x, y and angle of an element, and of all in it, by where their tags begin, with its item where it is now."""
+    assert item.center is not None
+    old = complex(element.number("x"), element.number("y"))
+    new = complex(item.center[0], -item.center[1]) * 100
+    before = element.number("angle", 0.0)
+    angle = before if item.rotation is None or item.form == "circle" else math.radians(270 - item.rotation)
+    turn = angle - before
+    inner = [e for e in _within(element) if e.tag in (*PIECES, OPENING, GROUP)]
+    changes = {}
+    for each in (element, *inner):
+        place = new + (complex(each.number("x"), each.number("y")) - old) * cmath.rect(1, turn)
+        angle = (each.number("angle", 0.0) + turn) % math.tau
+        changes[each.start] = {"x": place.real, "y": place.imag, "angle": angle}
+    return changes
+
+
+def _changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
+    """Home.xml with other values of attributes in the tags that begin at these places; all else is as it was."""
+    parts, done = [], 0
+    for start, values in sorted(changes.items()):
+        tag = re.compile(rb"<[^\s/>]+").match(xml, start)
+        assert tag is not None
+        found, at = {}, tag.end()
+        while attribute := ATTRIBUTE.match(xml, at):
+            found[attribute[1].decode()], at = attribute, attribute.end()
+        edits = []
+        for name, value in values.items():
+            digits = 7 if name == "angle" else 4
+            text = f"{value:.{digits}f}".rstrip("0").rstrip(".").encode()
+            attribute = found.get(name)
+            if _same(float(attribute[2][1:-1]) if attribute else 0.0, value, name):
+                continue
+            if attribute:
+                edits.append((attribute.start(2) + 1, attribute.end(2) - 1, text))
+            else:
+                after = found["y"].end()
+                edits.append((after, after, b" " + name.encode() + b"='" + text + b"'"))
+        for first, last, text in sorted(edits):
+            parts += [xml[done:first], text]
+            done = last
+    return b"".join((*parts, xml[done:]))
+
+
+def _same(old: float, new: float, name: str) -> bool:
+    """Whether a value is what it was, but for the rounding of what is read: it stays as it is written."""
+    if name == "angle":
+        return abs((old - new + math.pi) % math.tau - math.pi) < SAME_ANGLE
+    return abs(old - new) < SAME_PLACE
+
+
+def _write(path: Path, out: Path, xml: bytes) -> None:
+    """Copy a home, with another Home.xml. What else is in it is copied as it is packed, and never unpacked."""
+    partial = out.with_name(f".{out.name}.part")
+    try:
+        with zipfile.ZipFile(path) as old, zipfile.ZipFile(partial, "w") as new, path.open("rb") as packed:
+            entries = sorted(old.infolist(), key=lambda entry: entry.header_offset)
+            ends = [*(entry.header_offset for entry in entries[1:]), old.start_dir]
+            for entry, end in zip(entries, ends, strict=True):
+                if entry.filename == HOME:
+                    written = zipfile.ZipInfo(HOME, entry.date_time)
+                    written.compress_type, written.external_attr = zipfile.ZIP_DEFLATED, entry.external_attr
+                    new.writestr(written, xml)
+                    continue
+                assert new.fp is not None
+                kept = copy(entry)
+                kept.header_offset = new.start_dir
+                packed.seek(entry.header_offset)
+                new.fp.seek(new.start_dir)
+                _copy(packed, new.fp, end - entry.header_offset)
+                new.filelist.append(kept)
+                new.NameToInfo[kept.filename] = kept
+                new.start_dir = new.fp.tell()
+        partial.replace(out)  # whole or not at all
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _copy(source: IO[bytes], to: IO[bytes], length: int) -> None:
+    while length > 0 and (chunk := source.read(min(length, 2**20))):
+        to.write(chunk)
+        length -= len(chunk)
