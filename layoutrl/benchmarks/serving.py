@@ -26,7 +26,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
-ANSWERS = 4  # times that each of many clients asks
+ANSWERS = 3  # times that each of many clients asks
 
 
 def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: torch.device) -> dict[str, Any]:
@@ -111,8 +111,7 @@ def served() -> Iterator[tuple[subprocess.Popen[str], int]]:
 
 def first_picture(port: int) -> float | None:
     """Seconds until a browser that is running shows the furniture of the first room; None without a browser."""
-    chromium = next(filter(None, map(shutil.which, CHROMIUM)), None)
-    if chromium is None or find_spec("playwright") is None:
+    if (chromium := browser_of()) is None or find_spec("playwright") is None:
         return None
     from playwright.sync_api import sync_playwright
 
@@ -125,6 +124,11 @@ def first_picture(port: int) -> float | None:
         seconds = time.perf_counter() - began
         browser.close()
     return seconds
+
+
+def browser_of() -> str | None:
+    """The path of Chromium, if there is one."""
+    return next(filter(None, map(shutil.which, CHROMIUM)), None)
 
 
 def megabytes(pid: int) -> float | None:

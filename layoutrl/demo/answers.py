@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -17,6 +18,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.demo.furnisher import Furnished, Furnisher, SearchFurnisher, Thinker
+from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.env.faults import MISSING, faults
@@ -79,14 +81,9 @@ class Answers:
         if isinstance(furnisher := self.furnisher, SearchFurnisher):
             threading.Thread(target=lambda: [furnisher.relations(kind) for kind in MAIN_ITEM], daemon=True).start()
 
-    def answer(self, question: str, body: bytes) -> Answer:
+    def answer(self, about: str, body: bytes) -> Answer:
         """The answer to a question, whose JSON names the `room`. Raises InputError for what is wrong with it."""
-        if len(body) > LARGEST_BODY:
-            raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB; got {len(body) // 1000} kB")
-        asked = parsed(body)
-        if not isinstance(asked, dict) or "room" not in asked:
-            raise InputError("room: missing; expected a JSON object with a room")
-        return self.questions[question](asked)
+        return self.questions[about](question(body))
 
     def look(self, asked: Any) -> Answer:
         """The room as it is read, how to draw it, its faults, and how far an `item`, if one is named, is from all."""
@@ -151,9 +148,10 @@ class Answers:
         return {"svg": svg(room, faults(room))}
 
     def read(self, content: bytes) -> Answer:
-        """The rooms of a file that somebody opens, and what is wrong with the others."""
+        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms."""
+        suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
-            path = Path(folder) / f"file{suffix_of(content)}"
+            path = Path(folder) / f"file{suffix}"
             path.write_bytes(content)
             try:
                 collection = opened(path).collection
@@ -170,7 +168,16 @@ class Answers:
             left_out.append(f"{more} more rooms are left out; expected at most {MOST_ROOMS}")
         if not rooms:
             raise InputError(left_out[0] if left_out else "file: expected rooms; it is empty")
-        return {"rooms": rooms, "left_out": left_out}
+        return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
+
+    def home(self, body: bytes) -> bytes:
+        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from."""
+        line, _, content = body.partition(b"\n")
+        room = room_in(question(line))
+        try:
+            return written_back(room, content) if content else new_home(room)
+        except InputError as error:
+            raise InputError(re.sub(r"/\S*/", "", str(error))) from None
 
     def _known(self, room_type: str) -> frozenset[str]:
         """The categories that can be placed in rooms of a type."""
@@ -182,6 +189,16 @@ class Answers:
         if not isinstance(self.furnisher, Thinker):
             raise InputError("values: who furnishes here is a search, which values no places")
         return self.furnisher
+
+
+def question(body: bytes) -> dict[str, Any]:
+    """A question about a room, from its JSON. Raises InputError where it is none, or too large to answer soon."""
+    if len(body) > LARGEST_BODY:
+        raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB; got {len(body) // 1000} kB")
+    asked = parsed(body)
+    if not isinstance(asked, dict) or "room" not in asked:
+        raise InputError("room: missing; expected a JSON object with a room")
+    return asked
 
 
 def suffix_of(content: bytes) -> str:

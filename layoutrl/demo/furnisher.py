@@ -7,7 +7,6 @@ is the one place that chooses.
 from __future__ import annotations
 
 import threading
-import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -72,7 +71,7 @@ def furnisher_of(config: DemoConfig) -> Furnisher:
 class SearchFurnisher:
     """The constraint search, as `place by=search` has it; each of its restarts is a choice.
 
-    `seconds` of the processor are spent on a brief, and one restart at least.
+    `seconds` are spent on a brief, and one restart at least.
     """
 
     def __init__(self, settings: Searching, seconds: float):
@@ -96,7 +95,7 @@ class SearchFurnisher:
         if not len(scene.movable):
             return []
         finder = Finder(scene, self.relations(brief.room_type), self.settings, rng)
-        spent = seconds_budget(self.seconds, time.thread_time)
+        spent = seconds_budget(self.seconds)
         found: list[tuple[tuple[int, float], Room]] = []
         while not found or spent(len(found)) < 1:
             finder.lowest = (len(brief.furniture) + 1, inf)  # this restart's own layout, and not the best of all

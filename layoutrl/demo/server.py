@@ -93,7 +93,8 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         worker = "quick" if question in ("look", "opening") else "slow"
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
-    routes.append(Route("/api/read", asking(answers.read, "slow"), methods=["POST"]))
+    for name, whole in (("read", answers.read), ("home", answers.home)):
+        routes.append(Route(f"/api/{name}", asking(whole, "slow"), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
     handlers[Exception] = lambda _, error: refused(500, f"bug: {type(error).__name__}; the server goes on")
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
@@ -127,7 +128,9 @@ async def body_of(request: Request) -> bytes:
 
 
 def said(answer: Any) -> Response:
-    """An answer as JSON."""
+    """An answer as JSON, or a file as it is."""
+    if isinstance(answer, bytes):
+        return Response(answer, media_type="application/octet-stream")
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,16 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image
 
+from layoutrl.benchmarks.serving import browser_of
 from layoutrl.env.faults import faults
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
+from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM
 from tests.demo.conftest import served
 
 playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: the page is not tried in a browser")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = browser_of()
 if CHROMIUM is None:
     pytest.skip("no Chromium: the page is not tried in a browser", allow_module_level=True)
 expect = playwright.expect
@@ -479,6 +480,25 @@ def test_a_room_is_saved_as_drawings(page):
     picture = Image.open(io.BytesIO(saved(page, "png"))).convert("RGB")
     assert max(picture.size) == 1600
     assert len(set(picture.resize((100, 80)).getdata())) > 5
+
+
+def test_a_home_of_sweet_home_3d_is_saved_opened_and_written_back(page, tmp_path):
+    file = tmp_path / "home.sh3d"
+    file.write_bytes(saved(page, "sh3d"))
+    furniture = room_of(page)["furniture"]
+    page.locator("#file").set_input_files(file)
+    expect(page.locator("#title")).to_have_attribute("data-room", "file/bedroom")
+    settled(page)
+    assert [entry["category"] for entry in room_of(page)["furniture"]] == [entry["category"] for entry in furniture]
+    dragged(page, item(page, "bed"), -0.5, 0)
+    file.write_bytes(saved(page, "sh3d"))
+    (room,) = opened(file).collection.rooms
+    assert room.furniture[0].center == pytest.approx(room_of(page)["furniture"][0]["center"], abs=1e-3)
+    item(page, "wardrobe").focus()
+    page.keyboard.press("Delete")
+    settled(page)
+    page.locator("#save-sh3d").click()
+    expect(page.locator("#verdict")).to_contain_text("home: expected the furniture that was read from it")
 
 
 def test_a_link_holds_the_room_and_what_is_locked(page, browser):

@@ -7,18 +7,23 @@ async function answer(path, options) {
   } catch {
     throw new Error("The server does not answer. Is it still running?");
   }
-  const said = await response.json();
-  if (!response.ok) throw new Error(said.error);
-  return said;
+  if (!response.ok) throw new Error((await response.json()).error);
+  return response;
 }
 
-export const begin = () => answer("/api");
+const json = async (path, options) => (await answer(path, options)).json();
+
+export const begin = () => json("/api");
 
 export const ask = (question, body) =>
-  answer(`/api/${question}`, {
+  json(`/api/${question}`, {
     method: "POST",
     headers: { "Content-Type": "application/json" },
     body: JSON.stringify(body),
   });
 
-export const read = (file) => answer("/api/read", { method: "POST", body: file });
+export const read = (file) => json("/api/read", { method: "POST", body: file });
+
+// A home of Sweet Home 3D: a new one, or the one that the room was read from.
+export const home = async (room, file) =>
+  (await answer("/api/home", { method: "POST", body: new Blob([`${JSON.stringify({ room })}\n`, file ?? ""]) })).blob();

@@ -1,11 +1,12 @@
 // Files in and out, and the link that holds the room.
 
-import { ask, read } from "./api.js";
-import { $, element, known, open, say } from "./page.js";
+import { ask, home, read } from "./api.js";
+import { $, element, open, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { packed, snapshot, state, unpacked, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
+const homes = new Map(); // by the ids of their rooms, the files of homes that were opened
 const PIXELS = 1600; // of the longer side of a PNG
 
 function download(content, kind, ending) {
@@ -29,9 +30,9 @@ async function opened(file) {
   if (!file) return;
   if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
-    const { rooms, left_out } = await read(file);
+    const { rooms, left_out, home: whole } = await read(file);
+    if (whole) rooms.forEach(({ room }) => homes.set(room.id, file));
     offer(rooms, true);
-    known.gallery.unshift(...rooms);
     await open(structuredClone(rooms[0].room));
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
   } catch (error) {
@@ -46,34 +47,33 @@ document.addEventListener("drop", (event) => {
   opened(event.dataTransfer.files[0]);
 });
 
-$("save-json").onclick = () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json");
+// Save, or say why not.
+function saving(id, save) {
+  $(id).onclick = async () => {
+    try {
+      await save();
+    } catch (error) {
+      say(error.message);
+    }
+  };
+}
 
 const svg = async () => (await ask("svg", { room: state.room })).svg;
 
-$("save-svg").onclick = async () => {
-  try {
-    download(await svg(), "image/svg+xml", "svg");
-  } catch (error) {
-    say(error.message);
-  }
-};
-
-$("save-png").onclick = async () => {
-  try {
-    const picture = new Image();
-    const url = URL.createObjectURL(new Blob([await svg()], { type: "image/svg+xml" }));
-    picture.src = url;
-    await picture.decode();
-    const wide = Math.max(picture.naturalWidth, picture.naturalHeight);
-    const [width, height] = [picture.naturalWidth, picture.naturalHeight].map((side) => Math.round((side * PIXELS) / wide));
-    const canvas = element("canvas", { width, height });
-    canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
-    URL.revokeObjectURL(url);
-    canvas.toBlob((blob) => download(blob, "image/png", "png"), "image/png");
-  } catch (error) {
-    say(error.message);
-  }
-};
+saving("save-json", () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json"));
+saving("save-svg", async () => download(await svg(), "image/svg+xml", "svg"));
+saving("save-sh3d", async () => download(await home(state.room, homes.get(state.room.id)), "application/zip", "sh3d"));
+saving("save-png", async () => {
+  const picture = new Image();
+  picture.src = URL.createObjectURL(new Blob([await svg()], { type: "image/svg+xml" }));
+  await picture.decode();
+  const scale = PIXELS / Math.max(picture.naturalWidth, picture.naturalHeight);
+  const [width, height] = [picture.naturalWidth, picture.naturalHeight].map((side) => Math.round(side * scale));
+  const canvas = element("canvas", { width, height });
+  canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
+  URL.revokeObjectURL(picture.src);
+  canvas.toBlob((blob) => download(blob, "image/png", "png"), "image/png");
+});
 
 $("share").onclick = async () => {
   history.replaceState(null, "", `#room=${await packed(snapshot())}`);
