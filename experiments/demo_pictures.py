@@ -105,10 +105,10 @@ def phone(page: Page) -> None:
 
 STATES: dict[str, tuple[Any, dict[str, Any]]] = {
     "begin": (begun, {"viewport": DESK}),
-    "choices": (furnished, {"viewport": DESK | {"height": 1000}}),
+    "choices": (furnished, {"viewport": DESK | {"height": 1060}}),
     "faults": (dragging, {"viewport": DESK}),
     "draw": (drawing, {"viewport": DESK}),
-    "own": (own, {"viewport": DESK | {"height": 1000}, "color_scheme": "dark"}),
+    "own": (own, {"viewport": DESK | {"height": 1060}, "color_scheme": "dark"}),
     "phone": (phone, {"viewport": PHONE, "color_scheme": "dark", "has_touch": True, "is_mobile": True}),
 }
 

@@ -2,4 +2,5 @@
 
 from layoutrl.demo import main
 
-main()
+if __name__ == "__main__":
+    main()

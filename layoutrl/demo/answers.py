@@ -134,7 +134,9 @@ class Answers:
         thinker, room = self._thinker(), room_in(asked)
         item = item_in(asked, room)
         centers, values, degrees = thinker.values(room, item, number(asked.get("step", 0.2), "step", *STEPS))
-        return {"centers": np.round(centers, 3).tolist(), "values": values.tolist(), "degrees": degrees.tolist()}
+        known = np.isfinite(values)  # elsewhere it cannot stand
+        found = {"centers": np.round(centers, 3), "values": values, "degrees": degrees}
+        return {name: array[known].tolist() for name, array in found.items()}
 
     def moves(self, asked: Any) -> Answer:
         """The moves of an `item` that the furnisher values highest."""

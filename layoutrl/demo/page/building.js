@@ -98,14 +98,6 @@ $("door").onclick = () => enter("door");
 $("window").onclick = () => enter("window");
 $("close").onclick = close;
 $("back").onclick = back;
-$("kind").onchange = () => {
-  if (state.mode === "draw") return;
-  state.room.room_type = $("kind").value;
-  delete state.room.target;
-  state.choices = [];
-  changed();
-};
-
 export function offerKinds() {
   $("kind").replaceChildren(...Object.keys(known.palette).map((kind) => new Option(words(kind), kind)));
 }

@@ -1,7 +1,7 @@
 // Furnishing: the moves as they were made, the choices, and what who furnishes thinks of an item.
 
 import { ask } from "./api.js";
-import { $, changed, element, known, plan, render, say } from "./page.js";
+import { $, become, changed, element, known, plan, render, say } from "./page.js";
 import { item, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
@@ -12,8 +12,9 @@ let skip = null;
 
 async function furnish(movable) {
   if (document.body.dataset.state !== "idle") return;
+  const [focus, { selected }] = [document.activeElement, state];
   state.thoughts = null;
-  document.body.dataset.state = "asking";
+  become("asking");
   say("");
   $("verdict").textContent = "Looking for places …";
   try {
@@ -23,11 +24,13 @@ async function furnish(movable) {
     if (choices.length) await play(0, movable);
     else say("No place was found.");
   } catch (error) {
+    state.choices = [];
     say(error.message);
-  } finally {
-    document.body.dataset.state = "idle";
-    if (state.choices.length) await changed();
   }
+  become("idle");
+  state.selected = selected;
+  if (state.choices.length) await changed();
+  focus.focus({ preventScroll: true });
 }
 
 // Show how a choice came to be, move by move; its end is what it is.
@@ -37,7 +40,7 @@ async function play(index, movable) {
   state.selected = null;
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (!still) {
-    document.body.dataset.state = "playing";
+    become("playing");
     $("skip").hidden = false;
     const stopped = new Promise((resolve) => { skip = resolve; }).then(() => true);
     state.look.gaps = [];

@@ -22,6 +22,12 @@ export function say(text) {
   $("verdict").classList.toggle("bad", Boolean(text));
 }
 
+// What the page does: loading, idle, asking, playing. Only while it is idle can its rooms and tools be used.
+export function become(name) {
+  document.body.dataset.state = name;
+  for (const part of document.querySelectorAll("nav, aside")) part.inert = name !== "idle";
+}
+
 // Ask what is wrong now. At most one question is on its way; what changes meanwhile is asked after it.
 let running = null;
 let stale = false;
@@ -63,6 +69,7 @@ export async function answered(question, body) {
 
 // Take another room. It is shown as soon as the server has read it.
 export async function open(room, locked = []) {
+  if (!["idle", "loading"].includes(document.body.dataset.state)) return false;
   try {
     const said = await answered("look", { room });
     Object.assign(state, { room: said.room, look: said, problem: "", notice: "", mode: "edit" });
@@ -70,7 +77,7 @@ export async function open(room, locked = []) {
     state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
     commit();
     render();
-    document.body.dataset.state = "idle";
+    become("idle");
     return true;
   } catch (error) {
     say(error.message);
@@ -125,6 +132,8 @@ function renderList() {
     const wrong = told(k);
     return element("li", {}, row, ...(wrong.length ? [element("p", { className: "bad", textContent: wrong.join("; ") })] : []));
   }));
+  if (mode === "draw") $("title").textContent = "A new room";
+  $("standing").hidden = $("adding").hidden = mode === "draw";
   if (mode !== "edit") return;
   const waiting = faults.filter(([k]) => !room.furniture[k]?.center).length;
   const wrong = faults.length - waiting;
