@@ -26,6 +26,7 @@ CHROMIUM = browser_of()
 if CHROMIUM is None:
     pytest.skip("no Chromium: the page is not tried in a browser", allow_module_level=True)
 expect = playwright.expect
+expect.set_options(timeout=15_000)
 Page = Any
 OWN = room_to_dict(design_rooms("study", "test", 8, 1).rooms[0]) | {"id": "my own study"}
 SQUARE = {
@@ -83,8 +84,8 @@ def still(browser, address) -> Iterator[Page]:
 
 def settled(page: Page) -> None:
     """Wait until the page shows what is wrong with what it shows."""
-    expect(page.locator("body")).to_have_attribute("data-state", "idle", timeout=15_000)
-    expect(page.locator("#plan")).to_have_attribute("aria-busy", "false", timeout=15_000)
+    expect(page.locator("body")).to_have_attribute("data-state", "idle")
+    expect(page.locator("#plan")).to_have_attribute("aria-busy", "false")
 
 
 def room_of(page: Page) -> dict[str, Any]:

@@ -155,7 +155,7 @@ export function draw(svg, state, fronts) {
     const nodes = furniture(item, fronts);
     if (told) nodes.push(nodes[0].cloneNode());
     if (told) nodes.at(-1).setAttribute("class", "hatch");
-    nodes.push(label(item, size));
+    if (!item.tucked || index === chosen) nodes.push(label(item, size)); // else under a table
     if (state.locked[index]) nodes.push(padlock(item, size));
     group.append(make("g", {
       class: looks.filter(Boolean).join(" "), "data-item": index, role: "button", tabindex: 0,

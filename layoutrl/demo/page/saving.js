@@ -6,7 +6,7 @@ import { thumbnail } from "./plan.js";
 import { packed, snapshot, state, unpacked, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
-const homes = new Map(); // by the ids of their rooms, the files of homes that were opened
+const homes = new Map(); // by the ids of their rooms, the homes that were opened
 const PIXELS = 1600; // of the longer side of a PNG
 
 function download(content, kind, ending) {
@@ -30,8 +30,12 @@ async function opened(file) {
   if (!file) return;
   if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
-    const { rooms, left_out, home: whole } = await read(file);
-    if (whole) rooms.forEach(({ room }) => homes.set(room.id, file));
+    const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
+    const { rooms, left_out, home: whole } = await read(content);
+    for (const { room } of rooms) {
+      if (whole) homes.set(room.id, content);
+      else homes.delete(room.id);
+    }
     offer(rooms, true);
     await open(structuredClone(rooms[0].room));
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
