@@ -198,6 +198,8 @@ def question(body: bytes) -> dict[str, Any]:
     if len(body) > LARGEST_BODY:
         raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB; got {len(body) // 1000} kB")
     asked = parsed(body)
+    if isinstance(asked, RoomError):
+        raise asked
     if not isinstance(asked, dict) or "room" not in asked:
         raise InputError("room: missing; expected a JSON object with a room")
     return asked
@@ -207,11 +209,7 @@ def suffix_of(content: bytes) -> str:
     """What a file is, by how it begins: a home is a ZIP, a .json file is one document."""
     if content.startswith(b"PK"):
         return ".sh3d"
-    try:
-        parsed(content)
-    except RoomError:
-        return ".jsonl"
-    return ".json"
+    return ".jsonl" if isinstance(parsed(content), RoomError) else ".json"
 
 
 def room_in(asked: Any) -> Room:
