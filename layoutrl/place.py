@@ -55,10 +55,9 @@ class Answered:
     layouts: list[Room]
     wrong: list[list[tuple[int, str]]]
 
-    @property
-    def placed(self) -> int:
-        """How many items the best layout places."""
-        return sum(self.layouts[0].furniture[k].center is not None for k in self.wanted)
+    def placed(self, layout: Room) -> int:
+        """How many items a layout places."""
+        return sum(layout.furniture[k].center is not None for k in self.wanted)
 
     def documents(self) -> Iterator[dict[str, Any]]:
         """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
@@ -73,13 +72,13 @@ class Answered:
         """What there is to say of each layout."""
         for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            placed = sum(layout.furniture[k].center is not None for k in self.wanted)
-            by_item = groupby([each for each in wrong if each[0] not in self.asked.refused], key=lambda each: each[0])
+            told = [(k, fault) for k, fault in wrong if k not in self.asked.refused]  # of the others asked.lines tell
             said = [
-                f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in each)}" for k, each in by_item
+                f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in some)}"
+                for k, some in groupby(told, key=lambda entry: entry[0])
             ]
             found = "; ".join([*self.asked.lines, *said]) or "nothing is wrong"
-            yield f"{name}: {placed} of {len(self.wanted)} placed; {found}"
+            yield f"{name}: {self.placed(layout)} of {len(self.wanted)} placed; {found}"
 
 
 @dataclass(frozen=True)
@@ -106,9 +105,8 @@ def run(config: PlaceConfig) -> Done:
     files = [] if piped else out_files(config, suffix)
     work = Work(config, hired(config), source, total, sys.stderr if piped else sys.stdout)
     if suffix == JSON:
-        with (
-            nullcontext(Growing(sys.stdout.buffer, work.tally)) if piped else growing(files[0], about(config)) as sheet
-        ):
+        grown = nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config))
+        with grown as sheet:
             work.tally = sheet.tally
             for block in work.answers():
                 sheet.add(document for answer in block for document in answer.documents())
@@ -116,7 +114,9 @@ def run(config: PlaceConfig) -> Done:
     else:
         assert source is not None
         layouts = [answer.layouts for block in work.answers() for answer in block]
-        for n, file in enumerate(files if work.asked else []):
+        files = files[: max(map(len, layouts), default=0) if work.asked else 0]
+        for n, file in enumerate(files):
+            file.parent.mkdir(parents=True, exist_ok=True)
             source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
     if not work.asked:
         raise InputError(f"rooms: {config.rooms} has no room with an item without a center; expected one or more")
@@ -179,7 +179,7 @@ class Work:
 
     def _answered(self, entries: Sequence[Entry]) -> list[Answered]:
         asked = [asked_of(entry, self.config, self.who) for entry in entries]
-        briefs = [answerable.brief for answerable, wanted in asked if missing(answerable.brief)]
+        briefs = [what.brief for what, _ in asked if missing(what.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
         rooms = []  # of each entry
         for what, _ in asked:
@@ -196,7 +196,7 @@ class Work:
             return
         self.tally.rooms += 1
         self.tally.items += len(answer.wanted)
-        self.tally.placed += answer.placed
+        self.tally.placed += answer.placed(answer.layouts[0])
         for fault in [fault for _, fault in answer.wrong[0] if fault != MISSING]:
             self.tally.faults[fault] = self.tally.faults.get(fault, 0) + 1
         for line in answer.lines():

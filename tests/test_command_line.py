@@ -26,6 +26,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_from_dict, room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
 from layoutrl.runs.folder import checkpoints, load_config
+from layoutrl.runs.furnishers import dice
 from layoutrl.runs.trained import trained_agent, trained_run
 from tests.commands import PROJECT, fresh, layoutrl
 
@@ -177,28 +178,45 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     )
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
     done = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "expected one bed without a center; got 0" in done.stdout  # in the fourth
+    assert done.returncode == 2
+    assert done.stderr == "error: not everything is placed, as is said above\n"
+    assert "too-small: 0 of 1 placed; the bed of 9 by 9 m is not placed: it fits into the room in no way" in done.stdout
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
     policy = trained_run(RunConfig(str(bedroom_run))).policy
     kept = load_config(bedroom_run, TrainConfig)
     method = kept.method
-    assert "the bed does not fit into it" in done.stdout
-    rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written, beds, strict=False)]
+    rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     index = np.arange(3)
-    starts = simulator.starts(index, np.random.default_rng(0))
+    starts = np.concatenate([simulator.starts(index[k : k + 1], dice(room, [0, 0])) for k, room in enumerate(rooms)])
     observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, kept, CPU)[1])
     expected = policy.rollout(BatchSimulator(simulator, CPU), observe, index, starts).final
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
-    for before, after, bed in zip(documents, written, beds, strict=False):
-        assert f"{after['id']}: bed at " in done.stdout
+    for before, after, bed in zip(documents[:3], written, beds, strict=False):
+        assert f"{after['id']}: 1 of 1 placed; " in done.stdout
         del after["furniture"][bed]["center"]
+        for item in after["furniture"]:
+            item.pop("faults", None)
         assert after == before
+    assert written[3] == documents[3]
     other = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", "item=desk", "out=other.jsonl", cwd=tmp_path)
     assert "item: the agent was trained to move a bed" in other.stderr
     again = layoutrl("place", f"run={bedroom_run}", "rooms=mine.jsonl", cwd=tmp_path)
     assert "mine-placed.jsonl is there already" in again.stderr
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_shards_are_placed_side_by_side(launcher: str, tmp_path: Path) -> None:
+    documents = [room_to_dict(room) for room in design_rooms("balcony", "test", 7, 4).rooms]
+    for document in documents[:2]:
+        del document["furniture"][0]["center"]
+    (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
+    given = ("by=search", "rooms=mine.jsonl", "seconds=0.01", "shard=0/2,1/2", f"hydra/launcher={launcher}")
+    done = fresh("-m", "layoutrl", "place", "-m", *given, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for shard in range(2):
+        text = (tmp_path / f"mine-placed-{shard}of2.jsonl").read_text()
+        assert [json.loads(line)["id"] for line in text.splitlines()] == [d["id"] for d in documents[shard::2]]
 
 
 def test_one_agent_learns_to_place_every_item_of_the_type(tmp_path: Path) -> None:

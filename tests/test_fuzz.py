@@ -11,9 +11,11 @@ import math
 import os
 import pickle
 import random
+import re
 import shutil
 import signal
 import sys
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,14 +34,19 @@ from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.baselines import random_layout
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import search
+from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.files import parse_room, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
-from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans
+from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
+from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.sweethome3d import read_home
 from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.folder import load_checkpoint, load_config, save_checkpoint
 from tests.builders import random_room
+from tests.rooms import test_front3d, test_procthor
+from tests.rooms.test_sweethome3d import home_file
 
 resource = pytest.importorskip("resource", reason="time and memory are watched as POSIX has it")
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -292,6 +299,73 @@ def test_a_designers_layout_is_a_room_or_is_left_out(count, tmp_path):
             file.write_bytes(mutated_bytes(content, dice))
         answered(lambda r=room_type: designer_rooms.read(tmp_path, r), InputError, file.read_bytes())
         file.unlink()
+
+
+# Files that other programs write --------------------------------------------------------------------------------------
+
+
+@times(60, 3_000)
+def test_a_home_is_rooms_or_an_error_of_its_own(count, tmp_path):
+    """What is read is also written: a broken home never makes writing fail either."""
+    dice, whole = random.Random(count), home_file(tmp_path / "whole.sh3d")
+    with zipfile.ZipFile(whole) as archive:
+        xml = archive.read("Home.xml")
+    path, out, read = tmp_path / "home.sh3d", tmp_path / "out.sh3d", 0
+    numbers = re.compile(rb"(?<=')-?[\d.]+(?=')")
+    for _ in range(count):
+        kind = dice.random()
+        if kind < 0.3:
+            path.write_bytes(mutated_bytes(whole.read_bytes(), dice))
+        else:
+            odd = str(dice.choice(ODD_NUMBERS))[:400].encode()
+            places = list(numbers.finditer(xml))
+            place = dice.choice(places)
+            broken = mutated_bytes(xml, dice) if kind < 0.6 else xml[: place.start()] + odd + xml[place.end() :]
+            with zipfile.ZipFile(path, "w") as archive:
+                archive.writestr("Home.xml", broken)
+                archive.writestr("0", b"a model")
+        content = path.read_bytes()
+        home = answered(lambda: read_home(path, move="all"), InputError, content)
+        if home is not None:
+            read += 1
+            layouts = [furnished(room, dict.fromkeys(missing(room), ((1.0, -1.0), 90.0))) for room in home.rooms]
+            answered(lambda home=home, layouts=layouts: home.write(layouts, out), InputError, content)
+            out.unlink(missing_ok=True)
+    assert 0.1 * count < read < 0.9 * count
+
+
+@times(60, 3_000)
+@pytest.mark.parametrize("source", ["procthor", "front3d"])
+def test_a_house_is_rooms_or_is_left_out(source, count, tmp_path):
+    dice, read = random.Random(count), {"procthor": procthor.read, "front3d": front3d.read}[source]
+    module, name = {"procthor": (test_procthor, "houses.jsonl"), "front3d": (test_front3d, "house.json")}[source]
+    file = module.write(tmp_path, module.house(), name=name)
+    whole, kept = json.dumps(module.house()), 0
+    for _ in range(count):
+        if dice.random() < 0.7:
+            file.write_bytes(json.dumps(mutated_document(json.loads(whole), dice)).encode())
+        else:
+            file.write_bytes(mutated_bytes(whole.encode(), dice))
+        collection = answered(lambda: read(tmp_path, names_of()), InputError, file.read_bytes())
+        kept += bool(collection and collection.rooms)
+        answered(lambda collection=collection: str(collection), (), file.read_bytes())
+    assert 0.1 * count < kept < count
+
+
+def test_bombs_and_entities_are_answered(tmp_path):
+    path = tmp_path / "home.sh3d"
+    laughs = "".join(f"<!ENTITY a{k + 1} '{f'&a{k};' * 10}'>" for k in range(9))
+    for xml in (
+        "<home>" + " " * 2**27 + "</home>",
+        "<home>" + "<a/>" * 2**21 + "</home>",
+        "<a>" * 10**6,
+        f"<!DOCTYPE home [<!ENTITY a0 'ha'>{laughs}]><home>&a9;</home>",
+        "<home name='" + "x" * 2**23 + "'/>",
+    ):
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("Home.xml", xml)
+        with pytest.raises(InputError):
+            answered(lambda: read_home(path), (), xml[:100])
 
 
 # The cache of designed rooms -----------------------------------------------------------------------------------------

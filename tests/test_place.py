@@ -150,6 +150,28 @@ def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is
     assert f"the {documents[1]['furniture'][1]['category']} of 9 by 9 m is not placed: it fits into the room" in said
 
 
+def test_search_has_more_than_one_layout_of_a_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(furnishers, "DESIGNED", 20)
+    file = written(tmp_path, [bare(DOCUMENTS[0])])
+    rooms = run(composed("place", "by=search", f"rooms={file}", "seconds=0.05", "choices=2"))
+    assert len(rooms) == 2
+
+
+def test_lengths_are_written_in_the_unit_in_which_they_came(middle: Middle, tmp_path: Path) -> None:
+    file, documents = many(tmp_path, 1)
+    (metres,) = run(PlaceConfig(by="search", rooms=str(file), out=str(tmp_path / "metres.jsonl")))
+    (large,) = documents
+    for name in ("outline", "walls", "doors", "windows"):
+        text = json.dumps(large[name])
+        large[name] = json.loads(text, parse_float=lambda number: float(number) * 100)
+    for item in large["furniture"]:
+        item["size"] = [100 * side for side in item["size"]]
+    (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [large])), out=str(tmp_path / "cm.jsonl")))
+    assert room["outline"] == large["outline"]
+    for item, same_item in zip(room["furniture"], metres["furniture"], strict=True):
+        assert item["center"] == pytest.approx([100 * side for side in same_item["center"]], abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -296,7 +318,7 @@ def test_an_interrupted_run_goes_on_where_it_was(
     part = tmp_path / "rooms-placed.jsonl.part"
     with (part / "rooms.jsonl").open("a") as stream:
         stream.write('{"id": "half a ro')  # as a kill would leave it
-    with pytest.raises(InputError, match=r"^out: .* of a run that was stopped, with another seed; expected the same"):
+    with pytest.raises(InputError, match=r"^out: a run was stopped there, with another seed; expected the same, or"):
         place(replace(config, seed=1))
     assert run(config) == whole
     assert seen[4:] == [f"room {k}" for k in range(2, 7)]  # what was done, of blocks of two, is not done again

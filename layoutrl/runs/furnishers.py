@@ -26,6 +26,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
+from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import Searching, search
 from layoutrl.rooms.brief import furnished, missing, ways
@@ -42,6 +43,7 @@ DESIGNED = 200  # rooms of each type, whose relations a rival keeps
 APART = 0.1  # metres: layouts in which no item stands further elsewhere are one
 AT_ONCE = 64  # briefs that an agent furnishes in one batch
 TURNED = 1.0  # degrees
+VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
 TRIES = 2  # for each layout that is asked for, until that many differ
 
 
@@ -97,7 +99,10 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Rival:
-    """Search or annealer, with so many core-seconds a layout. It keeps relations of designed rooms of each type."""
+    """Search or annealer, with so many core-seconds a layout. It keeps relations of designed rooms of each type.
+
+    Where one layout of a room is there, preferences are weighed otherwise for the next, else it would be the same.
+    """
 
     def __init__(self, settings: Searching | Annealing, seconds: float):
         self.settings, self.seconds = settings, seconds
@@ -109,11 +114,13 @@ class Rival:
 
     def _layout(self, brief: Room, seeds: Sequence[int]) -> Answer:
         spent, rng = seconds_budget(self.seconds, time.process_time), dice(brief, seeds)
-        relations = self.relations(brief.room_type)
+        relations, (_, attempt) = self.relations(brief.room_type), seeds
+        often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
+        weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}
         if isinstance(self.settings, Searching):
-            layout = search(brief, relations, self.settings, spent, rng)
+            layout = search(brief, relations, replace(self.settings, weights=weights), spent, rng)
         else:
-            layout = anneal(brief, relations, self.settings, spent, rng)
+            layout = anneal(brief, relations, replace(self.settings, weights=weights), spent, rng)
         return Answer(layout, -len(faults(layout)))
 
 

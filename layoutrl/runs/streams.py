@@ -150,15 +150,17 @@ def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
     folder.mkdir(parents=True, exist_ok=True)
     lines, state = folder / "rooms.jsonl", folder / "state.json"
     with locked(folder / LOCK, wait=False):
-        kept = _kept(state, about)
+        kept = _kept(state, lines, about)
         try:
             with lines.open("ab") as stream:
                 stream.truncate(kept["bytes"])
                 grown = Growing(stream, Tally(**kept["tally"]), state, about)
                 yield grown
-        except BaseException:
+        except BaseException as error:
             if not state.exists():
                 shutil.rmtree(folder, ignore_errors=True)
+            elif isinstance(error, KeyboardInterrupt):
+                print("the same command goes on where it was", file=sys.stderr)
             raise
         if grown.wanted:
             if out.exists():
@@ -167,14 +169,19 @@ def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
         shutil.rmtree(folder, ignore_errors=True)  # on Windows the lock stays
 
 
-def _kept(state: Path, about: dict[str, Any]) -> dict[str, Any]:
+def _kept(state: Path, lines: Path, about: dict[str, Any]) -> dict[str, Any]:
+    """What a run that was stopped has left."""
     if not state.exists():
         return {"bytes": 0, "tally": asdict(Tally())}
-    kept = json.loads(state.read_text())
-    other = [name for name, value in about.items() if kept["about"].get(name) != value]
+    mend = f"expected another out=<file>, or that {state.parent} is removed"
+    try:
+        kept: dict[str, Any] = json.loads(state.read_text())
+        other = [name for name, value in about.items() if kept["about"].get(name) != value]
+        whole = lines.stat().st_size >= kept["bytes"]
+    except (ValueError, LookupError, FileNotFoundError):
+        other, whole = [], False
     if other:
-        raise InputError(
-            f"out: {state.parent} is of a run that was stopped, with another {', '.join(other)}; expected the same "
-            "again, which goes on with it, or another out=<file>, or that the folder is removed"
-        )
+        raise InputError(f"out: a run was stopped there, with another {', '.join(other)}; expected the same, or {mend}")
+    if not whole:
+        raise InputError(f"out: what a run that was stopped has left is damaged; {mend}")
     return kept

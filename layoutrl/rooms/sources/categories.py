@@ -18,6 +18,7 @@ from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
+NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
 
 # What tells the type of a room without a name, in this order; and what may be put into a room of each type: what
@@ -38,7 +39,16 @@ HOLDS = {
     | {"tv_unit", "wardrobe"},
     "dining_room": {"bench", "chair", "sideboard", "stool", "table", "wardrobe"},
     "kitchen": {"chair", "cooktop", "counter", "fridge", "sideboard", "sink", "stool", "table", "washing_machine"},
-    "living_room": {"armchair", "bookcase", "chair", "coffee_table", "lounge_chair", "loveseat", "side_table"}
+    "living_room": {
+        "armchair",
+        "bookcase",
+        "chair",
+        "coffee_table",
+        "lounge_chair",
+        "loveseat",
+        "plant_rack",
+        "side_table",
+    }
     | {"sideboard", "sofa", "sofa_bed", "stool", "table", "tv_unit"},
     "study": {"armchair", "bookcase", "chair", "desk", "lounge_chair", "side_table", "sofa_bed", "stool", "wardrobe"},
     "tatami": {"chair", "desk", "platform", "stool", "wardrobe"},
@@ -94,7 +104,7 @@ class Names:
         """A line for each name that was not known."""
         known = self.categories
         lines = []
-        for (name, called), times in self.unknown.most_common():
+        for (name, called), times in self.unknown.most_common(NOTED):
             near = difflib.get_close_matches(called, known, 3, 0)
             lines.append(
                 f"{name!r} ({times}) is no known furniture and stands as an obstacle; nearest are {', '.join(near)} "
@@ -105,7 +115,8 @@ class Names:
 
 def plain(name: str) -> str:
     """A name in small letters, without its catalogue, accents, numbers and signs: eTeks#bed140x190 is "bed"."""
-    name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name[:200].rpartition("#")[2])
+    name = re.sub(r"^.*#(?=[^\W\d_])", "", name[:200])  # but of "Bedroom #2" all is a name
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     decomposed = unicodedata.normalize("NFKD", name).casefold()
     letters = "".join(c for c in decomposed if not unicodedata.combining(c))
     return " ".join(re.findall(r"[^\W\d_]+", re.sub(r"\d+(x\d+)*", " ", letters)))

@@ -30,6 +30,8 @@ ROOM = 1.0  # square metres, of the further parts of a floor that a wall cuts: s
 LINING = 0.06  # metres, of the wall where a side has none: rooms that are open to each other
 NEAR = 0.1  # metres from a floor to a wall that is its own
 ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
+MOST_WALLS, MOST_OPENINGS = 40, 30  # that are looked at along one side, and about one room
+MOST_CROSSING = 100  # corners of a border that may cross itself
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
 FLATTEST = 0.1  # metres: carpets are lower
@@ -96,10 +98,14 @@ class Storey(Generic[P]):
         except RoomError as error:
             self.left_out.append((f"{self.prefix}/{label}", str(error)))
 
+    @cached_property
+    def _traced(self) -> shapely.STRtree:
+        return shapely.STRtree([room.traced for room in self.rooms])
+
     def put(self, piece: P) -> bool:
         """Put a piece into the room that it stands in; whether there is one. Rooms are there before."""
         center = shapely.Point(piece.item.center)
-        inside = [room for room in self.rooms if room.traced.intersects(center)]
+        inside = [self.rooms[k] for k in self._traced.query(center, predicate="intersects")]
         if inside:
             min(inside, key=lambda room: room.floor.distance(center)).pieces.append(piece)
         return bool(inside)
@@ -116,6 +122,8 @@ class Storey(Generic[P]):
         What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it.
         """
         taken: Counter[str] = Counter()
+        bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
+        shapes = shapely.STRtree([gap.shape for gap in self.gaps])
         for drawn in self.rooms:
             taken[drawn.label] += 1
             again = f" ({taken[drawn.label]})" if taken[drawn.label] > 1 else ""
@@ -129,8 +137,11 @@ class Storey(Generic[P]):
                 replace(piece.item, center=None, rotation=None) if moves(piece) else piece.item
                 for piece in drawn.pieces
             ]
+            about = drawn.floor.buffer(NEAR + ACROSS)
+            gaps = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))[:MOST_OPENINGS]]
+            walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
             try:
-                room, held = room_of(room_id, kind, drawn.floor, self.walls, self.gaps, items, group)
+                room, held = room_of(room_id, kind, drawn.floor, walls, gaps, items, group)
             except RoomError as error:
                 self.left_out.append((room_id, str(error)))
                 continue
@@ -155,7 +166,10 @@ def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
         lengths(point)
     if len(points) < 3:
         raise RoomError("outline", f"expected three corners or more; got {len(points)}")
-    return _parts(shapely.make_valid(Polygon(points)))[0]
+    polygon = Polygon(points)
+    if len(points) > MOST_CROSSING and not polygon.is_valid:  # mending takes as long as there are crossings
+        raise RoomError("outline", "expected a border that does not cross itself")
+    return _parts(shapely.make_valid(polygon))[0]
 
 
 def tidy(floor: Polygon, walls: shapely.Geometry | None = None) -> list[Polygon]:
@@ -214,12 +228,10 @@ def room_of(
     floor = shapely.set_precision(floor, 10.0**-DIGITS)
     floor = orient(_parts(floor)[0])
     outline, holes = _ring(floor.exterior.coords), [_ring(hole.coords) for hole in floor.interiors]
-    strips = _strips(outline, None if walls is None else list(walls))
+    strips = _strips(outline, walls)
     band = shapely.union_all(strips).difference(Polygon(outline))
     openings: list[Gap] = []
     for gap in gaps:
-        if gap.shape.distance(floor) > NEAR + ACROSS:
-            continue
         for ring in rings(_drawn_out(gap.shape).intersection(band)):
             shape = Polygon(ring)
             beside = shape.buffer(TOLERANCE).intersection(floor.exterior).length
@@ -241,10 +253,11 @@ def room_of(
     return room_from_dict(document | {"furniture": [_document(items[k]) for k in held]}), held
 
 
-def _strips(outline: Ring, walls: list[Wall] | None) -> list[Polygon]:
+def _strips(outline: Ring, walls: Sequence[Wall] | None) -> list[Polygon]:
     """For each side of an outline the wall outside it, as thick as what is drawn there, round its corners."""
     sides = list(pairwise((*outline, outline[0])))
-    depths = [_depth(*side, walls) for side in sides]
+    bodies = shapely.STRtree([wall.body for wall in walls or ()])
+    depths = [WALL_THICKNESS if walls is None else _depth(*side, walls, bodies) for side in sides]
     strips = []
     for k, ((x0, y0), (x1, y1)) in enumerate(sides):
         length = math.dist((x0, y0), (x1, y1))
@@ -256,15 +269,16 @@ def _strips(outline: Ring, walls: list[Wall] | None) -> list[Polygon]:
     return strips
 
 
-def _depth(start: tuple[float, float], end: tuple[float, float], walls: list[Wall] | None) -> float:
+def _depth(
+    start: tuple[float, float], end: tuple[float, float], walls: Sequence[Wall], bodies: shapely.STRtree
+) -> float:
     """How far the wall outside a side reaches: that along most of it."""
-    if walls is None:
-        return WALL_THICKNESS
     (x0, y0), (x1, y1) = start, end
     length = math.dist(start, end)
     out = ((y1 - y0) / length * NEAR, (x0 - x1) / length * NEAR)
     strip = Polygon((start, (x0 + out[0], y0 + out[1]), (x1 + out[0], y1 + out[1]), end))
-    shared = [(wall.body.intersection(strip).area, wall) for wall in walls if wall.body.intersects(strip)]
+    near = [walls[k] for k in sorted(bodies.query(strip, predicate="intersects"))[:MOST_WALLS]]
+    shared = [(wall.body.intersection(strip).area, wall) for wall in near]
     area, wall = max(shared, key=lambda found: found[0], default=(0.0, None))
     if wall is None or area < 0.2 * strip.area:
         return LINING

@@ -12,7 +12,7 @@ import re
 import shutil
 import zipfile
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -34,10 +34,12 @@ from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, 
 
 HOME = "Home.xml"
 LARGEST_XML = 2**23  # bytes unpacked; homes of many storeys take a tenth
-MOST = {"room": 300, "wall": 1500, "piece": 5000, "point": 20_000}  # in a home: more is no dwelling
+MOST = {"room": 100, "wall": 400, "opening": 500, "piece": 2000, "point": 3000}  # in a home: more is no dwelling
+MOST_ELEMENTS = 100_000
+MOST_PAIRS = 15_000  # of a room and a wall
 DEEPEST = 100  # elements in each other
 LARGEST = 1e5  # centimetres, of any length
-ARC_STEP = math.radians(10)  # of round walls
+ARC_STEP = math.radians(15)  # of round walls
 WINDOWS = ("window", "bay", "fenetre", "shutter")
 OPENING, GROUP = "doorOrWindow", "furnitureGroup"
 PIECES = ("pieceOfFurniture", "light", "shelfUnit")
@@ -216,13 +218,15 @@ def _parsed(xml: bytes) -> list[Element]:
     home: list[Element] = []
     stack: list[list[Element]] = []
     number: Counter[str] = Counter()
+    kinds = {**dict.fromkeys((*PIECES, GROUP), "piece"), OPENING: "opening"}
     parser = expat.ParserCreate()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        kind = "piece" if tag in (*PIECES, OPENING, GROUP) else tag
+        kind = kinds.get(tag, tag)
+        most = MOST.get(kind, MOST_ELEMENTS)
         number[kind] += 1
-        if number[kind] > MOST.get(kind, number[kind]):
-            raise RoomError(tag, f"expected at most {MOST[kind]:,} in a home")
+        if number[kind] > most:
+            raise RoomError(tag[:40], f"expected at most {most:,} in a home")
         if len(stack) > DEEPEST:
             raise RoomError(tag, f"expected at most {DEEPEST} elements in each other")
         if not stack and tag != "home":
@@ -276,6 +280,9 @@ def _storeys(
         for each in (element, *_within(element)):
             storey.gaps += _gaps(each) if each.tag == OPENING else []
     rooms = [element for element in elements if element.tag == "room"]
+    walls = sum(element.tag == "wall" for element in elements)
+    if len(rooms) * walls > MOST_PAIRS:
+        raise RoomError("room", f"expected at most {MOST_PAIRS // walls} rooms beside {walls} walls; got {len(rooms)}")
     for number, element in enumerate(rooms, 1):
         called = (element.attributes.get("name") or "").strip()
         of[element.start].draw(called, _label(called or f"room {number}"), partial(_traced, element))
@@ -397,26 +404,29 @@ def _park(home: Home, parked: list[tuple[str, HomePiece]], room_id: str | None) 
         known = ", ".join(home.pieces)
         raise InputError(f"room: {home.path} has no room {room_id!r} to furnish; expected one of {known}")
     rooms = {room.id: room for room in home.rooms}
-    for prefix, piece in sorted(parked, key=lambda entry: -entry[1].item.size[0] * entry[1].item.size[1]):
-        category, area = piece.item.category, piece.item.size[0] * piece.item.size[1]
-        free = {r.id: r.indoor.area - sum(i.size[0] * i.size[1] for i in r.furniture) for r in rooms.values()}
-        fitting = [r for r in rooms.values() if category in HOLDS[r.room_type] and free[r.id] > area]
-        if room_id is not None:
-            chosen = rooms[room_id]
-        elif fitting:
-            chosen = min(
-                fitting,
-                key=lambda r: (not r.id.startswith(prefix), category in (i.category for i in r.furniture), -free[r.id]),
-            )
-        else:
-            home.collection.notes.append(
-                f"the {category} outside all rooms stays there: no room's type knows it, with floor for it (room=<id>)"
-            )
-            continue
+    held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
+    free = {room.id: room.indoor.area - sum(map(_area, room.furniture)) for room in home.rooms}
+    given: dict[str, list[Item]] = defaultdict(list)
+    for prefix, piece in sorted(parked, key=lambda entry: -_area(entry[1].item)):
         item = replace(piece.item, center=None, rotation=None)
-        rooms[chosen.id] = replace(chosen, furniture=(*chosen.furniture, item))
-        home.pieces[chosen.id].append(piece)
-    home.collection.rooms = list(rooms.values())
+        fitting = [k for k, r in rooms.items() if item.category in HOLDS[r.room_type] and free[k] > _area(item)]
+        if room_id is not None:
+            chosen = room_id
+        elif fitting:
+            chosen = min(fitting, key=lambda k: (not k.startswith(prefix), item.category in held[k], -free[k]))
+        else:
+            note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
+            home.collection.notes.append(f"{note} (room=<id>)")
+            continue
+        given[chosen].append(item)
+        held[chosen].add(item.category)
+        free[chosen] -= _area(item)
+        home.pieces[chosen].append(piece)
+    home.collection.rooms = [replace(r, furniture=(*r.furniture, *given[r.id])) for r in home.rooms]
+
+
+def _area(item: Item) -> float:
+    return item.size[0] * item.size[1]
 
 
 # From layouts to the file --------------------------------------------------------------------------------------------

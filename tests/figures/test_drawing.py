@@ -1,0 +1,125 @@
+"""Drawings to true size: what can be read out of them is the room."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from PIL import Image
+from shapely.geometry import Point, Polygon
+
+from layoutrl.figures.drawing import MARGIN, draw, svg
+from layoutrl.rooms.room import Item, Room
+from tests.builders import rectangular_room, rooms
+
+SVG = "{http://www.w3.org/2000/svg}"
+TENTH = 1e-4  # metres: coordinates are written to a tenth of a millimetre
+
+
+def layers(drawing: str) -> dict[str, ElementTree.Element]:
+    return {str(layer.get("class")): layer for layer in ElementTree.fromstring(drawing).findall(f"{SVG}g")}
+
+
+def outline(shape: ElementTree.Element) -> Polygon:
+    """In metres, y up."""
+    if shape.tag == f"{SVG}circle":
+        x, y, radius = (float(shape.get(name, "nan")) for name in ("cx", "cy", "r"))
+        return Point(x, -y).buffer(radius, quad_segs=64)
+    corners = np.array([pair.split(",") for pair in shape.get("points", "").split()], dtype=float)
+    return Polygon(corners * (1, -1))
+
+
+@given(rooms())
+def test_svg_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(room: Room) -> None:
+    drawn = layers(svg(room))
+    assert list(drawn) == ["floor", "walls", "openings", "furniture", "labels"]
+    for shape, wall in zip(drawn["walls"], room.wall_shapes, strict=True):
+        assert outline(shape).hausdorff_distance(wall) < TENTH
+    for shape, opening in zip(drawn["openings"], room.openings, strict=True):
+        assert shape.get("data-kind") == opening.kind
+        assert outline(shape).hausdorff_distance(opening.shape) < TENTH
+    items = {int(group.get("data-id", "")): group for group in drawn["furniture"]}
+    assert sorted(items) == [k for k, item in enumerate(room.furniture) if item.center is not None]
+    for k, group in items.items():
+        assert group.get("data-category") == room.furniture[k].category
+        (first, *_) = (shape for shape in group if shape.tag in (f"{SVG}polygon", f"{SVG}circle"))
+        assert outline(first).hausdorff_distance(room.furniture[k].footprint) < 0.01
+
+
+@given(rooms())
+def test_svg_shows_the_whole_room_to_scale(room: Room) -> None:
+    drawing = ElementTree.fromstring(svg(room))
+    x, y, width, height = map(float, drawing.get("viewBox", "").split())
+    assert np.allclose((x, -y - height, x + width, -y), room.envelope.buffer(MARGIN).bounds, atol=0.01)
+    assert drawing.get("width", "").endswith("mm")
+    ratio = float(drawing.get("width", "")[:-2]) / float(drawing.get("height", "")[:-2])
+    assert ratio == pytest.approx(width / height, rel=0.01)
+
+
+def test_what_is_wrong_is_marked_and_named_on_the_item_alone() -> None:
+    room = rectangular_room()
+    drawn = layers(svg(room, [(0, "overlaps"), (0, "out of reach")]))
+    faulty, *others = drawn["furniture"]
+    assert faulty.get("data-faults") == "overlaps, out of reach"
+    assert all(group.get("data-faults") is None for group in others)
+    said = ["".join(label.itertext()) for label in drawn["labels"]]
+    assert [("overlaps" in text, "out of reach" in text) for text in said] == [(True, True)] + [(False, False)] * len(
+        others
+    )
+
+
+def test_names_of_the_users_own_are_no_markup() -> None:
+    room = rectangular_room()
+    assert room.furniture
+    strange = replace(room.furniture[0], category='<b onclick="x">&')
+    drawn = layers(svg(replace(room, id="<i>", furniture=(strange,)), [(0, "<fault>")]))
+    (group,) = drawn["furniture"]
+    assert group.get("data-category") == strange.category
+
+
+def test_what_has_no_place_is_not_drawn(tmp_path: Path) -> None:
+    room = replace(rectangular_room(), furniture=(Item("bed", (2.0, 1.5), None, None),))
+    assert not len(layers(svg(room))["furniture"])
+    for suffix in ("svg", "png"):
+        draw(room, [(0, "not placed")], tmp_path / f"room.{suffix}")
+
+
+def test_png_has_the_proportions_of_the_room(tmp_path: Path) -> None:
+    room = rectangular_room()
+    draw(room, [(0, "overlaps")], tmp_path / "room.png")
+    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
+    with Image.open(tmp_path / "room.png") as picture:
+        assert picture.size[0] / picture.size[1] == pytest.approx((x1 - x0) / (y1 - y0), rel=0.01)
+
+
+@given(room=rooms())
+def test_dxf_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(
+    tmp_path_factory: pytest.TempPathFactory, room: Room
+) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    file = tmp_path_factory.mktemp("dxf") / "room.dxf"
+    draw(room, [], file)
+    document = ezdxf.readfile(file)
+    assert document.units == ezdxf.units.M
+    assert not document.audit().errors
+    shapes = {layer: [] for layer in ("A-WALL", "A-DOOR", "A-GLAZ", "A-FURN")}
+    for line in document.modelspace().query("LWPOLYLINE"):
+        shapes[line.dxf.layer].append(Polygon([(x, y) for x, y, *_ in line]))
+    circles = [circle.dxf.radius * 2 for circle in document.modelspace().query("CIRCLE")]
+    placed = [item for item in room.furniture if item.center is not None]
+    assert sorted(circles) == sorted(item.size[0] for item in placed if item.form == "circle")
+    expected = {
+        "A-WALL": room.wall_shapes,
+        "A-DOOR": [door.shape for door in room.doors],
+        "A-GLAZ": [window.shape for window in room.windows],
+        "A-FURN": [item.footprint for item in placed if item.form != "circle"],
+    }
+    for layer, polygons in expected.items():
+        assert sorted(shape.area for shape in shapes[layer]) == pytest.approx(sorted(p.area for p in polygons))
+    names = [re.split(r"\\P", text.text)[0] for text in document.modelspace().query("MTEXT")]
+    assert sorted(names) == sorted(item.category for item in placed)

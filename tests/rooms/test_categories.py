@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl import InputError
+from layoutrl.rooms.clearances import FRONT_DEPTH
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.rooms.sources.categories import DECOR, HOLDS, NO_ROOM, OBSTACLE, TELLING, names_of, plain
+
+ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
+
+
+@pytest.mark.parametrize(
+    ("name", "category"),
+    [
+        ("eTeks#bed140x190", "bed"),
+        ("eTeks#bedsideTable", "nightstand"),
+        ("eTeks#washbasinWithCabinet", "vanity"),
+        ("Kator Legaz#office-chair", "chair"),
+        ("DiningTable", "table"),
+        ("TVStand", "tv_unit"),
+        ("bed/king-size bed", "bed"),
+        ("table/coffee table - round", "coffee_table"),
+        ("sofa/ multi seat sofa", "sofa"),
+        ("Bookcase / jewelry Armoire", "bookcase"),
+        ("Fauteuil", "armchair"),
+        ("Évier", "sink"),
+    ],
+)
+def test_names_of_other_programs_are_known(name: str, category: str) -> None:
+    names = names_of()
+    assert names.category(name) == (category, True)
+    assert names.knows(name)
+    assert not names.notes()
+
+
+def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
+    known = set(names_of().categories)
+    assert set(FRONT_DEPTH) <= known
+    for room_type in MAIN_ITEM:
+        designed = {item.category for room in design_rooms(room_type, "train", 0, 12).rooms for item in room.furniture}
+        assert designed <= HOLDS[room_type] <= known
+    assert set(TELLING) <= set(MAIN_ITEM)
+    assert set(HOLDS) == set(MAIN_ITEM)
+
+
+def test_obstacles_are_called_as_they_are_and_decor_is_nothing() -> None:
+    names = names_of()
+    assert names.category("Piano") == ("piano", False)
+    assert names.category("pendant lamp") is None
+    assert not names.knows("Piano", "pendant lamp", None)
+
+
+@given(st.text(max_size=30), st.text(max_size=30))
+def test_any_name_is_answered(one: str, other: str) -> None:
+    names = names_of()
+    found = names.category(one, other)
+    assert found is None or (found[0] and found[1] == names.knows(one, other))
+    assert all("\n" not in note for note in names.notes())
+    assert plain(plain(one)) == plain(one)
+
+
+def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
+    names = names_of()
+    assert names.room_type("Bedroom #2", ["toilet"]) == "bedroom"
+    assert names.room_type("LivingDiningRoom", []) == "living_room"
+    assert names.room_type("Salle de bains", []) == "bathroom"
+    assert names.room_type("Corridor", ["bed"]) == NO_ROOM
+    assert names.room_type("Otto", ["chair", "toilet", "bed"]) == "bathroom"
+    assert names.room_type(None, ["chair"]) is None
+
+
+def test_a_users_file_adds_names(tmp_path: Path) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text("sofa: [Sitzlandschaft]\nbar: [Hausbar]\nbedroom: [Kajüte]\n", encoding="utf-8")
+    names = names_of(file)
+    assert names.category("Sitzlandschaft") == ("sofa", True)
+    assert names.category("Hausbar") == ("bar", True)
+    assert names.room_type("Kajüte 2", []) == "bedroom"
+    assert names.category("couch") == ("sofa", True)
+    assert names_of().category("Sitzlandschaft") == ("sitzlandschaft", False)
+
+
+@pytest.mark.parametrize(
+    "text", ["sofa: couch", "- sofa", "sofa: [1]", "a: [b", "", "1: [a]", "sofa: ['#']", "&a [*a]"]
+)
+def test_a_file_that_is_no_table_is_answered_in_one_line(text: str, tmp_path: Path) -> None:
+    (tmp_path / "my.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"categories: .*expected a YAML file as") as caught:
+        names_of(tmp_path / "my.yaml")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="cannot be read"):
+        names_of(tmp_path / "none.yaml")
+
+
+def test_the_page_lists_the_known_categories() -> None:
+    page = " ".join(ROOMS_PAGE.read_text(encoding="utf-8").split())
+    listed = page.split("The known categories are ")[1].split(". ")[0]
+    assert sorted(name.strip("`") for name in listed.split(", ")) == names_of().categories
+    for word in (OBSTACLE, DECOR, NO_ROOM):
+        assert f"`{word}`" in page

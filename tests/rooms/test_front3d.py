@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shapely.geometry import box
+
+from layoutrl import InputError
+from layoutrl.rooms.formats import opened
+from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.front3d import read
+
+
+def slab(uid: str, kind: str, x0: float, z0: float, x1: float, z1: float) -> dict[str, Any]:
+    """A mesh of two triangles in the plane."""
+    corners = [x0, 0, z0, x1, 0, z0, x1, 0, z1, x0, 0, z1]
+    return {"uid": uid, "type": kind, "xyz": corners, "faces": [0, 1, 2, 0, 2, 3]}
+
+
+def child(ref: str, x: float = 0, y: float = 0, z: float = 0, yaw: float = 0, scale: Any = (1, 1, 1)) -> dict[str, Any]:
+    half = math.radians(yaw) / 2
+    return {"ref": ref, "pos": [x, y, z], "rot": [0, math.sin(half), 0, math.cos(half)], "scale": list(scale)}
+
+
+def house(**changes: Any) -> dict[str, Any]:
+    """A bedroom from (0, 0) to (4, 3) in (x, z), in two levels of detail."""
+    children = [child(uid) for uid in ("floor", "again", "door", "window")]
+    placed = [
+        child("bed", 1.0, 0, 1.5, yaw=90),
+        child("lamp", 2.0, 1.8, 2.0),
+        child("desk", 3.0, 0, 2.5, scale=(2, 1, -1)),
+    ]
+    return {
+        "mesh": [
+            slab("floor", "Floor", 0, 0, 4, 3),
+            slab("again", "Floor", 0.001, 0.001, 3.999, 2.999),
+            slab("door", "Door", 4, 1, 4.24, 1.9),
+            slab("window", "BayWindow", 1, -0.24, 2, 0),
+        ],
+        "furniture": [
+            {"uid": "bed", "title": "bed/king-size bed", "size": [1.5, 2.0, 0.9]},
+            {"uid": "lamp", "title": "lighting/pendant light", "size": [1, 1, 1]},
+            {"uid": "desk", "title": "", "category": "Desk", "bbox": [[0.5, 0.7, 0.6]]},
+        ],
+        "scene": {"room": [{"type": "MasterBedroom", "instanceid": "MasterBedroom-1", "children": children + placed}]},
+    } | changes
+
+
+def write(folder: Path, document: Any, name: str = "house-1.json") -> Path:
+    (folder / name).write_text(json.dumps(document))
+    return folder / name
+
+
+def test_a_house_is_its_rooms(tmp_path: Path) -> None:
+    write(tmp_path, house())
+    (room,) = read(tmp_path, names_of()).rooms
+    assert (room.id, room.room_type, room.group) == ("house-1/MasterBedroom-1", "bedroom", "house-1")
+    assert room.indoor.symmetric_difference(box(0, -3, 4, 0)).area < 0.02
+    bed, desk = room.furniture  # the lamp hangs
+    assert (bed.category, bed.size, bed.center) == ("bed", (2.0, 1.5), (1.0, -1.5))
+    assert bed.rotation == pytest.approx(0, abs=1e-6)  # along z at first, which is down here; turned to the right
+    assert (desk.category, desk.size, desk.rotation) == ("desk", (0.6, 1.0), 270)
+    door, window = room.openings
+    assert (door.kind, window.kind) == ("door", "window")
+    assert door.shape.symmetric_difference(box(4, -1.9, 4.2, -1)).area < 1e-3
+    assert window.shape.symmetric_difference(box(1, 0, 2, 0.2)).area < 1e-3
+
+
+def test_sizes_and_categories_are_looked_up_where_the_house_has_none(tmp_path: Path) -> None:
+    pieces = [{"uid": "bed", "jid": "a"}, {"uid": "desk", "jid": "b"}, {"uid": "lamp", "jid": "none"}]
+    pieces[1]["sourceCategoryId"] = "2dd2368f-a3eb-43c2-8a6b-d585cd19d9a6"
+    write(tmp_path, house(furniture=pieces))
+    (room,) = read(tmp_path, names_of()).rooms
+    assert room.furniture == ()
+    models = [
+        {"model_id": "a", "category": "King-size Bed", "boundingBox": {"xLen": 150, "yLen": 90, "zLen": 200}},
+        {"model_id": "b", "category": None, "boundingBox": {"xLen": 50, "yLen": 90, "zLen": 60}},
+    ]
+    write(tmp_path, models, "model_info.json")
+    (room,) = read(tmp_path, names_of()).rooms
+    assert [(item.category, item.size) for item in room.furniture] == [("bed", (2.0, 1.5)), ("wardrobe", (0.6, 1.0))]
+
+
+def test_doors_that_are_titled_alone_are_as_wide_as_most(tmp_path: Path) -> None:
+    document = house()
+    document["mesh"] = document["mesh"][:2]
+    document["furniture"].append({"uid": "titled", "title": "door/single swing door"})
+    document["scene"]["room"][0]["children"].append(child("titled", 4.1, 0, 1.5, yaw=90, scale=(1.25, 1, 1)))
+    write(tmp_path, document)
+    (opening,) = read(tmp_path, names_of()).rooms[0].openings
+    assert opening.kind == "door"
+    assert opening.shape.symmetric_difference(box(4, -2, 4.2, -1)).area < 1e-3
+
+
+def test_a_house_is_opened_by_its_content(tmp_path: Path) -> None:
+    document = house()
+    document["furniture"][0]["jid"] = "a"
+    source = opened(write(tmp_path, document), move="all")
+    assert [item.center for item in source.collection.rooms[0].furniture] == [None, None]
+    assert source.suffix == ".jsonl"
+
+
+def test_what_is_broken_is_left_out_in_one_line(tmp_path: Path) -> None:
+    write(tmp_path, house(mesh=None), "a.json")
+    (tmp_path / "b.json").write_text('{"mesh": [')
+    document = house()
+    document["mesh"][0]["faces"] = document["mesh"][1]["faces"] = [0, 1, 99]
+    write(tmp_path, document, "c.json")
+    document = house()
+    document["scene"]["room"][0]["children"][4]["pos"][0] = math.nan
+    write(tmp_path, document, "d.json")
+    collection = read(tmp_path, names_of())
+    reasons = {Path(where).name: reason for where, reason in collection.left_out}
+    assert reasons["a.json"] == "a field is missing or is not of the expected kind"
+    assert reasons["b.json"].startswith("text: expected whole JSON")
+    assert reasons["MasterBedroom-1"] == "floor: expected triangles between its corners"
+    assert [room.id for room in collection.rooms] == ["d/MasterBedroom-1"]
+    assert [item.category for item in collection.rooms[0].furniture] == ["desk"]
+    assert (
+        "d: a piece is left out: a number: expected a finite one of at most 1000 (metres); got nan" in collection.notes
+    )
+
+
+def test_a_folder_without_houses_is_answered(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected \.json files of 3D-FRONT"):
+        read(tmp_path, names_of())

@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import gzip
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shapely.geometry import box
+
+from layoutrl import InputError
+from layoutrl.rooms.formats import opened
+from layoutrl.rooms.sources import read_files
+from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.procthor import LARGEST_LINE, read
+
+SIZES = {"Bed_1": ("Bed", 1.5, 0.9, 2.0), "Chair_1": ("Chair", 0.5, 0.9, 0.5), "TV_1": ("Television", 1.0, 0.6, 0.2)}
+
+
+def ring(*corners: tuple[float, float]) -> list[dict[str, float]]:
+    return [{"x": x, "y": 0, "z": z} for x, z in corners]
+
+
+def wall(name: str, *ends: tuple[float, float]) -> dict[str, Any]:
+    return {"id": name, "polygon": ring(*ends) + ring(*ends)}
+
+
+def hole(wall0: str, first: float, last: float) -> dict[str, Any]:
+    return {"wall0": wall0, "holePolygon": [{"x": first, "y": 0, "z": 0}, {"x": last, "y": 2, "z": 0}]}
+
+
+def thing(asset: str, x: float, y: float, z: float, degrees: float) -> dict[str, Any]:
+    return {"assetId": asset, "position": {"x": x, "y": y, "z": z}, "rotation": {"x": 0, "y": degrees, "z": 0}}
+
+
+def house(**changes: Any) -> dict[str, Any]:
+    """A bedroom of 4 m by 3 m, and a kitchen of 2 m by 3 m on its right."""
+    return {
+        "rooms": [
+            {"id": "room|2", "roomType": "Bedroom", "floorPolygon": ring((0, 3), (4, 3), (4, 0), (0, 0))},
+            {"id": "room|3", "roomType": "Kitchen", "floorPolygon": ring((4, 0), (6, 0), (6, 3), (4, 3))},
+        ],
+        "walls": [wall("between", (4, 3), (4, 0)), wall("south", (0, 0), (4, 0))],
+        "doors": [hole("between", 0.5, 1.5)],
+        "windows": [hole("south", 1.0, 2.5)],
+        "objects": [
+            thing("Bed_1", 1.0, 0.45, 1.5, 90),
+            thing("Chair_1", 5.0, 0.45, 2.0, 30),
+            thing("TV_1", 2.0, 1.5, 1.0, 0),
+        ],
+    } | changes
+
+
+def write(folder: Path, *houses: Any, name: str = "train.jsonl", packed: bool = False) -> Path:
+    database: dict[str, list[Any]] = {}
+    for asset, (kind, x, y, z) in SIZES.items():
+        database.setdefault(kind, []).append({"assetId": asset, "boundingBox": {"x": x, "y": y, "z": z}})
+    (folder / "asset-database.json").write_text(json.dumps(database))
+    lines = "\n".join(one if isinstance(one, str) else json.dumps(one) for one in houses).encode()
+    (folder / name).write_bytes(gzip.compress(lines) if packed else lines)
+    return folder / name
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_every_room_of_a_house_is_a_room(packed: bool, tmp_path: Path) -> None:
+    write(tmp_path, house(), name="train.jsonl.gz" if packed else "train.jsonl", packed=packed)
+    bedroom, kitchen = read(tmp_path, names_of()).rooms
+    assert (bedroom.id, bedroom.room_type, bedroom.group) == ("train/1/Bedroom 2", "bedroom", "train/1")
+    assert (kitchen.id, kitchen.room_type, kitchen.group) == ("train/1/Kitchen 3", "kitchen", "train/1")
+    assert bedroom.indoor.equals(box(0, 0, 4, 3))
+    (bed,), (chair,) = bedroom.furniture, kitchen.furniture  # what hangs is left out
+    assert (bed.category, bed.size, bed.center, bed.rotation) == ("bed", (2.0, 1.5), (1.0, 1.5), 0)
+    assert bed.footprint.equals(box(0, 0.75, 2, 2.25))
+    assert chair.rotation == 60  # clockwise from above, from facing up
+    door, window = bedroom.openings
+    assert (door.kind, window.kind) == ("door", "window")
+    assert door.shape.symmetric_difference(box(4, 1.5, 4.2, 2.5)).area < 1e-6  # from the wall's first end, downwards
+    assert window.shape.symmetric_difference(box(1, -0.2, 2.5, 0)).area < 1e-6
+    (door,) = kitchen.openings
+    assert door.shape.symmetric_difference(box(3.8, 1.5, 4, 2.5)).area < 1e-6
+
+
+def test_rooms_of_one_type_are_read_as_of_every_source(tmp_path: Path) -> None:
+    write(tmp_path, house(), "no house", house())
+    collection = read_files("procthor", "kitchen", tmp_path)
+    assert [room.id for room in collection.rooms] == ["train/1/Kitchen 3", "train/3/Kitchen 3"]
+    assert ("train/2", "text: expected whole JSON; Expecting value") in collection.left_out
+
+
+def test_houses_are_opened_and_layouts_are_written_as_rooms(tmp_path: Path) -> None:
+    source = opened(write(tmp_path, house()), move="bed")
+    assert [item.center is None for room in source.collection.rooms for item in room.furniture] == [True, False]
+    source.write(source.collection.rooms, tmp_path / "out.jsonl")
+    assert opened(tmp_path / "out.jsonl").collection.rooms == source.collection.rooms
+
+
+def change(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
+    def changed(document: Any) -> None:
+        for key in path[:-1]:
+            document = document[key]
+        document[path[-1]] = to
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (change("objects", to=None), "a field is missing or is not of the expected kind"),
+        (change("rooms", 0, "floorPolygon", 0, "x", to=float("nan")), "expected a finite one of at most 1000"),
+        (change("rooms", 0, "floorPolygon", 0, "x", to=10**400), "got a huge integer"),
+        (change("rooms", 0, "floorPolygon", to=[]), "expected three corners or more; got 0"),
+        (change("objects", 0, "position", "x", to=1e300), "expected a finite one of at most 1000"),
+        (change("doors", 0, "wall0", to="none"), "a field is missing"),
+    ],
+)
+def test_a_broken_house_is_left_out_in_one_line_and_the_others_are_kept(
+    broken: Callable[[dict[str, Any]], None], reason: str, tmp_path: Path
+) -> None:
+    document = house()
+    broken(document)
+    write(tmp_path, document, house())
+    collection = read(tmp_path, names_of())
+    assert [room.id for room in collection.rooms][-2:] == ["train/2/Bedroom 2", "train/2/Kitchen 3"]
+    (left_out,) = collection.left_out
+    assert reason in left_out[1]
+    assert "\n" not in left_out[1]
+
+
+def test_a_bomb_and_a_file_that_breaks_off_are_left_out(tmp_path: Path) -> None:
+    path = write(tmp_path, house(), name="train.jsonl.gz", packed=True)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-20])
+    assert "cannot be read to its end" in read(tmp_path, names_of()).left_out[0][1]
+    path.write_bytes(gzip.compress(b" " * (LARGEST_LINE + 10)))
+    assert "larger than any house" in read(tmp_path, names_of()).left_out[0][1]
+
+
+def test_a_folder_without_houses_or_without_sizes_is_answered(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected \.jsonl or \.jsonl\.gz files"):
+        read(tmp_path, names_of())
+    write(tmp_path, house())
+    (tmp_path / "asset-database.json").unlink()
+    with pytest.raises(InputError, match="expected the sizes of what stands in the houses there"):
+        read(tmp_path, names_of())

@@ -1,0 +1,423 @@
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import Point, Polygon, box
+
+from layoutrl import InputError
+from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.formats import opened
+from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.sweethome3d import Home, read, read_home
+
+# Homes as Sweet Home 3D writes them: centimetres, y down, radians clockwise.
+
+
+def tag(name: str, inside: str = "", /, **attributes: Any) -> str:
+    written = "".join(f" {key}='{value}'" for key, value in attributes.items())
+    return f"<{name}{written}>{inside}</{name}>\n" if inside else f"<{name}{written}/>\n"
+
+
+def room_tag(x0: float, y0: float, x1: float, y1: float, **attributes: Any) -> str:
+    corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+    return tag("room", "".join(tag("point", x=x, y=y) for x, y in corners), **attributes)
+
+
+def wall(x0: float, y0: float, x1: float, y1: float, thickness: float = 10.0, **attributes: Any) -> str:
+    ends = {"id": f"wall-{x0}-{y0}-{x1}-{y1}", "xStart": x0, "yStart": y0, "xEnd": x1, "yEnd": y1}
+    return tag("wall", **ends, thickness=thickness, wallAtStart="a", wallAtEnd="b", **attributes)
+
+
+def piece(catalog: str, x: float, y: float, width: float, depth: float, **attributes: Any) -> str:
+    common = {"catalogId": f"eTeks#{catalog}", "name": catalog, "x": x, "y": y, "width": width, "depth": depth}
+    return tag(
+        attributes.pop("tag", "pieceOfFurniture"), attributes.pop("inside", ""), **{**common, "height": 80} | attributes
+    )
+
+
+def door(x: float, y: float, depth: float = 10, **attributes: Any) -> str:
+    return piece("door", x, y, 90, depth, **{"tag": "doorOrWindow", "id": "door"} | attributes)
+
+
+# A bedroom of 4 m by 3 m and a bathroom of 2 m by 3 m on its right; walls of 10 cm, a door between the two.
+WALLS = (
+    wall(-5, -5, 615, -5) + wall(615, -5, 615, 305) + wall(615, 305, -5, 305) + wall(-5, 305, -5, -5)
+    + wall(405, -5, 405, 305)
+)  # fmt: skip
+ROOMS = room_tag(0, 0, 400, 300, name="Bedroom") + room_tag(410, 0, 610, 300)
+BED = piece("bed140x190", 100, 104, 158, 208, id="bed")
+TOILET = piece("toiletUnit", 510, 40, 40, 80, id="toilet")
+FLAT = BED + TOILET + door(405, 150, angle=math.pi / 2) + WALLS + ROOMS
+
+
+def home_file(path: Path, body: str = FLAT, entries: dict[str, bytes] | None = None) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("Home", b"binary, and not read")
+        xml = f"<?xml version='1.0'?>\n<home version='5300' name='flat'>\n{body}</home>\n"
+        archive.writestr("Home.xml", xml)
+        for name, content in (entries or {"0": bytes(range(256)), "1/a.obj": b"v 0 0 0"}).items():
+            archive.writestr(name, content)
+    return path
+
+
+def flat(tmp_path: Path, body: str = FLAT, **options: Any) -> Home:
+    return read_home(home_file(tmp_path / "flat.sh3d", body), **options)
+
+
+def xml_of(path: Path) -> list[ElementTree.Element]:
+    with zipfile.ZipFile(path) as archive:
+        assert archive.testzip() is None
+        return list(ElementTree.fromstring(archive.read("Home.xml")).iter())
+
+
+# Reading
+
+
+def test_every_room_of_a_flat_is_a_room_with_its_walls_doors_and_pieces(tmp_path: Path) -> None:
+    home = flat(tmp_path)
+    bedroom, bathroom = home.rooms
+    assert (bedroom.id, bedroom.room_type) == ("flat/Bedroom", "bedroom")
+    assert (bathroom.id, bathroom.room_type) == ("flat/room 2", "bathroom")  # by what stands in it
+    assert bedroom.group == bathroom.group == "flat"
+    assert bedroom.indoor.equals(box(0, -3, 4, 0))
+    assert bathroom.indoor.equals(box(4.1, -3, 6.1, 0))
+    (bed,), (toilet,) = bedroom.furniture, bathroom.furniture
+    assert (bed.category, bed.size, bed.rotation) == ("bed", (2.08, 1.58), 270)  # it faces down, its head at the wall
+    assert bed.footprint.symmetric_difference(box(0.21, -2.08, 1.79, 0)).area < 1e-9
+    assert (toilet.category, toilet.center) == ("toilet", (5.1, -0.4))
+    for room in home.rooms:  # each has the door between the two, in the wall that both have
+        assert [opening.kind for opening in room.openings] == ["door"]
+        assert room.openings[0].shape.symmetric_difference(box(4, -1.95, 4.1, -1.05)).area < 1e-6
+        outside = room.indoor.buffer(0.1, join_style="mitre").difference(room.indoor)
+        walls = outside.difference(room.openings[0].shape)
+        assert sum(Polygon(w).area for w in room.walls) == pytest.approx(walls.area, abs=1e-3)
+        assert room.envelope.area == pytest.approx(room.indoor.buffer(0.1, join_style="mitre").area, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("angle", "rotation", "size"),
+    [(0, 270, (0.1, 0.4)), (math.pi / 2, 180, (0.1, 0.4)), (math.pi, 90, (0.1, 0.4)), (math.pi / 6, 240, (0.1, 0.4))],
+)
+def test_a_piece_is_turned_clockwise_as_seen_and_faces_down_at_first(
+    angle: float, rotation: float, size: tuple[float, float], tmp_path: Path
+) -> None:
+    shelf = piece("bookcase", 200, 150, 40, 10, angle=angle)
+    (item,) = flat(tmp_path, shelf + WALLS + ROOMS).rooms[0].furniture
+    assert (item.rotation, item.size) == (pytest.approx(rotation, abs=1e-3), size)
+    corners = np.array([(-20, -5), (20, -5), (20, 5), (-20, 5)])
+    turn = np.array(((math.cos(angle), -math.sin(angle)), (math.sin(angle), math.cos(angle))))
+    drawn = (corners @ turn.T + (200, 150)) / 100 * (1, -1)
+    assert item.footprint.symmetric_difference(Polygon(drawn)).area < 1e-5
+
+
+def test_the_part_of_a_door_in_the_wall_is_the_opening(tmp_path: Path) -> None:
+    """The model of an open door is deeper than its wall: it says which part of it lies in the wall."""
+    parts = {"depth": 68.0, "wallThickness": 10 / 68, "wallDistance": 2 / 68, "wallWidth": 80 / 90, "wallLeft": 10 / 90}
+    for mirrored, y in (("false", -1.55), ("true", -1.45)):  # the frame is 5 cm off the middle, to either side
+        opened_door = door(405 - 27, 150, angle=math.pi / 2, modelMirrored=mirrored, **parts)
+        for room in flat(tmp_path, opened_door + BED + TOILET + WALLS + ROOMS).rooms:
+            (opening,) = room.openings
+            assert opening.shape.symmetric_difference(box(4, y - 0.4, 4.1, y + 0.4)).area < 1e-3
+
+
+def test_windows_are_told_from_doors_by_their_names_and_by_how_high_they_lie(tmp_path: Path) -> None:
+    openings = (
+        piece("doubleWindow126x123", 100, -5, 126, 10, tag="doorOrWindow", elevation=94)
+        + piece("serviceHatch", 300, -5, 60, 10, tag="doorOrWindow", elevation=110)
+        + door(-5, 100, angle=math.pi / 2)
+        + door(100, 305, visible="false")
+    )
+    (room, *_) = flat(tmp_path, openings + BED + WALLS + ROOMS).rooms
+    assert [opening.kind for opening in room.openings] == ["door", "window", "window"]
+
+
+def test_thresholds_and_slips_of_the_hand_are_no_part_of_a_floor(tmp_path: Path) -> None:
+    corners = [
+        (0, 0),
+        (150, 1),
+        (150, 0),
+        (400, 0),
+        (400, 105),
+        (410, 105),
+        (410, 195),
+        (400, 195),
+        (400, 302),
+        (2, 300),
+    ]
+    traced = tag("room", "".join(tag("point", x=x, y=y) for x, y in corners), name="Bedroom")
+    (room,) = flat(tmp_path, BED + WALLS + traced).rooms
+    assert len(room.outline) == 4
+    assert room.indoor.symmetric_difference(box(0, -3, 4, 0)).area < 0.06
+    for (x0, y0), (x1, y1) in zip(room.outline, room.outline[1:], strict=False):
+        assert x0 == x1 or y0 == y1
+
+
+def test_a_floor_that_goes_on_behind_a_wall_is_two_rooms(tmp_path: Path) -> None:
+    rooms = flat(tmp_path, WALLS + room_tag(0, 0, 610, 300, name="Bedroom")).rooms
+    assert [(room.id, round(room.indoor.area, 3)) for room in rooms] == [("flat/Bedroom", 12), ("flat/Bedroom (2)", 6)]
+
+
+def test_levels_are_kept_apart(tmp_path: Path) -> None:
+    levels = tag("level", id="l0", name="Ground") + tag("level", id="l1", name="Upper")
+    floors = "".join(
+        piece("bed", 100, 100, 150, 200, level=level) * number + room_tag(0, 0, 400, 300, name="Room", level=level)
+        for level, number in (("l0", 1), ("l1", 2))
+    )
+    rooms = flat(tmp_path, levels + floors).rooms
+    assert [(room.id, len(room.furniture)) for room in rooms] == [("flat/Ground/Room", 1), ("flat/Upper/Room", 2)]
+
+
+def test_a_round_wall_bulges_to_its_side(tmp_path: Path) -> None:
+    """An extent above zero turns left of the way from start to end, as seen, y up."""
+    arc = tag("wall", id="w", xStart=0, yStart=0, xEnd=400, yEnd=0, thickness=10, arcExtent=math.pi)
+    rooms = flat(tmp_path, arc + BED + room_tag(0, -10, 400, 300, name="Bedroom")).rooms
+    assert len(rooms) == 2  # inside and outside half a circle of 2 m, below its ends
+    for y, there in ((-1.9, True), (-2.0, False), (-2.1, True)):
+        assert any(room.indoor.contains(Point(2, y)) for room in rooms) == there
+
+
+def test_groups_carpets_and_what_hangs(tmp_path: Path) -> None:
+    inside = piece("bed", 100, 100, 90, 200) + piece("texturableBox", 150, 100, 20, 20)
+    group = piece("none", 110, 100, 110, 200, tag="furnitureGroup", inside=inside, catalogId="", name="Group")
+    others = (
+        piece("texturableBox", 200, 200, 100, 100, height=1)
+        + piece("kitchenUpperCabinet", 200, 20, 60, 40, elevation=140)
+        + piece("bookcase", 300, 200, 60, 40, visible="false")
+        + piece("roundTable", 300, 200, 60, 60)
+    )
+    (room,) = flat(tmp_path, group + others + room_tag(0, 0, 400, 300)).rooms
+    assert [(item.category, item.size, item.form) for item in room.furniture] == [
+        ("bed", (2.0, 1.1), "rectangle"),
+        ("table", (0.6, 0.6), "circle"),
+    ]
+
+
+def test_a_room_of_which_nothing_tells_the_type_is_left_out_or_is_what_the_user_says(tmp_path: Path) -> None:
+    body = WALLS + room_tag(0, 0, 400, 300) + room_tag(410, 0, 610, 300, name="Corridor")
+    home = flat(tmp_path, body)
+    reasons = dict(home.collection.left_out)
+    assert "expected a name or furniture that does, or room_type=<type>" in reasons["flat/room 1"]
+    assert reasons["flat/Corridor"] == "nobody furnishes such a room"
+    assert [room.room_type for room in flat(tmp_path, body, room_type="study").rooms] == ["study"]
+
+
+def test_a_name_that_nobody_knows_stands_as_an_obstacle_and_is_said(tmp_path: Path) -> None:
+    home = flat(tmp_path, BED + piece("sofaa", 300, 200, 60, 40) + ROOMS, move="all")
+    assert home.rooms[0].furniture[1].category == "sofaa"
+    assert home.rooms[0].furniture[1].center is not None  # what nobody knows is not moved
+    (note,) = home.collection.notes
+    assert "'sofaa' (1) is no known furniture and stands as an obstacle; nearest are sofa" in note
+
+
+def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
+    home_file(tmp_path / "a.sh3d")
+    (tmp_path / "below").mkdir()
+    home_file(tmp_path / "below" / "b.sh3d")
+    (tmp_path / "c.sh3d").write_bytes(b"no ZIP")
+    collection = read(tmp_path, names_of())
+    assert {room.group for room in collection.rooms} == {"a", "below/b"}
+    assert all(item.center is not None for room in collection.rooms for item in room.furniture)
+    ((where, reason),) = collection.left_out
+    assert where.endswith("c.sh3d")
+    assert "which is a whole ZIP file" in reason
+
+
+# What is to be placed
+
+
+def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path) -> None:
+    parked = (
+        piece("wardrobe", 900, 100, 100, 54, id="w")
+        + piece("toiletUnit", 900, 300, 40, 80)
+        + piece("cooker", 900, 9, 60, 60)
+    )
+    home = flat(tmp_path, FLAT + parked)
+    bedroom, bathroom = home.rooms
+    assert [(i.category, i.center, i.rotation) for i in bedroom.furniture[1:]] == [("wardrobe", None, None)]
+    assert [(i.category, i.center) for i in bathroom.furniture[1:]] == [("toilet", None)]
+    assert any("the cooktop outside all rooms stays there" in note for note in home.collection.notes)
+    _, bathroom = flat(tmp_path, FLAT + parked, room="flat/room 2").rooms
+    assert len(bathroom.furniture) == 4
+    with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
+        flat(tmp_path, FLAT + parked, room="kitchen")
+
+
+def test_what_is_marked_is_to_be_placed_and_nothing_else(tmp_path: Path) -> None:
+    body = FLAT + piece("wardrobe", 300, 270, 100, 54, movable="false") + piece("chair", 900, 100, 40, 42)
+
+    def placed_anew(move: str | None) -> list[str]:
+        rooms = flat(tmp_path, body, move=move).rooms
+        return sorted(item.category for room in rooms for item in room.furniture if item.center is None)
+
+    assert placed_anew(None) == ["chair"]
+    assert placed_anew("all") == ["bed", "chair", "toilet"]  # the wardrobe is part of the building
+    assert placed_anew("bed, wardrobe") == ["bed", "wardrobe"]
+    assert placed_anew("") == []
+
+
+# Writing
+
+
+def assert_only_moved(before: Path, after: Path, moved: Iterable[str]) -> None:
+    """Nothing but x, y and angle of elements with these ids differs, and no other entry of the ZIP."""
+    with zipfile.ZipFile(before) as one, zipfile.ZipFile(after) as other:
+        assert one.namelist() == other.namelist()
+        assert all(one.read(name) == other.read(name) for name in one.namelist() if name != "Home.xml")
+    changed = set()
+    for old, new in zip(xml_of(before), xml_of(after), strict=True):
+        assert (old.tag, old.text, old.tail) == (new.tag, new.text, new.tail)
+        differing = {key for key in {**old.attrib, **new.attrib} if old.get(key) != new.get(key)}
+        assert differing <= {"x", "y", "angle"}
+        if differing:
+            changed.add(old.get("id"))
+    assert changed == set(moved)
+
+
+def test_a_home_in_which_nothing_moved_is_written_byte_for_byte(tmp_path: Path) -> None:
+    read_whole = flat(tmp_path, move="")
+    home = flat(tmp_path, move="all")
+    home.write(read_whole.rooms, tmp_path / "same.sh3d")
+    home.write(home.rooms, tmp_path / "none placed.sh3d")
+    home.write([], tmp_path / "nothing.sh3d")
+    for name in ("same", "none placed", "nothing"):
+        assert (tmp_path / f"{name}.sh3d").read_bytes() == home.path.read_bytes()
+
+
+@given(
+    x=st.floats(0.8, 3.2),
+    y=st.floats(-2.2, -0.8),
+    rotation=st.floats(0, 360),
+    was=st.floats(-7, 7),
+    encoding=st.booleans(),
+)
+def test_what_was_placed_is_where_the_layout_has_it(
+    tmp_path_factory: pytest.TempPathFactory, x: float, y: float, rotation: float, was: float, encoding: bool
+) -> None:
+    folder = tmp_path_factory.mktemp("home")
+    name = "Lit: été" if encoding else "Lit"
+    bed = piece("bed140x190", 100, 104, 140, 190, id="bed", angle=was, name=name, description="a > b")
+    path = home_file(folder / "flat.sh3d", bed + FLAT.replace(BED, ""))
+    home = read_home(path, move="bed")
+    bedroom, bathroom = home.rooms
+    (bed_item,) = bedroom.furniture
+    layout = replace(bedroom, furniture=(replace(bed_item, center=(x, y), rotation=rotation),))
+    home.write([layout, bathroom], folder / "out.sh3d")
+    assert_only_moved(path, folder / "out.sh3d", ["bed"])
+    (again,) = read_home(folder / "out.sh3d", move="").rooms[0].furniture
+    assert again.footprint.symmetric_difference(layout.furniture[0].footprint).area < 1e-3
+    assert abs((again.degrees - rotation + 180) % 360 - 180) < 1e-3
+
+
+def test_an_angle_that_was_left_out_is_added_and_a_group_moves_as_one(tmp_path: Path) -> None:
+    inside = piece("bed", 100, 100, 90, 200, id="a") + piece("texturableBox", 150, 100, 20, 20, id="b", angle=1)
+    group = piece("none", 110, 100, 110, 200, tag="furnitureGroup", inside=inside, catalogId="", name="Group", id="g")
+    home = flat(tmp_path, group + WALLS + ROOMS, move="bed")
+    room = home.rooms[0]
+    layout = replace(room, furniture=(replace(room.furniture[0], center=(2, -2), rotation=180),))
+    home.write([layout], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["a", "b", "g"])
+    found = {e.get("id"): [float(e.get(key, 0)) for key in ("x", "y", "angle")] for e in xml_of(tmp_path / "out.sh3d")}
+    assert found["g"] == pytest.approx([200, 200, math.pi / 2])
+    assert found["a"] == pytest.approx([200, 190, math.pi / 2], abs=1e-3)  # 10 left of the middle: now above it
+    assert found["b"] == pytest.approx([200, 240, 1 + math.pi / 2], abs=1e-3)
+
+
+def test_a_home_is_never_overwritten(tmp_path: Path) -> None:
+    home = flat(tmp_path, move="all")
+    before = home.path.read_bytes()
+    for out, problem in (
+        (home.path, "is there already"),
+        (tmp_path / "out.jsonl", "is no .sh3d file"),
+        (tmp_path / "none" / "out.sh3d", "cannot be written"),
+    ):
+        with pytest.raises(InputError, match=problem):
+            home.write(read_home(home.path, move="").rooms, out)
+    assert home.path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["flat.sh3d"]
+
+
+def test_a_home_is_opened_as_every_source_is(tmp_path: Path) -> None:
+    path = home_file(tmp_path / "flat.sh3d")
+    source = opened(path, move="bed")
+    assert source.suffix == ".sh3d"
+    assert [room.id for room in source.collection.rooms] == ["flat/Bedroom", "flat/room 2"]
+    source.write(source.collection.rooms, tmp_path / "out.sh3d")
+    assert (tmp_path / "out.sh3d").read_bytes() == path.read_bytes()
+
+
+# Files that are no homes
+
+
+@pytest.mark.parametrize(
+    ("xml", "problem"),
+    [
+        ("<!DOCTYPE home [<!ENTITY a 'aaaa'>]><home>&a;</home>", "DOCTYPE: expected none"),
+        ("<!DOCTYPE home SYSTEM 'file:///etc/passwd'><home/>", "DOCTYPE: expected none"),
+        ("<home><room>", "line 1: expected whole XML; got no element found"),
+        ("<house/>", "expected the element home first"),
+        ("<?xml version='1.0' encoding='ISO-8859-1'?><home/>", "encoding: expected UTF-8; got ISO-8859-1"),
+        ("<home><wall id='a' xStart='nan' yStart='0' xEnd='1' yEnd='1' thickness='1'/></home>", "expected a number"),
+        ("<home><wall id='a' xStart='1e300' yStart='0' xEnd='1' yEnd='1' thickness='1'/></home>", "got '1e300'"),
+        (
+            "<home><pieceOfFurniture name='bed' x='1' width='4' depth='5'/></home>",
+            "'bed': y: .* got nothing",
+        ),
+        ("<home>" + "<a>" * 200 + "</a>" * 200 + "</home>", "expected at most 100 elements in each other"),
+        ("<home>" + "<wall/>" * 2000 + "</home>", "wall: expected at most 400 in a home"),
+    ],
+)
+def test_a_file_that_is_no_home_is_answered_in_one_line(xml: str, problem: str, tmp_path: Path) -> None:
+    path = tmp_path / "home.sh3d"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("Home.xml", xml)
+    with pytest.raises(InputError, match=problem) as caught:
+        read_home(path)
+    assert re.fullmatch(rf"{re.escape(str(path))}: Home\.xml.*", str(caught.value))
+
+
+def test_a_zip_that_is_no_home_is_answered(tmp_path: Path) -> None:
+    path = tmp_path / "home.sh3d"
+    with pytest.raises(InputError, match="cannot be read"):
+        read_home(path)
+    path.write_bytes(b"no ZIP")
+    with pytest.raises(InputError, match="expected a home of Sweet Home 3D, which is a whole ZIP file"):
+        read_home(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("Home", b"before 5.3")
+    with pytest.raises(InputError, match="save it anew"):
+        read_home(path)
+
+
+def test_a_bomb_is_unpacked_no_further_than_a_home_goes(tmp_path: Path) -> None:
+    path = tmp_path / "home.sh3d"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("Home.xml", b"<home>" + b" " * 50_000_000 + b"</home>")
+    with pytest.raises(InputError, match="expected at most 8 MB; it unpacks to more"):
+        read_home(path)
+
+
+def test_entries_are_copied_and_never_unpacked_to_where_they_lead(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    evil = {"../evil": b"x", "/evil": b"y", "big": b"\0" * 1_000_000}
+    home = read_home(home_file(tmp_path / "in" / "flat.sh3d", entries=evil), move="bed")
+    (room, _) = home.rooms
+    moved = replace(room, furniture=(replace(room.furniture[0], center=(2, -1.5), rotation=0),))
+    home.write([moved], tmp_path / "in" / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "in" / "out.sh3d", ["bed"])
+    assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == ["flat.sh3d", "out.sh3d"]
+
+
+def test_rooms_of_a_home_can_be_written_as_json(tmp_path: Path) -> None:
+    for room in flat(tmp_path).rooms:
+        assert room_from_dict(room_to_dict(room)) == room
