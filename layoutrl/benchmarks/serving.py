@@ -39,15 +39,16 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
     looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
     furnishing = [look | {"movable": list(range(len(look["room"]["furniture"])))} for look in looks]
     with served() as (process, port):
-        Client(port).seconds("furnish", furnishing[0])  # which waits until it knows rooms of this type
+        with Client(port) as client:
+            client.seconds("furnish", furnishing[0])  # which waits until it knows rooms of this type
         picture = {} if (seconds := first_picture(port)) is None else {"picture_seconds": seconds}
-        client = Client(port)
-        moves = [client.seconds("furnish", asked) for asked in furnishing[:10]]
-        before = megabytes(process.pid)
-        began = time.perf_counter()
-        answers = [client.seconds("look", looks[k % len(looks)]) for k in range(config.requests)]
-        a_second = config.requests / (time.perf_counter() - began)
-        after = megabytes(process.pid)
+        with Client(port) as client:
+            moves = [client.seconds("furnish", asked) for asked in furnishing[:10]]
+            before = megabytes(process.pid)
+            began = time.perf_counter()
+            answers = [client.seconds("look", looks[k % len(looks)]) for k in range(config.requests)]
+            a_second = config.requests / (time.perf_counter() - began)
+            after = megabytes(process.pid)
         with ThreadPoolExecutor(config.clients) as clients:
             found = list(clients.map(lambda k: visited(port, looks[k % len(looks)]), range(config.clients)))
     slowest = [max(seconds) for seconds in found if seconds]
@@ -75,6 +76,14 @@ class Client:
     def __init__(self, port: int):
         self.connection = HTTPConnection("127.0.0.1", port, timeout=120)
 
+    def __enter__(self) -> Client:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the connection."""
+        self.connection.close()
+
     def seconds(self, question: str, asked: dict[str, Any]) -> float:
         """How long the answer takes. Raises OSError where it is an error."""
         body, began = json.dumps(asked), time.perf_counter()
@@ -89,8 +98,8 @@ class Client:
 def visited(port: int, look: dict[str, Any]) -> list[float] | None:
     """How long a client waits for each of some answers; None where one is an error."""
     try:
-        client = Client(port)
-        return [client.seconds("look", look) for _ in range(ANSWERS)]
+        with Client(port) as client:
+            return [client.seconds("look", look) for _ in range(ANSWERS)]
     except OSError:
         return None
 

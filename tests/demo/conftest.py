@@ -18,8 +18,6 @@ from layoutrl.runs.config import composed
 if TYPE_CHECKING:
     from layoutrl.demo.answers import Answers
 
-pytest.importorskip("starlette", reason="the extra demo is not installed")
-pytest.importorskip("uvicorn", reason="the extra demo is not installed")
 SECONDS = 0.05
 
 

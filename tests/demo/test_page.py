@@ -21,6 +21,8 @@ from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM
 from tests.demo.conftest import served
 
+for extra in ("starlette", "uvicorn"):
+    pytest.importorskip(extra, reason="the extra demo is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: the page is not tried in a browser")
 CHROMIUM = browser_of()
 if CHROMIUM is None:
