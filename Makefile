@@ -41,6 +41,9 @@ lint: setup  ## ruff (lint and format) and mypy
 bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS="parts=[training]"
 	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
 
+demo: setup  ## a page to try it on, at http://127.0.0.1:8765
+	$(BIN)/python -m layoutrl.demo $(ARGS)
+
 tables: setup  ## the paper's tables, and real rooms: make tables ROOM=kitchen budget=smoke DATA=../shared/data
 	@status=0; trap 'exit 130' INT; \
 	$(BIN)/python experiments/table1.py $(TYPES) $(OPTIONS) || status=1; \
@@ -61,4 +64,4 @@ board: setup  ## TensorBoard on all runs
 clean:  ## remove the environment and caches; keeps runs
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
-.PHONY: help setup train test search fuzz lint bench tables notebooks docs board clean
+.PHONY: help setup train test search fuzz lint bench demo tables notebooks docs board clean

@@ -9,6 +9,7 @@ from importlib import import_module
 
 COMMANDS = {
     "place": "puts furniture where it belongs, in rooms of your own",
+    "demo": "shows a page to furnish rooms on",
     "train": "trains an agent, and scores it in held-out rooms",
     "evaluate": "scores a trained agent again: other rooms, more starts",
     "watch": "makes an animation of a trained agent",

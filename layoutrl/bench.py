@@ -1,4 +1,4 @@
-"""python -m layoutrl.bench [parts=[speed,rooms,memory,growth,training,image,sb3]] [device=cpu]
+"""python -m layoutrl.bench [parts=[speed,rooms,memory,growth,demo,training,image,sb3]] [device=cpu]
 
 Measures on one machine, in one run, what the project promises; prints a table and writes bench.json.
 """
@@ -15,6 +15,7 @@ from typing import Any
 from layoutrl import InputError
 from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
 from layoutrl.benchmarks.learning import memory, speed
+from layoutrl.benchmarks.serving import serving
 from layoutrl.benchmarks.simulation import FURNISHED, ITEMS, furnishing, growth, plot
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
@@ -55,6 +56,15 @@ ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
     "growth": {
         "moves_a_second_by_episodes": ("moves a second, by parallel episodes", {"65536": "(GPU: 20,000,000)"}),
         "moves_a_second_by_items": ("moves a second, by items a room", ""),
+    },
+    "demo": {
+        "picture_seconds": ("first picture of the demo in a browser, seconds", "1"),
+        "move_seconds": ("first move of furnishing a room, seconds", "1"),
+        "look_milliseconds": ("faults and measures of a room, milliseconds", "30"),
+        "looks_a_second": ("  answers a second, one after the other", "30"),
+        "share_answered": ("clients at once, share without an error", "1"),
+        "slowest_seconds": ("  slowest answer, seconds", ""),
+        "megabytes": ("memory of the server, MB", ""),
     },
     "training": {
         "minutes_to_goal": (f"minutes to a mean IoU of {TRAINING_IOU} in the held-out rooms", "3"),
@@ -104,6 +114,7 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "rooms": furnishing,
     "memory": memory,
     "growth": growth,
+    "demo": serving,
     "training": training,
     "image": image,
     "sb3": sb3,

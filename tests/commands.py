@@ -17,7 +17,7 @@ from typing import Any
 import torch
 
 PROJECT = Path(__file__).resolve().parents[1]
-COMMANDS = ("train", "planit.train", "evaluate", "place", "watch", "gallery", "bench")
+COMMANDS = ("train", "planit.train", "evaluate", "place", "watch", "gallery", "bench", "demo")
 IMPORTED = (
     *(f"layoutrl.{command}" for command in COMMANDS),
     *("cells", "real_rooms", "table1", "table2"),

@@ -258,6 +258,22 @@ class PlaceConfig:
 
 
 @dataclass
+class DemoConfig:
+    """A page on this machine, and how whoever furnishes rooms there does it."""
+
+    port: int = MISSING
+    seconds: float = MISSING
+    timeout: float = MISSING
+    search: Searching = MISSING
+
+    def __post_init__(self) -> None:
+        _within("port", self.port, 0 <= self.port <= 65535, "0 to 65535")
+        _within("seconds", self.seconds, self.seconds > 0, "more than 0")
+        _within("timeout", self.timeout, self.timeout > 0, "more than 0")
+        check_furnishing(self.search, MISSING)
+
+
+@dataclass
 class GalleryConfig:
     """Rooms that are drawn on a sheet."""
 
@@ -287,6 +303,8 @@ class BenchConfig(TrainConfig):
     batches: list[int] = MISSING
     items: list[int] = MISSING
     items_rooms: int = MISSING
+    requests: int = MISSING
+    clients: int = MISSING
     probe_every: int = MISSING
     minutes: float = MISSING
 
@@ -294,9 +312,9 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         check_method("paper", self.paper)
         for part in self.parts:
-            one_of("parts", part, "speed", "rooms", "memory", "growth", "training", "image", "sb3")
+            one_of("parts", part, "speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
         _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
-        for name in ("batch", "images", "items_rooms", "probe_every"):
+        for name in ("batch", "images", "items_rooms", "requests", "clients", "probe_every"):
             value = getattr(self, name)
             _within(name, value, value >= 1, "1 or more")
         for name in ("shapely_batches", "batches", "items"):
@@ -341,7 +359,7 @@ def check_method(prefix: str, method: Method) -> None:
     _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
 
 
-def check_furnishing(search: Searching, annealer: Annealing) -> None:
+def check_furnishing(search: Any, annealer: Any) -> None:
     """Raises InputError for what is out of range in `search` and `annealer` of a configuration, if it has them."""
     if isinstance(search, Searching):  # it is the text MISSING otherwise
         _within("search.grid", search.grid, search.grid > 0, "more than 0")
@@ -399,6 +417,7 @@ def register() -> None:
     store.store(name="evaluate_schema", node=EvaluateConfig)
     store.store(name="watch_schema", node=WatchConfig)
     store.store(name="place_schema", node=PlaceConfig)
+    store.store(name="demo_schema", node=DemoConfig)
     store.store(name="gallery_schema", node=GalleryConfig)
     store.store(name="bench_schema", node=BenchConfig)
 

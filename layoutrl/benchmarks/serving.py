@@ -1,0 +1,149 @@
+"""How soon the demo answers, by a server of its own on this machine: one hand that drags, many at once, for long."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from http.client import HTTPConnection
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import torch
+
+from layoutrl import InputError
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.room import Room
+from layoutrl.runs.config import BenchConfig
+
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+ANSWERS = 3  # times that each of many clients asks
+
+
+def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: torch.device) -> dict[str, Any]:
+    """Answers a second, the time to the first picture and move, many clients at once, and memory over many answers.
+
+    The picture needs Chromium and playwright; it is left out without them.
+    """
+    if lacking := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
+        raise InputError(f"parts: demo needs {' and '.join(lacking)}; install them: pip install 'layoutrl[demo]'")
+    looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
+    furnishing = [look | {"movable": list(range(len(look["room"]["furniture"])))} for look in looks]
+    with served() as (process, port):
+        with Client(port) as client:
+            client.seconds("furnish", furnishing[0])  # which waits until it knows rooms of this type
+        picture = {} if (seconds := first_picture(port)) is None else {"picture_seconds": seconds}
+        with Client(port) as client:
+            moves = [client.seconds("furnish", asked) for asked in furnishing[:10]]
+            before = megabytes(process.pid)
+            began = time.perf_counter()
+            answers = [client.seconds("look", looks[k % len(looks)]) for k in range(config.requests)]
+            a_second = config.requests / (time.perf_counter() - began)
+            after = megabytes(process.pid)
+        with ThreadPoolExecutor(config.clients) as clients:
+            found = list(clients.map(lambda k: visited(port, looks[k % len(looks)]), range(config.clients)))
+    slowest = [max(seconds) for seconds in found if seconds]
+    memory = (
+        {}
+        if before is None or after is None
+        else {"megabytes": {f"after {config.requests} answers": after, "before": before}}
+    )
+    return (
+        picture
+        | {
+            "move_seconds": median(moves),
+            "look_milliseconds": 1000 * median(answers),
+            "looks_a_second": a_second,
+            "share_answered": len(slowest) / config.clients,
+            "slowest_seconds": max(slowest, default=None),
+        }
+        | memory
+    )
+
+
+class Client:
+    """One connection to the server."""
+
+    def __init__(self, port: int):
+        self.connection = HTTPConnection("127.0.0.1", port, timeout=120)
+
+    def __enter__(self) -> Client:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the connection."""
+        self.connection.close()
+
+    def seconds(self, question: str, asked: dict[str, Any]) -> float:
+        """How long the answer takes. Raises OSError where it is an error."""
+        body, began = json.dumps(asked), time.perf_counter()
+        self.connection.request("POST", f"/api/{question}", body, {"Content-Type": "application/json"})
+        response = self.connection.getresponse()
+        said = response.read()
+        if response.status != 200:
+            raise OSError(f"{response.status} {said[:200]!r}")
+        return time.perf_counter() - began
+
+
+def visited(port: int, look: dict[str, Any]) -> list[float] | None:
+    """How long a client waits for each of some answers; None where one is an error."""
+    try:
+        with Client(port) as client:
+            return [client.seconds("look", look) for _ in range(ANSWERS)]
+    except OSError:
+        return None
+
+
+@contextmanager
+def served() -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A server in a process of its own, and its port."""
+    command = [sys.executable, "-m", "layoutrl.demo", "port=0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            if not (found := re.search(r"127\.0\.0\.1:(\d+)", process.stdout.readline())):
+                raise InputError("demo: the server did not begin; python -m layoutrl.demo says why")
+            yield process, int(found[1])
+        finally:
+            process.terminate()
+
+
+def first_picture(port: int) -> float | None:
+    """Seconds until a browser that is running shows the furniture of the first room; None without a browser."""
+    if (chromium := browser_of()) is None or find_spec("playwright") is None:
+        return None
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page()
+        began = time.perf_counter()
+        page.goto(f"http://127.0.0.1:{port}")
+        page.wait_for_selector("#plan .item")
+        seconds = time.perf_counter() - began
+        browser.close()
+    return seconds
+
+
+def browser_of() -> str | None:
+    """The path of Chromium, if there is one."""
+    return next(filter(None, map(shutil.which, CHROMIUM)), None)
+
+
+def megabytes(pid: int) -> float | None:
+    """The memory that a process takes; None where the machine does not tell as Linux does."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except OSError:
+        return None
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

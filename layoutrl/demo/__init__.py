@@ -1,0 +1,34 @@
+"""python -m layoutrl.demo [port=8765]
+
+A page to furnish rooms on, at http://127.0.0.1:8765. Nothing leaves this machine.
+"""
+
+from __future__ import annotations
+
+import socket
+from importlib.util import find_spec
+
+from layoutrl import InputError
+from layoutrl.runs.commands import command
+from layoutrl.runs.config import DemoConfig
+
+
+def run(config: DemoConfig) -> None:
+    """Serve the page until Ctrl-C. Raises InputError where the extra or the port is missing."""
+    if missing := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
+        raise InputError(f"demo: {' and '.join(missing)} missing; install them: pip install 'layoutrl[demo]'")
+    from layoutrl.demo.server import serve
+
+    with listening(config.port) as listener:
+        serve(config, listener)
+
+
+def listening(port: int) -> socket.socket:
+    """A socket of 127.0.0.1. Raises InputError where the port is not to be had."""
+    try:
+        return socket.create_server(("127.0.0.1", port))
+    except OSError as error:
+        raise InputError(f"port: {port} cannot be had ({error.strerror}); expected a free one, as port=8766") from None
+
+
+main = command("demo", DemoConfig, run)

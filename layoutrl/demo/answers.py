@@ -1,0 +1,288 @@
+"""What the page asks, and the answers: plain lists and numbers for JSON. Nothing is kept from one to the next."""
+
+from __future__ import annotations
+
+import math
+import re
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from statistics import median_low
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from layoutrl import InputError
+from layoutrl.demo.furnisher import Furnished, Furnisher, SearchFurnisher, Thinker
+from layoutrl.demo.home import new_home, written_back
+from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
+from layoutrl.env.answerable import Answerable, answerable
+from layoutrl.env.faults import MISSING, faults
+from layoutrl.figures.drawing import svg
+from layoutrl.rooms.brief import missing
+from layoutrl.rooms.clearances import FRONT_DEPTH
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.formats import opened
+from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
+
+SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
+SHOWN = 2  # of them, in the gallery
+SEED = 7  # of these rooms
+USUAL = 0.6  # of rooms have an item that is usual
+CHOICES = 3
+LARGEST_BODY = 200_000  # bytes about one room: as many corners as are worked out soon
+WIDEST = 25.0  # metres of a room's sides
+MOST_ITEMS = 40
+MOST_ROOMS = 100  # of a file
+STEPS = (0.05, 1.0)  # metres between the places of a heat map
+
+# What a fault is, to who has not read of it.
+WORDS = {
+    MISSING: "is still to be placed",
+    "overlaps": "overlaps something",
+    "outside": "stands in a wall or outside",
+    "blocks an opening": "blocks a door or window",
+    "out of reach": "cannot be reached from the door",
+    "front not free": "needs free floor before it",
+}
+
+Answer = dict[str, Any]
+
+
+class Answers:
+    """The answers of a page whose rooms are furnished by a `Furnisher`."""
+
+    def __init__(self, furnisher: Furnisher):
+        self.furnisher = furnisher
+        samples = {room_type: design_rooms(room_type, "test", SEED, SAMPLES).rooms for room_type in MAIN_ITEM}
+        self.begin: Answer = {
+            "gallery": [shown(room) for rooms in samples.values() for room in rooms[:SHOWN]],
+            "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
+            "fronts": sorted(FRONT_DEPTH),
+            "thinks": isinstance(furnisher, Thinker),
+        }
+        self.categories = frozenset(item.category for rooms in samples.values() for r in rooms for item in r.furniture)
+        self.questions: dict[str, Callable[[Any], Answer]] = {
+            "look": self.look,
+            "opening": self.opening,
+            "furnish": self.furnish,
+            "values": self.values,
+            "moves": self.moves,
+            "svg": self.svg,
+        }
+
+    def warm(self) -> None:
+        """Have the furnisher know each type of room before somebody asks, in a thread that ends with the program."""
+        if isinstance(furnisher := self.furnisher, SearchFurnisher):
+            threading.Thread(target=lambda: [furnisher.relations(kind) for kind in MAIN_ITEM], daemon=True).start()
+
+    def answer(self, about: str, body: bytes) -> Answer:
+        """The answer to a question, whose JSON names the `room`. Raises InputError for what is wrong with it."""
+        return self.questions[about](question(body))
+
+    def look(self, asked: Any) -> Answer:
+        """The room as it is read, how to draw it, its faults, and how far an `item`, if one is named, is from all."""
+        room = room_in(asked)
+        item = None if asked.get("item") is None else item_in(asked, room)
+        middle = room.indoor.representative_point()
+        return shown(room) | {
+            "swings": swings(room),
+            "middle": [round(middle.x, 2), round(middle.y, 2)],
+            "area": room.indoor.area,
+            "faults": told(room),
+            "gaps": [] if item is None else [[*way, metres] for way, metres in gaps(room, item)],
+        }
+
+    def opening(self, asked: Any) -> Answer:
+        """The room with an opening more (`kind`, `at`, `width`) or less (`remove`: its index, doors first)."""
+        room = room_in(asked)
+        if "remove" in asked:
+            room = without_opening(room, index_in(asked, "remove", len(room.openings)))
+        else:
+            at = asked.get("at")
+            if not isinstance(at, list) or len(at) != 2:
+                raise InputError("at: expected two numbers, in metres")
+            x, y = (number(value, "at", -1000, 1000) for value in at)
+            room = with_opening(room, str(asked.get("kind")), (x, y), number(asked.get("width"), "width", 0, 1000))
+        return self.look({"room": room_to_dict(room)})
+
+    def furnish(self, asked: Any) -> Answer:
+        """Different layouts of the room with the items of `movable` placed anew, best first, and the way to each."""
+        room = room_in(asked)
+        chosen = asked.get("movable")
+        if not isinstance(chosen, list):
+            raise InputError("movable: expected a list of indices of furniture")
+        movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
+        furniture = [
+            replace(i, center=None, rotation=None) if k in movable else i for k, i in enumerate(room.furniture)
+        ]
+        brief = replace(room, furniture=tuple(furniture))
+        if not missing(brief):
+            raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
+        seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
+        held = answerable(brief, self._known(room.room_type))
+        (found,) = self.furnisher.furnish([held.brief], CHOICES, seed) if missing(held.brief) else [[]]
+        return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
+
+    def values(self, asked: Any) -> Answer:
+        """What the furnisher thinks of all places of an `item`, a `step` apart."""
+        thinker, room = self._thinker(), room_in(asked)
+        item = item_in(asked, room)
+        centers, values, degrees = thinker.values(room, item, number(asked.get("step", 0.2), "step", *STEPS))
+        known = np.isfinite(values)  # elsewhere it cannot stand
+        found = {"centers": np.round(centers, 3), "values": values, "degrees": degrees}
+        return {name: array[known].tolist() for name, array in found.items()}
+
+    def moves(self, asked: Any) -> Answer:
+        """The moves of an `item` that the furnisher values highest."""
+        thinker, room = self._thinker(), room_in(asked)
+        found = thinker.moves(room, item_in(asked, room))
+        return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
+
+    def svg(self, asked: Any) -> Answer:
+        """The room as a drawing to true size."""
+        room = room_in(asked)
+        return {"svg": svg(room, faults(room))}
+
+    def read(self, content: bytes) -> Answer:
+        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms."""
+        suffix = suffix_of(content)
+        with TemporaryDirectory(prefix="layoutrl-") as folder:
+            path = Path(folder) / f"file{suffix}"
+            path.write_bytes(content)
+            try:
+                collection = opened(path).collection
+            except InputError as error:
+                raise InputError(str(error).replace(str(path), "file")) from None
+        left_out = [f"{where}: {problem}".replace(str(path), "line") for where, problem in collection.left_out]
+        rooms = []
+        for room in collection.rooms[:MOST_ROOMS]:
+            try:
+                rooms.append(shown(limited(room)))
+            except InputError as error:
+                left_out.append(f"{room.id}: {error}")
+        if (more := len(collection.rooms) - MOST_ROOMS) > 0:
+            left_out.append(f"{more} more rooms are left out; expected at most {MOST_ROOMS}")
+        if not rooms:
+            raise InputError(left_out[0] if left_out else "file: expected rooms; it is empty")
+        return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
+
+    def home(self, body: bytes) -> bytes:
+        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from."""
+        line, _, content = body.partition(b"\n")
+        room = room_in(question(line))
+        try:
+            return written_back(room, content) if content else new_home(room)
+        except InputError as error:
+            raise InputError(re.sub(r"/\S*/", "", str(error))) from None
+
+    def _known(self, room_type: str) -> frozenset[str]:
+        """The categories that can be placed in rooms of a type."""
+        if isinstance(self.furnisher, SearchFurnisher):
+            return frozenset(self.furnisher.relations(room_type).alone)
+        return self.categories
+
+    def _thinker(self) -> Thinker:
+        if not isinstance(self.furnisher, Thinker):
+            raise InputError("values: who furnishes here is a search, which values no places")
+        return self.furnisher
+
+
+def question(body: bytes) -> dict[str, Any]:
+    """A question about a room, from its JSON. Raises InputError where it is none, or too large to answer soon."""
+    if len(body) > LARGEST_BODY:
+        raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB; got {len(body) // 1000} kB")
+    asked = parsed(body)
+    if isinstance(asked, RoomError):
+        raise asked
+    if not isinstance(asked, dict) or "room" not in asked:
+        raise InputError("room: missing; expected a JSON object with a room")
+    return asked
+
+
+def suffix_of(content: bytes) -> str:
+    """What a file is, by how it begins: a home is a ZIP, a .json file is one document."""
+    if content.startswith(b"PK"):
+        return ".sh3d"
+    return ".jsonl" if isinstance(parsed(content), RoomError) else ".json"
+
+
+def room_in(asked: Any) -> Room:
+    """The room of a question. Raises InputError where it is none, or too large to answer soon."""
+    return limited(room_from_dict(asked["room"]))
+
+
+def limited(room: Room) -> Room:
+    """The room. Raises InputError where it is too large to be answered soon."""
+    x0, y0, x1, y1 = room.envelope.bounds
+    if max(x1 - x0, y1 - y0) > WIDEST:
+        raise InputError(f"outline: expected at most {WIDEST:g} m; got {x1 - x0:.1f} by {y1 - y0:.1f} m")
+    if len(room.furniture) > MOST_ITEMS:
+        raise InputError(f"furniture: expected at most {MOST_ITEMS} pieces; got {len(room.furniture)}")
+    return room
+
+
+def item_in(asked: Any, room: Room) -> int:
+    """The index of the item that a question is about. Raises InputError where there is none, or it does not stand."""
+    index = index_in(asked, "item", len(room.furniture))
+    if room.furniture[index].center is None:
+        raise InputError(f"item: the {room.furniture[index].category} is not placed; expected one that stands")
+    return index
+
+
+def index_in(asked: Any, field: str, count: int) -> int:
+    """An index below a count. Raises InputError for anything else."""
+    index = asked.get(field)
+    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < count:
+        raise InputError(f"{field}: expected an index from 0 to {count - 1}" if count else f"{field}: there is none")
+    return index
+
+
+def number(value: Any, field: str, low: float, high: float) -> float:
+    """A number in a range. Raises InputError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise InputError(f"{field}: expected a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def shown(room: Room) -> Answer:
+    """A room, and the box [x0, y0, x1, y1] in metres that its picture shows."""
+    return {"room": room_to_dict(room), "box": [*room.envelope.bounds]}
+
+
+def told(room: Room) -> list[list[Any]]:
+    """What is wrong with a room: the item's index, the fault's name, and words."""
+    return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in faults(room)]
+
+
+def choice(held: Answerable, furnished: Furnished) -> Answer:
+    """A layout for the page, by the indices of the furniture as it was asked."""
+    layout = held.answer(furnished.layout)
+    asked = [k for k in range(len(layout.furniture)) if k not in held.refused]
+    return {
+        "furniture": room_to_dict(layout)["furniture"],
+        "value": furnished.value if math.isfinite(furnished.value) else None,
+        "faults": told(layout),
+        "path": [[asked[k], [*center], degrees] for k, center, degrees in furnished.path],
+    }
+
+
+def palette(rooms: Sequence[Room]) -> list[Answer]:
+    """What stands in rooms of a type, most frequent first: each at the middle of its sizes, and how many are usual."""
+    kinds: dict[tuple[str, str], list[Item]] = {}
+    for item in chain.from_iterable(room.furniture for room in rooms):
+        kinds.setdefault((item.category, item.form), []).append(item)
+    entries = []
+    for (category, form), items in sorted(kinds.items(), key=lambda entry: -len(entry[1])):
+        widths, depths = zip(*(item.size for item in items), strict=True)
+        counts = Counter(sum((i.category, i.form) == (category, form) for i in room.furniture) for room in rooms)
+        usual = max(n for n in counts if sum(c for m, c in counts.items() if m >= n) >= USUAL * len(rooms) or not n)
+        item = Item(category, (median_low(widths), median_low(depths)), None, None, items[0].form, items[0].tucked)
+        shell = replace(rooms[0], furniture=(item,), target=None)
+        entries.append({"item": room_to_dict(shell)["furniture"][0], "usual": usual})
+    return entries

@@ -1,0 +1,117 @@
+"""A room as a home of Sweet Home 3D: written back into the home that it was read from, or as a new one.
+
+Home.xml has centimetres, y down, radians clockwise. A piece without a model is shown as a box.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.polygon import orient
+
+from layoutrl import InputError
+from layoutrl.rooms.formats import opened
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Room
+
+VERSION = "5300"
+WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
+HEIGHTS = {"bed": 50.0, "platform": 40.0, "chair": 90.0, "wardrobe": 200.0, "bookcase": 200.0, "fridge": 185.0}
+HEIGHT = 75.0  # centimetres, of other furniture
+NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
+
+
+def written_back(room: Room, content: bytes) -> bytes:
+    """The home that a room was read from, whole, with the furniture of this room where it stands now.
+
+    Raises InputError where the room has other furniture than in the home, or moved what the home does not let move.
+    """
+    with TemporaryDirectory(prefix="layoutrl-") as folder:
+        path, out = Path(folder) / NAME, Path(folder) / f"out-{NAME}"
+        path.write_bytes(content)
+        home = opened(path, move="all")
+        before = next((read for read in home.collection.rooms if read.id == room.id), None)
+        pieces = [] if before is None else [*before.furniture]
+        if [(i.category, i.size) for i in pieces] != [(i.category, i.size) for i in room.furniture]:
+            raise InputError("home: expected the furniture that was read from it, no more or less, in the same sizes")
+        for piece, item in zip(pieces, room.furniture, strict=True):
+            if piece.center is not None and (piece.center, piece.rotation) != (item.center, item.rotation):
+                raise InputError(f"home: expected the {item.category} where it was: nobody knows it, or it is fixed")
+        home.write([room], out)
+        return out.read_bytes()
+
+
+def new_home(room: Room) -> bytes:
+    """A home of this room alone."""
+    home = Element("home", version=VERSION, name=room.id, camera="topCamera", wallHeight=f"{WALL_HEIGHT:g}")
+    for number, opening in enumerate(room.openings):
+        piece = SubElement(home, "doorOrWindow", id=f"opening{number}", catalogId=f"layoutrl#{opening.kind}")
+        low, high = (0.0, DOOR_HEIGHT) if opening.kind == "door" else (SILL, WINDOW_HEIGHT)
+        corners = np.array(shapely.minimum_rotated_rectangle(opening.shape).exterior.coords)
+        sides = np.diff(corners[:3], axis=0)
+        lengths = np.hypot(*sides.T)
+        along = sides[lengths.argmax()]
+        _set(
+            piece,
+            opening.kind,
+            corners[:4].mean(0),
+            -math.atan2(along[1], along[0]),
+            lengths.max(),
+            lengths.min(),
+            high,
+        )
+        piece.set("elevation", f"{low:g}")
+    for number, item in enumerate(room.furniture):
+        if item.center is None:
+            continue
+        piece = SubElement(home, "pieceOfFurniture", id=f"piece{number}", catalogId=f"layoutrl#{item.category}")
+        name = f"{'round ' if item.form == 'circle' else ''}{item.category.replace('_', ' ')}"
+        high = HEIGHTS.get(item.category, HEIGHT)
+        _set(piece, name, item.center, math.radians(270 - item.degrees) % math.tau, item.size[1], item.size[0], high)
+    thickness = thickness_of(room)
+    line = orient(Polygon(room.outline).buffer(thickness / 2, join_style="mitre")).exterior.coords[:-1]
+    for k, (start, end) in enumerate(zip(line, [*line[1:], line[0]], strict=True)):
+        wall = SubElement(home, "wall", id=f"wall{k}", height=f"{WALL_HEIGHT:g}", thickness=_cm(thickness))
+        wall.set("wallAtStart", f"wall{(k - 1) % len(line)}")
+        wall.set("wallAtEnd", f"wall{(k + 1) % len(line)}")
+        for name, value in zip(("xStart", "yStart", "xEnd", "yEnd"), (*start, *end), strict=True):
+            wall.set(name, _cm(-value if name.startswith("y") else value))
+    floor = SubElement(home, "room", id="room", name=room.room_type.replace("_", " "))
+    for x, y in room.outline:
+        SubElement(floor, "point", x=_cm(x), y=_cm(-y))
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("Home.xml", tostring(home, "utf-8", xml_declaration=True))
+    return content.getvalue()
+
+
+def thickness_of(room: Room) -> float:
+    """How thick the walls of a room are, as most of its sides have it, in metres."""
+    sides = zip(room.outline, [*room.outline[1:], room.outline[0]], strict=True)
+    border = room.envelope.exterior
+    depth = median(shapely.distance(border, shapely.Point(np.mean(side, 0))) for side in sides)
+    return depth if depth > TOLERANCE else WALL_THICKNESS
+
+
+def _set(
+    piece: Element, name: str, center: Iterable[float], angle: float, width: float, depth: float, height: float
+) -> None:
+    x, y = center
+    piece.set("name", name)
+    piece.set("angle", f"{angle:.6f}")
+    piece.set("height", f"{height:g}")
+    for key, metres in (("x", x), ("y", -y), ("width", width), ("depth", depth)):
+        piece.set(key, _cm(metres))
+
+
+def _cm(metres: float) -> str:
+    return f"{100 * float(metres):.4f}"

@@ -1,0 +1,103 @@
+// A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
+
+import { $, DRAFT_SIZE, answered, changed, known, open, plan, render, say } from "./page.js";
+import { metres, snapped } from "./plan.js";
+import { state, words } from "./store.js";
+
+const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const HINTS = {
+  draw: "Click corner after corner, or go with the arrows and press Enter; the first corner again closes the outline.",
+  door: "Click a wall, or go there with the arrows and press Enter.",
+  window: "Click a wall, or go there with the arrows and press Enter.",
+};
+const same = (one, other) => one.join() === other.join();
+
+function enter(mode) {
+  if (document.body.dataset.state !== "idle") return;
+  Object.assign(state, { mode: state.mode === mode ? "edit" : mode, draft: [], selected: null, thoughts: null });
+  state.cursor = mode === "draw" ? [1, 1] : [...state.look.middle];
+  render();
+  if (state.mode === "edit") return;
+  say("");
+  $("verdict").textContent = HINTS[mode];
+  plan.focus({ preventScroll: true });
+}
+
+async function put() {
+  const { mode, draft, cursor, room } = state;
+  if (mode === "draw") {
+    if (draft.length > 2 && same(draft[0], cursor)) return close();
+    if (!draft.some((corner) => same(corner, cursor))) draft.push(cursor);
+    return render();
+  }
+  try {
+    const said = await answered("opening", { room, kind: mode, at: cursor, width: Number($("wide").value) });
+    Object.assign(state, { room: said.room, look: said, mode: "edit", choices: [] });
+    await changed();
+  } catch (error) {
+    say(error.message);
+  }
+}
+
+async function close() {
+  const kind = $("kind").value;
+  const room = { id: `my ${words(kind)}`, room_type: kind, outline: state.draft, doors: [], windows: [], furniture: [] };
+  const taken = await open(room);
+  if (!taken) return;
+  $("adding").open = true;
+}
+
+document.addEventListener("unopen", async ({ detail }) => {
+  try {
+    const said = await answered("opening", { room: state.room, remove: detail });
+    Object.assign(state, { room: said.room, look: said, selected: null, choices: [] });
+    await changed();
+  } catch (error) {
+    say(error.message);
+  }
+});
+
+plan.addEventListener("pointermove", (event) => {
+  if (state.mode === "edit") return;
+  const cursor = snapped(metres(plan, event));
+  if (same(cursor, state.cursor)) return;
+  state.cursor = cursor;
+  render();
+});
+
+plan.addEventListener("click", (event) => {
+  if (state.mode === "edit") return;
+  state.cursor = snapped(metres(plan, event));
+  put();
+});
+
+plan.addEventListener("keydown", (event) => {
+  if (state.mode === "edit") return;
+  const way = WAYS[event.key];
+  if (way) {
+    const far = state.mode === "draw" ? DRAFT_SIZE : null;
+    const to = snapped(state.cursor.map((value, axis) => value + way[axis] * (event.shiftKey ? 1 : 0.1)));
+    state.cursor = far ? to.map((value, axis) => Math.min(Math.max(value, 0), far[axis])) : to;
+    $("verdict").textContent = state.cursor.map((value) => value.toFixed(1)).join(", ");
+    render();
+  } else if (event.key === "Enter") put();
+  else if (event.key === "Backspace") back();
+  else if (event.key === "Escape") enter(state.mode);
+  else return;
+  event.preventDefault();
+  event.stopImmediatePropagation();
+});
+
+function back() {
+  state.draft.pop();
+  render();
+}
+
+$("draw").onclick = () => enter("draw");
+$("door").onclick = () => enter("door");
+$("window").onclick = () => enter("window");
+$("close").onclick = close;
+$("back").onclick = back;
+export function offerKinds() {
+  $("kind").replaceChildren(...Object.keys(known.palette).map((kind) => new Option(words(kind), kind)));
+}

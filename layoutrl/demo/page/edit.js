@@ -1,0 +1,187 @@
+// Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
+
+import { $, answered, changed, known, look, plan, render, select } from "./page.js";
+import { metres } from "./plan.js";
+import { commit, item, state, travel } from "./store.js";
+
+const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const idle = () => document.body.dataset.state === "idle";
+const centimetres = (value) => Math.round(value * 100) / 100;
+let drag = null;
+
+plan.addEventListener("pointerdown", (event) => {
+  if (state.mode !== "edit" || !idle() || event.button !== 0) return;
+  const thing = event.target.closest("[data-item], [data-opening]");
+  if (!thing) return select(null);
+  if (thing.dataset.opening) return select("opening", Number(thing.dataset.opening));
+  const index = Number(thing.dataset.item);
+  select("item", index);
+  document.querySelector(`[data-item="${index}"]`)?.focus({ preventScroll: true });
+  event.preventDefault();
+  if (state.locked[index]) return;
+  plan.setPointerCapture(event.pointerId);
+  drag = { index, from: metres(plan, event), center: state.room.furniture[index].center, moved: false };
+});
+
+plan.addEventListener("pointermove", (event) => {
+  if (!drag) return;
+  const [x, y] = metres(plan, event);
+  const center = [drag.center[0] + x - drag.from[0], drag.center[1] + y - drag.from[1]].map(centimetres);
+  if (!drag.moved && Math.hypot(x - drag.from[0], y - drag.from[1]) < 0.02) return;
+  drag.moved = true;
+  state.notice = "";
+  state.room.furniture[drag.index].center = center;
+  state.look.gaps = [];
+  render();
+  look();
+});
+
+async function dropped() {
+  if (!drag) return;
+  const { index, center, moved } = drag;
+  drag = null;
+  if (!moved) return;
+  await settled(index, { center });
+}
+
+plan.addEventListener("pointerup", dropped);
+plan.addEventListener("pointercancel", dropped);
+
+// Keep a change of an item if the server takes it, else put it back as it was.
+async function settled(index, before) {
+  const { room } = state;
+  await look();
+  const { problem } = state;
+  if (problem) {
+    Object.assign(room.furniture[index], before);
+    state.notice = problem;
+    await look();
+  } else {
+    commit();
+    render();
+  }
+  document.dispatchEvent(new Event("choose"));
+}
+
+function change(fields) {
+  const chosen = item();
+  if (!chosen || !idle() || state.locked[state.selected.index]) return;
+  const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
+  Object.assign(chosen, fields);
+  state.notice = "";
+  if ("size" in fields) state.choices = [];
+  render();
+  settled(state.selected.index, before);
+}
+
+const turn = (degrees) => item()?.center && change({ rotation: (((item().rotation ?? 0) + degrees) % 360 + 360) % 360 });
+
+function lock() {
+  if (!item()) return;
+  state.locked[state.selected.index] = !state.locked[state.selected.index];
+  changed();
+}
+
+function remove() {
+  const { selected, room } = state;
+  if (!selected || !idle()) return;
+  if (selected.kind === "opening") return document.dispatchEvent(new CustomEvent("unopen", { detail: selected.index }));
+  room.furniture.splice(selected.index, 1);
+  state.locked.splice(selected.index, 1);
+  retarget(room);
+  select(null);
+  changed();
+  plan.focus({ preventScroll: true });
+}
+
+// Which item moves by default is for files that name it; here the list has changed.
+function retarget(room) {
+  delete room.target;
+  state.look.faults = [];
+  state.choices = [];
+}
+
+function add(entries) {
+  const { room } = state;
+  retarget(room);
+  for (const entry of entries) {
+    room.furniture.push(structuredClone(entry));
+    state.locked.push(false);
+  }
+}
+
+document.addEventListener("add", ({ detail }) => {
+  add([{ ...detail, center: [...state.look.middle], rotation: 0 }]);
+  select("item", state.room.furniture.length - 1);
+  changed();
+});
+
+$("usual").onclick = () => {
+  add(known.palette[state.room.room_type].flatMap(({ item: entry, usual }) => Array(usual).fill(entry)));
+  changed();
+};
+
+$("clear").onclick = () => {
+  state.room.furniture.forEach((entry, k) => {
+    if (state.locked[k]) return;
+    delete entry.center;
+    delete entry.rotation;
+  });
+  state.look.gaps = [];
+  changed();
+};
+
+$("turn").onclick = () => turn(90);
+$("lock").onclick = lock;
+$("delete").onclick = remove;
+$("place").onclick = () => change({ center: [...state.look.middle], rotation: item().rotation ?? 0 });
+for (const [id, side] of [["depth", 0], ["width", 1]]) {
+  $(id).onchange = () => {
+    const value = Number($(id).value);
+    const size = item().shape === "circle" ? [value, value] : item().size.with(side, value);
+    change({ size });
+  };
+}
+$("degrees").onchange = () => item().center && change({ rotation: Number($("degrees").value) });
+
+async function travelled(back) {
+  if (!idle() || !travel(back)) return;
+  Object.assign(state, { choices: [], thoughts: null, problem: "", look: { ...state.look, gaps: [] } });
+  state.look = await answered("look", { room: state.room });
+  render();
+  look();
+}
+
+$("undo").onclick = () => travelled(true);
+$("redo").onclick = () => travelled(false);
+
+document.addEventListener("keydown", (event) => {
+  const letter = event.key.toLowerCase();
+  if (!(event.ctrlKey || event.metaKey) || event.target.matches("input")) return;
+  if (letter === "z") travelled(!event.shiftKey);
+  else if (letter === "y") travelled(false);
+  else return;
+  event.preventDefault();
+});
+
+plan.addEventListener("keydown", (event) => {
+  if (state.mode !== "edit" || !idle() || event.ctrlKey || event.metaKey || event.altKey) return;
+  const thing = event.target.closest("[data-item], [data-opening]");
+  const way = STEPS[event.key];
+  if (thing && (event.key === "Enter" || event.key === " ")) {
+    if (thing.dataset.item) select("item", Number(thing.dataset.item));
+    else select("opening", Number(thing.dataset.opening));
+  } else if (way && item()?.center) {
+    const step = event.shiftKey ? 0.01 : 0.05;
+    change({ center: item().center.map((value, axis) => centimetres(value + step * way[axis])) });
+  } else if (event.key === "Escape") select(null);
+  else if (event.key === "Delete" || event.key === "Backspace") remove();
+  else if (event.key === "r" || event.key === "R") turn(event.shiftKey ? 15 : 90);
+  else if (event.key === "l" || event.key === "L") lock();
+  else return;
+  event.preventDefault();
+});
+
+plan.addEventListener("focusin", ({ target }) => {
+  if (state.mode === "edit" && idle() && !drag && target.dataset?.item) select("item", Number(target.dataset.item));
+});

@@ -1,0 +1,128 @@
+// Furnishing: the moves as they were made, the choices, and what who furnishes thinks of an item.
+
+import { ask } from "./api.js";
+import { $, become, changed, element, known, plan, render, say } from "./page.js";
+import { item, state } from "./store.js";
+
+const MOVE = 450; // milliseconds, of a move; less where there are many
+const ALL = 9000; // milliseconds, of all moves at most
+const STEP = 0.15; // metres between the places of a heat map
+let asked = 0; // how often: each time others may be found
+let skip = null;
+
+async function furnish(movable) {
+  if (document.body.dataset.state !== "idle") return;
+  const [focus, { selected }] = [document.activeElement, state];
+  state.thoughts = null;
+  become("asking");
+  say("");
+  $("verdict").textContent = "Looking for places …";
+  try {
+    const { lines, choices } = await ask("furnish", { room: state.room, movable, seed: asked++ });
+    $("lines").replaceChildren(...lines.map((textContent) => element("li", { textContent })));
+    state.choices = choices;
+    if (choices.length) await play(0, movable);
+    else say("No place was found.");
+  } catch (error) {
+    state.choices = [];
+    say(error.message);
+  }
+  become("idle");
+  state.selected = selected;
+  if (state.choices.length) await changed();
+  focus.focus({ preventScroll: true });
+}
+
+// Show how a choice came to be, move by move; its end is what it is.
+async function play(index, movable) {
+  const { path, furniture } = state.choices[index];
+  state.chosen = index;
+  state.selected = null;
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (!still) {
+    become("playing");
+    $("skip").hidden = false;
+    const stopped = new Promise((resolve) => { skip = resolve; }).then(() => true);
+    state.look.gaps = [];
+    state.look.faults = [];
+    for (const k of movable) delete state.room.furniture[k].center;
+    for (const [k, center, degrees] of path) {
+      const seconds = Math.min(MOVE, ALL / path.length) * Number($("speed").value);
+      if (await Promise.race([stopped, moved(state.room.furniture[k], center, degrees, seconds)])) break;
+    }
+    $("skip").hidden = true;
+    skip = null;
+  }
+  state.room.furniture = structuredClone(furniture);
+}
+
+// Move an item to a pose in so many milliseconds.
+function moved(entry, center, degrees, milliseconds) {
+  const from = entry.center ?? state.look.middle;
+  const first = entry.center ? (entry.rotation ?? degrees) : degrees;
+  const turn = ((degrees - first + 540) % 360) - 180;
+  const began = performance.now();
+  return new Promise((resolve) => {
+    const frame = (now) => {
+      if (!skip) return resolve(false);
+      const share = Math.min(Math.max((now - began) / milliseconds, 0), 1);
+      const eased = share * share * (3 - 2 * share);
+      entry.center = from.map((value, axis) => value + (center[axis] - value) * eased);
+      entry.rotation = first + turn * eased;
+      render();
+      if (share < 1) requestAnimationFrame(frame);
+      else resolve(false);
+    };
+    requestAnimationFrame(frame);
+  });
+}
+
+const unlocked = () => state.locked.flatMap((lock, k) => (lock ? [] : [k]));
+
+$("furnish").onclick = () => furnish(unlocked());
+$("only").onclick = () => furnish([state.selected.index]);
+$("skip").onclick = () => skip?.();
+
+document.addEventListener("take", ({ detail }) => {
+  if (document.body.dataset.state !== "idle") return;
+  state.chosen = detail;
+  state.room.furniture = structuredClone(state.choices[detail].furniture);
+  state.thoughts = null;
+  changed();
+});
+
+// What the agent thinks of the chosen item.
+async function think() {
+  if (!known.thinks) return;
+  const chosen = item();
+  $("thinking").hidden = !chosen?.center;
+  $("scale").hidden = true;
+  $("moves").replaceChildren();
+  state.thoughts = null;
+  const [heat, arrows] = [$("heat").checked, $("arrows").checked];
+  if (chosen?.center && (heat || arrows)) {
+    const about = { room: structuredClone(state.room), item: state.selected.index };
+    plan.dataset.thinking = "true";
+    try {
+      const values = heat ? await ask("values", { ...about, step: STEP }) : null;
+      const moves = arrows ? (await ask("moves", about)).moves : [];
+      if (item() !== chosen) return;
+      state.thoughts = { values, moves, step: STEP };
+      if (values?.values.length) {
+        $("scale").hidden = false;
+        $("low").textContent = Math.min(...values.values).toFixed(1);
+        $("high").textContent = Math.max(...values.values).toFixed(1);
+      }
+      $("moves").replaceChildren(...moves.map(({ name, value }) => element("li", { textContent: `${name}: ${value.toFixed(1)}` })));
+    } catch (error) {
+      say(error.message);
+    } finally {
+      delete plan.dataset.thinking;
+    }
+  }
+  render();
+}
+
+document.addEventListener("choose", think);
+$("heat").onchange = think;
+$("arrows").onchange = think;

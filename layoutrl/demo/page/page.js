@@ -1,0 +1,207 @@
+// Shows what the page holds, and asks the server what is wrong with it.
+
+import { ask } from "./api.js";
+import { draw, drawDraft, thumbnail } from "./plan.js";
+import { canTravel, commit, item, openings, state, words } from "./store.js";
+
+export const $ = (id) => document.getElementById(id);
+export const plan = $("plan");
+export const DRAFT_SIZE = [9, 7]; // metres of the grid to draw on
+export const known = { gallery: [], palette: {}, fronts: new Set(), thinks: false }; // what the server said at first
+
+export function element(tag, attributes = {}, ...children) {
+  const node = Object.assign(document.createElement(tag), attributes);
+  node.append(...children);
+  return node;
+}
+
+export const button = (text, onclick, attributes = {}) => element("button", { type: "button", textContent: text, onclick, ...attributes });
+
+export function say(text) {
+  $("verdict").textContent = text;
+  $("verdict").classList.toggle("bad", Boolean(text));
+}
+
+// What the page does: loading, idle, asking, playing. Only while it is idle can its rooms and tools be used.
+export function become(name) {
+  document.body.dataset.state = name;
+  for (const part of document.querySelectorAll("nav, aside")) part.inert = name !== "idle";
+}
+
+// Ask what is wrong now. At most one question is on its way; what changes meanwhile is asked after it.
+let running = null;
+let stale = false;
+
+export function look() {
+  stale = true;
+  plan.setAttribute("aria-busy", "true");
+  running ??= looking().finally(() => {
+    running = null;
+    plan.setAttribute("aria-busy", "false");
+  });
+  return running;
+}
+
+async function looking() {
+  while (stale) {
+    stale = false;
+    const { selected, room } = state;
+    const chosen = item()?.center ? selected.index : null;
+    try {
+      const said = await ask("look", { room, item: chosen });
+      if (state.room === room) Object.assign(state, { look: said, problem: "" });
+    } catch (error) {
+      state.problem = error.message;
+    }
+    if (document.body.dataset.state !== "playing") render();
+  }
+}
+
+// A question whose answer the plan waits for.
+export async function answered(question, body) {
+  plan.setAttribute("aria-busy", "true");
+  try {
+    return await ask(question, body);
+  } finally {
+    if (!running) plan.setAttribute("aria-busy", "false");
+  }
+}
+
+// Take another room. It is shown as soon as the server has read it.
+export async function open(room, locked = []) {
+  if (!["idle", "loading"].includes(document.body.dataset.state)) return false;
+  try {
+    const said = await answered("look", { room });
+    Object.assign(state, { room: said.room, look: said, problem: "", notice: "", mode: "edit" });
+    Object.assign(state, { selected: null, choices: [], thoughts: null });
+    state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
+    commit();
+    render();
+    become("idle");
+    return true;
+  } catch (error) {
+    say(error.message);
+    return false;
+  }
+}
+
+// Show and keep a change that is done, and ask what is wrong with it now.
+export function changed() {
+  state.notice = "";
+  commit();
+  render();
+  return look();
+}
+
+export function select(kind, index) {
+  const same = state.selected?.kind === kind && state.selected.index === index;
+  if (same) return;
+  Object.assign(state, { selected: kind ? { kind, index } : null, thoughts: null, notice: "" });
+  state.look.gaps = [];
+  document.dispatchEvent(new Event("choose"));
+  render();
+  look();
+}
+
+export function render() {
+  if (!state.room) return;
+  const focus = document.activeElement?.closest?.("[data-item], [data-opening], [data-row]");
+  const where = focus && ["item", "opening", "row"].map((name) => [name, focus.dataset[name]]).find(([, value]) => value);
+  if (state.mode === "draw") drawDraft(plan, state, DRAFT_SIZE);
+  else draw(plan, state, known.fronts);
+  renderList();
+  renderSelected();
+  renderChoices();
+  renderTools();
+  if (where) document.querySelector(`[data-${where[0]}="${where[1]}"]`)?.focus({ preventScroll: true });
+}
+
+function told(index) {
+  return state.look.faults.filter(([k]) => k === index).map(([, , text]) => text);
+}
+
+function renderList() {
+  const { room, look: { faults }, problem, notice, mode } = state;
+  $("title").textContent = `${words(room.room_type)}, ${state.look.area.toFixed(1)} m²`;
+  $("title").dataset.room = room.id;
+  $("furniture").replaceChildren(...room.furniture.map((entry, k) => {
+    const size = entry.size.map((side) => side.toFixed(2)).join(" × ");
+    const row = button(`${words(entry.category)}, ${size} m${state.locked[k] ? ", locked" : ""}`, () => select("item", k));
+    row.dataset.row = k;
+    row.setAttribute("aria-pressed", state.selected?.kind === "item" && state.selected.index === k);
+    const wrong = told(k);
+    return element("li", {}, row, ...(wrong.length ? [element("p", { className: "bad", textContent: wrong.join("; ") })] : []));
+  }));
+  if (mode === "draw") $("title").textContent = "A new room";
+  $("standing").hidden = $("adding").hidden = mode === "draw";
+  if (mode !== "edit") return;
+  const waiting = faults.filter(([k]) => !room.furniture[k]?.center).length;
+  const wrong = faults.length - waiting;
+  const parts = [
+    waiting && `${waiting} to be placed`,
+    wrong && faults.filter(([k]) => room.furniture[k]?.center).map(([, , text]) => text).join("; "),
+  ];
+  say(problem || notice || parts.filter(Boolean).join("; "));
+  if (!problem && !notice && !faults.length) $("verdict").textContent = room.furniture.length ? "Nothing is wrong." : "It is empty: add furniture.";
+}
+
+function renderSelected() {
+  const { selected, room, look: { gaps } } = state;
+  $("selected").hidden = !selected || state.mode !== "edit";
+  if (!selected) return;
+  const chosen = item();
+  const opening = openings(room)[selected.index];
+  for (const id of ["item-buttons", "item-sizes", "gaps"]) $(id).hidden = !chosen;
+  $("name").textContent = chosen ? words(chosen.category) : opening.kind;
+  $("wrong").textContent = chosen ? state.problem || told(selected.index).join("; ") : "";
+  if (!chosen) return;
+  const lock = state.locked[selected.index];
+  $("lock").setAttribute("aria-pressed", lock);
+  $("turn").disabled = lock || !chosen.center;
+  $("only").disabled = lock;
+  $("place").hidden = Boolean(chosen.center);
+  const values = { depth: chosen.size[0], width: chosen.size[1], degrees: chosen.rotation ?? 0 };
+  for (const [id, value] of Object.entries(values)) {
+    if (document.activeElement !== $(id)) $(id).value = +value.toFixed(3);
+    $(id).disabled = lock;
+  }
+  $("gaps").textContent = gaps.length ? `Free beside it: ${gaps.map(([, , metres]) => `${metres.toFixed(2)} m`).join(", ")}` : "";
+}
+
+function renderChoices() {
+  const { choices, chosen, room, look } = state;
+  $("choices").hidden = choices.length === 0;
+  const focus = [...$("choices").children].indexOf(document.activeElement);
+  $("choices").replaceChildren(...choices.map(({ furniture, faults }, k) => {
+    const standing = { ...room, furniture };
+    const count = new Set(faults.map(([index]) => index));
+    const text = faults.length ? `${faults.length} ${faults.length > 1 ? "faults" : "fault"}` : "no fault";
+    const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
+    node.setAttribute("aria-pressed", k === chosen);
+    node.append(thumbnail(standing, look.box, count), element("span", { textContent: `Choice ${k + 1}: ${text}` }));
+    return node;
+  }));
+  $("choices").children[focus]?.focus({ preventScroll: true });
+}
+
+function renderTools() {
+  const { mode, draft, room } = state;
+  const playing = document.body.dataset.state === "playing";
+  $("undo").disabled = playing || !canTravel(true);
+  $("redo").disabled = playing || !canTravel(false);
+  $("furnish").disabled = playing || mode === "draw";
+  $("close").hidden = $("back").hidden = mode !== "draw";
+  $("close").disabled = draft.length < 3;
+  $("back").disabled = !draft.length;
+  $("draw").textContent = mode === "draw" ? "Cancel" : "Draw an outline";
+  for (const kind of ["door", "window"]) $(kind).setAttribute("aria-pressed", mode === kind);
+  const entries = known.palette[room.room_type] ?? [];
+  if ($("palette").dataset.type === room.room_type) return;
+  $("palette").dataset.type = room.room_type;
+  $("kind").value = room.room_type;
+  $("palette").replaceChildren(...entries.map(({ item: entry }) => {
+    const size = entry.size.map((side) => side.toFixed(2)).join(" × ");
+    const add = () => document.dispatchEvent(new CustomEvent("add", { detail: entry }));
+    return element("li", {}, button(`${words(entry.category)}${entry.shape ? ", round" : ""}, ${size} m`, add));
+  }));
+}

@@ -1,0 +1,101 @@
+// Files in and out, and the link that holds the room.
+
+import { ask, home, read } from "./api.js";
+import { $, element, open, say } from "./page.js";
+import { thumbnail } from "./plan.js";
+import { packed, snapshot, state, unpacked, words } from "./store.js";
+
+const LARGEST = 5e6; // bytes that the server takes
+const homes = new Map(); // by the ids of their rooms, the homes that were opened
+const PIXELS = 1600; // of the longer side of a PNG
+
+function download(content, kind, ending) {
+  const name = state.room.id.replace(/[^\w-]+/g, "_");
+  const link = element("a", { href: URL.createObjectURL(new Blob([content], { type: kind })), download: `${name}.${ending}` });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+export function offer(rooms, before = false) {
+  const entries = rooms.map(({ room, box }) => {
+    const node = element("button", { type: "button", title: room.id, onclick: () => open(structuredClone(room)) });
+    node.append(thumbnail(room, box), element("span", { textContent: words(room.room_type) }));
+    return element("li", {}, node);
+  });
+  if (before) $("gallery").prepend(...entries);
+  else $("gallery").append(...entries);
+}
+
+async function opened(file) {
+  if (!file) return;
+  if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
+  try {
+    const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
+    const { rooms, left_out, home: whole } = await read(content);
+    for (const { room } of rooms) {
+      if (whole) homes.set(room.id, content);
+      else homes.delete(room.id);
+    }
+    offer(rooms, true);
+    await open(structuredClone(rooms[0].room));
+    $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
+  } catch (error) {
+    say(`${file.name}: ${error.message}`);
+  }
+}
+
+$("file").onchange = () => opened($("file").files[0]);
+document.addEventListener("dragover", (event) => event.preventDefault());
+document.addEventListener("drop", (event) => {
+  event.preventDefault();
+  opened(event.dataTransfer.files[0]);
+});
+
+// Save, or say why not.
+function saving(id, save) {
+  $(id).onclick = async () => {
+    try {
+      await save();
+    } catch (error) {
+      say(error.message);
+    }
+  };
+}
+
+const svg = async () => (await ask("svg", { room: state.room })).svg;
+
+saving("save-json", () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json"));
+saving("save-svg", async () => download(await svg(), "image/svg+xml", "svg"));
+saving("save-sh3d", async () => download(await home(state.room, homes.get(state.room.id)), "application/zip", "sh3d"));
+saving("save-png", async () => {
+  const picture = new Image();
+  picture.src = URL.createObjectURL(new Blob([await svg()], { type: "image/svg+xml" }));
+  await picture.decode();
+  const scale = PIXELS / Math.max(picture.naturalWidth, picture.naturalHeight);
+  const [width, height] = [picture.naturalWidth, picture.naturalHeight].map((side) => Math.round(side * scale));
+  const canvas = element("canvas", { width, height });
+  canvas.getContext("2d").drawImage(picture, 0, 0, width, height);
+  URL.revokeObjectURL(picture.src);
+  canvas.toBlob((blob) => download(blob, "image/png", "png"), "image/png");
+});
+
+$("share").onclick = async () => {
+  history.replaceState(null, "", `#room=${await packed(snapshot())}`);
+  $("link-label").hidden = false;
+  $("link").value = location.href;
+  $("link").select();
+};
+
+// The room of the address, if it holds one. Says what is wrong with one that cannot be read.
+export async function fromLink() {
+  if (!location.hash.startsWith("#room=")) return false;
+  try {
+    const { room, locked } = JSON.parse(await unpacked(location.hash.slice(6)));
+    return await open(room, locked);
+  } catch {
+    say("The link holds no whole room.");
+    return false;
+  }
+}
+
+addEventListener("hashchange", fromLink);

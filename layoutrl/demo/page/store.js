@@ -1,0 +1,70 @@
+// What the page holds: a room, what is locked in it, what is chosen, and how it was before.
+
+export const state = {
+  room: null, // as in its JSON
+  locked: [], // of each piece of furniture
+  look: null, // what the server last said of the room
+  problem: "", // why the server refuses the room as it is
+  notice: "", // what else is to be said, until something changes
+  selected: null, // {kind: "item" | "opening", index}
+  mode: "edit", // or "draw", "door", "window"
+  draft: [], // corners of an outline that is being drawn
+  cursor: [1, 1], // where the keyboard would put the next
+  choices: [],
+  chosen: 0,
+  thoughts: null, // {values, moves} of the chosen item
+};
+
+const past = [];
+const future = [];
+let present = "";
+
+export const snapshot = () => JSON.stringify({ room: state.room, locked: state.locked });
+
+// Keep how things are now, so that undo comes back here.
+export function commit() {
+  const now = snapshot();
+  if (now === present) return;
+  if (present) past.push(present);
+  present = now;
+  future.length = 0;
+}
+
+// The room before, or after; nothing if there is none.
+export function travel(back) {
+  const [from, to] = back ? [past, future] : [future, past];
+  if (!from.length) return false;
+  to.push(present);
+  present = from.pop();
+  Object.assign(state, JSON.parse(present));
+  const { selected, room } = state;
+  if (selected?.kind === "item" && selected.index >= room.furniture.length) state.selected = null;
+  if (selected?.kind === "opening" && selected.index >= openings(room).length) state.selected = null;
+  return true;
+}
+
+export const canTravel = (back) => (back ? past : future).length > 0;
+
+export const openings = (room) => [
+  ...room.doors.map((door) => ({ kind: "door", ...door })),
+  ...room.windows.map((window) => ({ kind: "window", ...window })),
+];
+
+export const item = () => (state.selected?.kind === "item" ? state.room.furniture[state.selected.index] : null);
+
+export const words = (category) => category.replaceAll("_", " ");
+
+// A link holds the room in its fragment, which browsers send nowhere.
+const through = async (bytes, stream) =>
+  new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+
+export async function packed(text) {
+  const bytes = await through(new TextEncoder().encode(text), new CompressionStream("deflate-raw"));
+  const letters = btoa(String.fromCharCode(...bytes));
+  return letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+export async function unpacked(letters) {
+  const bytes = Uint8Array.from(atob(letters.replaceAll("-", "+").replaceAll("_", "/")), (c) => c.charCodeAt(0));
+  return new TextDecoder().decode(await through(bytes, new DecompressionStream("deflate-raw")));
+}

@@ -1,0 +1,169 @@
+"""The page's server, for this machine alone: JSON in, JSON out, and nothing kept in between.
+
+It answers 127.0.0.1 and its own page only, and bounds bodies and times. No name that a client sends is a path.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager, suppress
+from functools import partial
+from importlib.resources import files
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from layoutrl import InputError
+from layoutrl.demo.answers import Answers
+from layoutrl.demo.furnisher import furnisher_of
+from layoutrl.runs.config import DemoConfig
+
+LARGEST_BODY = 5_000_000  # bytes
+KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+def serve(config: DemoConfig, listener: socket.socket) -> None:
+    """Serve the page at a socket until Ctrl-C."""
+    answers = Answers(furnisher_of(config))
+    answers.warm()
+    host, port = listener.getsockname()
+    print(f"http://{host}:{port} shows the page; Ctrl-C ends it", flush=True)
+    server_of(answers, listener, config.timeout).run([listener])
+
+
+def server_of(answers: Answers, listener: socket.socket, timeout: float) -> uvicorn.Server:
+    """Who serves the page at a socket."""
+    host, port = listener.getsockname()
+    site = application(answers, f"{host}:{port}", timeout)
+    return uvicorn.Server(uvicorn.Config(site, log_level="critical", access_log=False, server_header=False))
+
+
+def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
+    """The page and its answers, at a host and port; an answer may take so many seconds."""
+    # Two workers of their own: who waits for a room to be furnished does not keep others from dragging.
+    workers = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("quick", "slow")}
+
+    @asynccontextmanager
+    async def lifespan(_: Starlette) -> Any:
+        yield
+        for worker in workers.values():
+            worker.shutdown(wait=False, cancel_futures=True)
+
+    async def answered(work: Callable[[bytes], Any], worker: str, request: Request) -> Response:
+        body = await body_of(request)
+        return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
+
+    def asking(work: Callable[[bytes], Any], worker: str) -> Callable[[Request], Any]:
+        async def answer(request: Request) -> Response:
+            try:
+                return await asyncio.wait_for(answered(work, worker, request), timeout)
+            except InputError as error:
+                return refused(400, str(error))
+            except TimeoutError:
+                return refused(503, f"time: the answer took over {timeout:g} seconds; expected a smaller room")
+
+        return answer
+
+    async def begin(_: Request) -> Response:
+        return said(answers.begin)
+
+    routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
+    routes.append(Route("/api", begin))
+    for question in answers.questions:
+        worker = "quick" if question in ("look", "opening") else "slow"
+        work = partial(answers.answer, question)
+        routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
+    for name, whole in (("read", answers.read), ("home", answers.home)):
+        routes.append(Route(f"/api/{name}", asking(whole, "slow"), methods=["POST"]))
+    handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
+    handlers[Exception] = lambda _, error: refused(500, f"bug: {type(error).__name__}; the server goes on")
+    return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
+
+
+def page() -> dict[str, Callable[[Request], Any]]:
+    """The files of the page, read once, and who answers with each."""
+
+    def showing(content: bytes, kind: str) -> Callable[[Request], Any]:
+        async def show(_: Request) -> Response:
+            return Response(content, media_type=kind)
+
+        return show
+
+    folder = files("layoutrl.demo") / "page"
+    return {
+        file.name: showing(file.read_bytes(), KINDS[file.name.rpartition(".")[2]])
+        for file in folder.iterdir()
+        if file.name.rpartition(".")[2] in KINDS
+    }
+
+
+async def body_of(request: Request) -> bytes:
+    """The body. Raises InputError where it is too large, as soon as that is known."""
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > LARGEST_BODY:
+            raise InputError(f"body: expected at most {LARGEST_BODY // 1_000_000} MB")
+    return bytes(body)
+
+
+def said(answer: Any) -> Response:
+    """An answer as JSON, or a file as it is."""
+    if isinstance(answer, bytes):
+        return Response(answer, media_type="application/octet-stream")
+    return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
+
+
+def refused(status: int, line: str) -> Response:
+    """What is wrong, as JSON."""
+    return Response(json.dumps({"error": line}), status, media_type="application/json")
+
+
+class Guard:
+    """Lets only this machine's own page through, and adds what browsers are to keep to."""
+
+    def __init__(self, inner: ASGIApp, host: str):
+        self.inner = inner
+        port = host.rpartition(":")[2]
+        self.hosts = {host, f"localhost:{port}"}
+        self.origins = {f"http://{name}" for name in self.hosts}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] != "http":
+            await self.inner(scope, receive, send)
+            return
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        headers = Headers(scope=scope)
+        if headers.get("host") not in self.hosts:
+            await refused(403, "Host: expected this machine's own name")(scope, receive, with_headers)
+        elif headers.get("origin", next(iter(self.origins))) not in self.origins:
+            await refused(403, "Origin: expected the page of this server")(scope, receive, with_headers)
+        else:
+            with suppress(Exception):  # Starlette has answered it, and raises it again
+                await self.inner(scope, receive, with_headers)

@@ -1,0 +1,122 @@
+"""What the page asks of a room's shell: how doors swing, an opening more or less; and how far items are from others."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Point
+
+from layoutrl import InputError
+from layoutrl.rooms.clearances import RAISED
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Opening, Room, rings
+
+WIDEST_LEAF = 1.2  # metres: wider doors slide, and swing nowhere
+FAR = 1000.0  # metres, beyond all rooms
+LEAST = 0.005  # metres: shorter distances are not drawn
+
+Segment = tuple[tuple[float, float], tuple[float, float]]
+
+
+def swings(room: Room) -> list[str]:
+    """The open leaf of each door and the quarter of a circle that it sweeps, as a path of SVG in metres, y up.
+
+    The hinge is at the end nearer to a corner of the room. A door wider than WIDEST_LEAF has an empty path.
+    """
+    corners = shapely.multipoints(room.outline)
+    paths = []
+    for door in room.doors:
+        sides = [*pairwise((*door.polygon, door.polygon[0]))]
+        inner = min(sides, key=lambda side: (_off_floor(room, side), -math.dist(*side)))
+        width = math.dist(*inner)
+        hinge, end = sorted(inner, key=lambda point: shapely.distance(corners, Point(point)))
+        ahead = _inward(room, inner) * width + hinge
+        clockwise = np.cross([*ahead - hinge, 0], [*np.subtract(end, hinge), 0])[2] < 0
+        path = f"M{_xy(hinge)}L{_xy(ahead)}A{width:g} {width:g} 0 0 {0 if clockwise else 1} {_xy(end)}"
+        paths.append(path if width <= WIDEST_LEAF else "")
+    return paths
+
+
+def _off_floor(room: Room, side: Segment) -> float:
+    """How far a side of an opening is from the floor, to the millimetre."""
+    return round(float(shapely.distance(room.indoor, LineString(side).centroid)), 3)
+
+
+def _inward(room: Room, side: Segment) -> np.ndarray:
+    """The direction (2,) across a side, into the room."""
+    across = np.array([side[0][1] - side[1][1], side[1][0] - side[0][0]]) / math.dist(*side)
+    middle = np.mean(side, 0)
+    there = shapely.distance(room.indoor, shapely.points([middle + 0.1 * across, middle - 0.1 * across]))
+    return across if there[0] <= there[1] else -across
+
+
+def _xy(point: np.ndarray | tuple[float, float]) -> str:
+    return f"{point[0]:.4f} {point[1]:.4f}"
+
+
+def with_opening(room: Room, kind: str, at: tuple[float, float], width: float) -> Room:
+    """The room with a door or window more, through the wall next to a point. Raises InputError where none fits."""
+    if kind not in ("door", "window"):
+        raise InputError(f"kind: expected door or window; got {kind}")
+    if not 0.3 <= width <= 10:
+        raise InputError(f"width: expected 0.3 to 10 metres; got {width:g}")
+    side = min(
+        pairwise((*room.outline, room.outline[0])), key=lambda side: shapely.distance(LineString(side), Point(at))
+    )
+    length = math.dist(*side)
+    if length < width:
+        raise InputError(f"{kind}: expected a wall of {width:g} m or more; this one is {length:.2f} m long")
+    start, along = np.array(side[0]), np.subtract(side[1], side[0]) / length
+    out = np.array([along[1], -along[0]])  # the outline is counter-clockwise
+    there = float(np.clip(np.dot(np.subtract(at, start), along), width / 2, length - width / 2))
+    middle = start + round(there, 2) * along
+    through = shapely.intersection(LineString([middle, middle + FAR * out]), room.envelope)
+    parts = [part for part in shapely.get_parts(through) if part.distance(Point(middle)) < TOLERANCE]
+    depth = min((part.length for part in parts), default=0.0)
+    depth = depth if TOLERANCE < depth <= 1 else WALL_THICKNESS
+    half = width / 2 * along
+    corners = (middle - half, middle - half + depth * out, middle + half + depth * out, middle + half)
+    opening = Opening(kind, tuple((round(float(x), 6), round(float(y), 6)) for x, y in corners))  # type: ignore[arg-type]
+    if any(opening.shape.intersection(other.shape).area > TOLERANCE**2 for other in room.openings):
+        raise InputError(f"{kind}: expected a place without a door or window; there is one already")
+    cut = tuple(part for wall in room.wall_shapes for part in rings(wall.difference(opening.shape)))
+    doors = (*room.doors, opening) if kind == "door" else room.doors
+    windows = (*room.windows, opening) if kind == "window" else room.windows
+    return replace(room, walls=cut, openings=(*doors, *windows))
+
+
+def without_opening(room: Room, index: int) -> Room:
+    """The room with wall where one of its openings was."""
+    walls = (*room.walls, room.openings[index].polygon)
+    return replace(room, walls=walls, openings=room.openings[:index] + room.openings[index + 1 :])
+
+
+def gaps(room: Room, index: int) -> list[tuple[Segment, float]]:
+    """From the middle of each side of an item straight to the next wall or item: the way there, and its metres."""
+    item = room.furniture[index]
+    if item.center is None:
+        return []
+    others = [other.footprint for k, other in enumerate(room.furniture) if k != index and _stands(room, k)]
+    found = []
+    for quarter in range(4):
+        angle = math.radians(item.degrees + 90 * quarter)
+        way = np.array([math.cos(angle), math.sin(angle)])
+        start = item.center + way * item.size[quarter % 2] / 2
+        if not room.indoor.buffer(TOLERANCE).covers(Point(start)):
+            continue
+        solid = [shape for shape in others if not shape.buffer(-TOLERANCE).covers(Point(start))]
+        barriers = shapely.union_all([room.indoor.boundary, *solid])
+        met = shapely.intersection(LineString([start, start + FAR * way]), barriers)
+        metres = float(shapely.distance(Point(start), met))
+        if metres > LEAST:
+            (x0, y0), (x1, y1) = start.tolist(), (start + metres * way).tolist()
+            found.append((((x0, y0), (x1, y1)), metres))
+    return found
+
+
+def _stands(room: Room, index: int) -> bool:
+    item = room.furniture[index]
+    return item.center is not None and item.category not in RAISED

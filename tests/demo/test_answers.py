@@ -1,0 +1,227 @@
+"""What the page is answered: faults as `faults` finds them, openings through walls, layouts of what is not locked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl import InputError
+from layoutrl.demo.furnisher import APART, Furnisher, SearchFurnisher, Thinker, apart, furnisher_of
+from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
+from layoutrl.env.answerable import answerable
+from layoutrl.env.faults import faults
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.runs.config import composed
+from tests.demo.conftest import Thinking
+
+ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 3).rooms]
+any_room = st.sampled_from(ROOMS)
+
+
+def body(room: Room, **more: Any) -> bytes:
+    return json.dumps({"room": room_to_dict(room), **more}).encode()
+
+
+def test_the_gallery_shows_faultless_rooms_of_all_types(answers):
+    rooms = [room_from_dict(entry["room"]) for entry in answers.begin["gallery"]]
+    assert {room.room_type for room in rooms} == {*MAIN_ITEM}
+    assert not any(faults(room) for room in rooms)
+
+
+def test_the_palette_has_the_sizes_of_designed_rooms(answers):
+    for room_type, entries in answers.begin["palette"].items():
+        designed = {item.category for room in ROOMS if room.room_type == room_type for item in room.furniture}
+        assert designed <= {entry["item"]["category"] for entry in entries}
+        assert MAIN_ITEM[room_type] in {entry["item"]["category"] for entry in entries if entry["usual"]}
+
+
+def test_a_look_says_what_faults_says(answers):
+    for room in ROOMS[::5]:
+        crowded = room_to_dict(room)
+        crowded["furniture"] += [crowded["furniture"][0]]  # one in the other
+        said = answers.answer("look", json.dumps({"room": crowded}).encode())
+        assert [(k, name) for k, name, _ in said["faults"]] == faults(room_from_dict(crowded))
+        assert any("overlaps" in words for _, _, words in said["faults"])
+        assert room_from_dict(said["room"]) == room_from_dict(crowded)
+
+
+@given(any_room, st.data())
+def test_gaps_are_free_and_end_at_a_wall_or_an_item(room, data):
+    index = data.draw(st.integers(0, len(room.furniture) - 1))
+    item = room.furniture[index]
+    for (start, end), metres in gaps(room, index):
+        assert np.hypot(*np.subtract(start, end)) == pytest.approx(metres)
+        assert shapely.distance(item.footprint, shapely.Point(start)) < 1e-3
+        others = [other.footprint for k, other in enumerate(room.furniture) if k != index]
+        met = [shape for shape in (*others, room.indoor.boundary) if shape.distance(shapely.Point(end)) < 1e-6]
+        assert met
+        assert room.indoor.buffer(0.02).covers(shapely.LineString([start, end]))
+
+
+def test_doors_swing_into_the_room_from_a_corner_of_it():
+    room = room_from_dict(
+        {"id": "a", "room_type": "bedroom", "outline": [[0, 0], [4, 0], [4, 3], [0, 3]], "windows": [], "furniture": [],
+         "doors": [{"polygon": [[0.2, -0.2], [1.1, -0.2], [1.1, 0], [0.2, 0]]},
+                   {"polygon": [[4, 0.5], [4.2, 0.5], [4.2, 2.5], [4, 2.5]]}]}
+    )  # fmt: skip
+    assert swings(room) == ["M0.2000 0.0000L0.2000 0.9000A0.9 0.9 0 0 0 1.1000 0.0000", ""]  # the second slides
+
+
+@given(any_room, st.data(), st.sampled_from(("door", "window")), st.floats(0.5, 1.2))
+def test_an_opening_cuts_the_wall_and_taken_out_leaves_it_whole(room, data, kind, width):
+    x0, y0, x1, y1 = room.indoor.bounds
+    at = data.draw(st.floats(x0, x1)), data.draw(st.floats(y0, y1))
+    try:
+        opened = with_opening(room, kind, at, width)
+    except InputError:  # a short wall, or one that has an opening there
+        return
+    read = room_from_dict(room_to_dict(opened))
+    (new,) = {o.polygon for o in read.openings} - {o.polygon for o in room_from_dict(room_to_dict(room)).openings}
+    shape = shapely.Polygon(new)
+    assert shape.length / 2 - width == pytest.approx(shape.area / width, abs=1e-6)
+    assert shapely.union_all(read.wall_shapes).intersection(shape).area < 1e-4
+    assert read.envelope.symmetric_difference(room.envelope).area < 0.01
+    index = [o.polygon for o in read.openings].index(new)
+    closed = without_opening(read, index)
+    assert shapely.union_all(closed.wall_shapes).symmetric_difference(shapely.union_all(room.wall_shapes)).area < 0.01
+
+
+def test_a_room_of_ones_own_gets_doors_and_windows(answers):
+    document = {"id": "mine", "room_type": "study", "outline": [[0, 0], [3, 0], [3, 3.5], [0, 3.5]]}
+    document |= {"doors": [], "windows": [], "furniture": []}
+    asked = {"room": document, "kind": "door", "at": [1.0, 0.1], "width": 0.9}
+    said = answers.answer("opening", json.dumps(asked).encode())
+    assert said["room"]["doors"] == [{"polygon": [[0.55, 0.0], [0.55, -0.2], [1.45, -0.2], [1.45, 0.0]]}]
+    asked = {"room": said["room"], "kind": "window", "at": [1.1, 0.0], "width": 0.9}
+    with pytest.raises(InputError, match="there is one already"):
+        answers.answer("opening", json.dumps(asked).encode())
+    gone = answers.answer("opening", json.dumps({"room": said["room"], "remove": 0}).encode())
+    assert gone["room"]["doors"] == []
+
+
+@pytest.mark.parametrize("room", ROOMS[::4], ids=lambda room: room.id)
+def test_furnishing_places_what_is_not_locked_and_leaves_the_rest(answers, room):
+    movable = list(range(1, len(room.furniture)))
+    said = answers.answer("furnish", body(room, movable=movable))
+    assert said["choices"]
+    assert said["lines"] == []
+    layouts = [room_from_dict(room_to_dict(room) | {"furniture": c["furniture"]}) for c in said["choices"]]
+    for layout, choice in zip(layouts, said["choices"], strict=True):
+        assert layout.furniture[0] == room.furniture[0]
+        assert [(k, name) for k, name, _ in choice["faults"]] == faults(layout)
+        ends = {k: (tuple(center), degrees) for k, center, degrees in choice["path"]}
+        assert ends == {k: (layout.furniture[k].center, layout.furniture[k].rotation) for k in movable if k in ends}
+        assert {*ends} == {k for k in movable if layout.furniture[k].center}
+    assert all(apart(one, other) for k, one in enumerate(layouts) for other in layouts[:k])
+    values = [choice["value"] for choice in said["choices"]]
+    assert values == sorted(values, reverse=True)
+
+
+def test_the_same_seed_gives_the_same_first_restart(answers):
+    room = ROOMS[0]
+    furnisher = SearchFurnisher(composed("demo").search, 1e-9)  # one restart
+    first, second = (furnisher.furnish([brief_of(room)], 3, seed=4) for _ in range(2))
+    assert [[f.layout for f in found] for found in first] == [[f.layout for f in found] for found in second]
+
+
+def test_what_nobody_knows_is_named_and_the_others_are_placed(answers):
+    document = room_to_dict(ROOMS[0])
+    document["furniture"].insert(0, {"category": "piano", "size": [1.5, 0.6]})
+    movable = list(range(len(document["furniture"])))
+    said = answers.answer("furnish", json.dumps({"room": document, "movable": movable}).encode())
+    assert "the piano is not placed" in said["lines"][0]
+    assert "center" not in said["choices"][0]["furniture"][0]
+    assert {k for k, _, _ in said["choices"][0]["path"]} == {*movable} - {0}
+    assert said["lines"] == answerable(brief_of(room_from_dict(document)), answers._known("bathroom")).lines
+
+
+def test_layouts_are_apart_if_an_item_stands_or_faces_elsewhere():
+    room = ROOMS[0]
+    document = room_to_dict(room)
+    x, y = document["furniture"][0]["center"]
+    for shift, differs in ((0.9 * APART, False), (1.1 * APART, True)):
+        for moved in ((x + shift, y), (x - shift, y)):
+            document["furniture"][0]["center"] = [*moved]
+            furniture = room_from_dict(room_to_dict(room)).furniture
+            other = Room("b", room.room_type, room.outline, room.walls, furniture=(
+                type(furniture[0])(furniture[0].category, furniture[0].size, moved, furniture[0].rotation),
+                *furniture[1:],
+            ))  # fmt: skip
+            assert apart(other, room) == differs
+
+
+def test_who_furnishes_is_asked_what_it_can():
+    assert isinstance(furnisher_of(composed("demo")), SearchFurnisher)
+    settings = composed("demo").search
+    search: Furnisher = SearchFurnisher(settings, 0.1)
+    assert not isinstance(search, Thinker)
+    assert isinstance(Thinking(settings, 0.1), Thinker)
+
+
+def test_thoughts_are_answered_by_who_thinks(answers):
+    room = ROOMS[0]
+    said = answers.answer("values", body(room, item=0, step=0.25))
+    assert len(said["centers"]) == len(said["values"]) == len(said["degrees"]) > 10
+    said = answers.answer("moves", body(room, item=0))
+    assert [move["name"] for move in said["moves"]] == ["left", "down"]
+    from layoutrl.demo.answers import Answers
+
+    plain = Answers(SearchFurnisher(composed("demo").search, 0.1))
+    assert plain.begin["thinks"] is False
+    with pytest.raises(InputError, match="values no places"):
+        plain.answer("values", body(room, item=0))
+
+
+def lines_of(rooms: Sequence[Room]) -> bytes:
+    return "\n".join(json.dumps(room_to_dict(room)) for room in rooms).encode()
+
+
+def test_files_are_read_and_what_is_wrong_is_said(answers):
+    said = answers.read(lines_of(ROOMS[:3]) + b"\n{}\n")
+    assert [entry["room"]["id"] for entry in said["rooms"]] == [room.id for room in ROOMS[:3]]
+    assert said["left_out"] == ["line:4: id: missing"]
+    one = answers.read(json.dumps(room_to_dict(ROOMS[0]), indent=2).encode())
+    assert len(one["rooms"]) == 1
+    for content, match in ((b"", "empty"), (b"nonsense", "expected JSON"), (b"PK\x03\x04nonsense", "file|sh3d")):
+        with pytest.raises(InputError, match=match) as found:
+            answers.read(content)
+        assert "/tmp" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("changed", "match"),
+    [
+        ({"movable": None}, "movable: expected a list"),
+        ({"movable": [True]}, "movable: expected an index"),
+        ({"movable": [99]}, "movable: expected an index"),
+        ({"movable": []}, "nothing to furnish"),
+        ({"movable": [0], "seed": "x"}, "seed"),
+        ({"room": {}}, "id: missing"),
+    ],
+)
+def test_what_is_wrong_with_a_question_is_said_in_a_line(answers, changed, match):
+    asked = {"room": room_to_dict(ROOMS[0])} | changed
+    with pytest.raises(InputError, match=match):
+        answers.answer("furnish", json.dumps(asked).encode())
+
+
+def test_rooms_that_would_take_long_are_refused(answers):
+    wide = {"id": "a", "room_type": "study", "outline": [[0, 0], [30, 0], [30, 3], [0, 3]]}
+    wide |= {"doors": [], "windows": [], "furniture": []}
+    with pytest.raises(InputError, match=r"at most 25 m; got 30\.4 by 3\.4 m"):
+        answers.answer("look", json.dumps({"room": wide}).encode())
+    full = room_to_dict(ROOMS[0]) | {"furniture": 41 * [{"category": "a", "size": [1, 1]}], "target": 0}
+    with pytest.raises(InputError, match="at most 40 pieces"):
+        answers.answer("look", json.dumps({"room": full}).encode())
+    with pytest.raises(InputError, match="at most 200 kB"):
+        answers.answer("look", b"[" * 300_000)

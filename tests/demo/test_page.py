@@ -1,0 +1,577 @@
+"""The page in a real browser: Chromium, found by ids and roles."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from PIL import Image
+
+from layoutrl.benchmarks.serving import browser_of
+from layoutrl.env.faults import faults
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import parse_room, room_to_dict
+from layoutrl.rooms.formats import opened
+from layoutrl.rooms.room import MAIN_ITEM
+from tests.demo.conftest import served
+
+for extra in ("starlette", "uvicorn"):
+    pytest.importorskip(extra, reason="the extra demo is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: the page is not tried in a browser")
+CHROMIUM = browser_of()
+if CHROMIUM is None:
+    pytest.skip("no Chromium: the page is not tried in a browser", allow_module_level=True)
+expect = playwright.expect
+expect.set_options(timeout=15_000)
+Page = Any
+OWN = room_to_dict(design_rooms("study", "test", 8, 1).rooms[0]) | {"id": "my own study"}
+SQUARE = {
+    "id": "square", "room_type": "study", "outline": [[0, 0], [3, 0], [3, 3], [0, 3]], "windows": [],
+    "doors": [{"polygon": [[1, -0.2], [2, -0.2], [2, 0], [1, 0]]}],
+    "furniture": [{"category": "stool", "size": [0.5, 0.5], "center": [1.5, 1.5]}],
+}  # fmt: skip
+DROP = """text => {
+  const data = new DataTransfer();
+  data.items.add(new File([text], "room.json"));
+  document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+}"""
+
+
+@pytest.fixture(scope="module")
+def address(answers) -> Iterator[str]:
+    with served(answers) as where:
+        yield where
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+def visited(browser: Any, address: str, **looks: Any) -> Iterator[Page]:
+    """The page, as it is first shown; it may say nothing in the browser's console, and ask nobody else."""
+    context = browser.new_context(**{"viewport": {"width": 1200, "height": 900}} | looks)
+    context.set_default_timeout(15_000)
+    page, said, asked = context.new_page(), [], []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(address)
+    settled(page)
+    yield page
+    context.close()
+    assert all(url.startswith((address.split("#")[0], "blob:")) and "#room" not in url for url in asked)
+    assert not [line for line in said if "status of 400" not in line]  # which Chromium says of every such answer
+
+
+@pytest.fixture
+def page(browser, address) -> Iterator[Page]:
+    yield from visited(browser, address)
+
+
+@pytest.fixture
+def still(browser, address) -> Iterator[Page]:
+    """Of who wants no animation."""
+    yield from visited(browser, address, reduced_motion="reduce")
+
+
+def settled(page: Page) -> None:
+    """Wait until the page shows what is wrong with what it shows."""
+    expect(page.locator("body")).to_have_attribute("data-state", "idle")
+    expect(page.locator("#plan")).to_have_attribute("aria-busy", "false")
+
+
+def room_of(page: Page) -> dict[str, Any]:
+    """The room that the page holds, as it saves it."""
+    return json.loads(saved(page, "json"))
+
+
+def saved(page: Page, kind: str) -> bytes:
+    page.locator("#saving").evaluate("node => { node.open = true }")
+    with page.expect_download() as download:
+        page.locator(f"#save-{kind}").click()
+    assert download.value.suggested_filename.endswith(f".{kind}")
+    return Path(download.value.path()).read_bytes()
+
+
+def item(page: Page, name: str, number: int = 0) -> Any:
+    """A piece of furniture in the plan."""
+    return page.locator("#plan").get_by_role("button", name=re.compile(f"^{name}")).nth(number)
+
+
+def take(page: Page, name: str, number: int = 0) -> Any:
+    """Choose a room of the gallery."""
+    page.locator("#gallery").get_by_role("button", name=name).nth(number).click()
+    expect(page.locator("#title")).to_contain_text(name)
+    settled(page)
+
+
+def middle(target: Any) -> tuple[float, float]:
+    box = target.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def drag(page: Page, what: Any, dx: float, dy: float) -> None:
+    """By so many metres, y up."""
+    x, y = middle(what)
+    scale = page.evaluate("document.querySelector('#plan').getScreenCTM().a")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + dx * scale / 2, y - dy * scale / 2)
+    page.mouse.move(x + dx * scale, y - dy * scale)
+
+
+def dragged(page: Page, what: Any, dx: float, dy: float) -> None:
+    drag(page, what, dx, dy)
+    page.mouse.up()
+    settled(page)
+
+
+def test_it_begins_with_a_room_and_a_gallery_of_all_types(page):
+    expect(page.get_by_role("heading", level=1)).to_have_text("Furnish a room")
+    names = page.locator("#gallery").get_by_role("button").all_inner_texts()
+    assert {name.strip() for name in names} == {room_type.replace("_", " ") for room_type in MAIN_ITEM}
+    for shape in (".wall", ".door", ".window", ".swing", ".item .front", ".item .label"):
+        expect(page.locator(f"#plan {shape}").first).to_be_attached()
+    expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+
+
+def test_a_room_of_each_type_is_shown(page):
+    for room_type in MAIN_ITEM:
+        take(page, room_type.replace("_", " "))
+        room = parse_room(saved(page, "json"))
+        assert room.room_type == room_type
+        expect(page.locator("#plan .item")).to_have_count(len(room.furniture))
+        expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+
+
+def test_furniture_is_dragged_undone_and_done_again(page):
+    before = room_of(page)
+    dragged(page, item(page, "bed"), -0.5, 0)
+    after = room_of(page)
+    (x0, y0), (x1, y1) = before["furniture"][0]["center"], after["furniture"][0]["center"]
+    assert (x1 - x0, y1 - y0) == (pytest.approx(-0.5, abs=0.03), pytest.approx(0, abs=0.03))
+    page.locator("#undo").click()
+    settled(page)
+    assert room_of(page) == before
+    expect(page.locator("#undo")).to_be_disabled()
+    page.locator("#redo").click()
+    settled(page)
+    assert room_of(page) == after
+    page.keyboard.press("Control+z")
+    settled(page)
+    assert room_of(page) == before
+
+
+def test_faults_are_marked_while_dragging_with_words(page):
+    stand, bed = item(page, "nightstand"), item(page, "bed")
+    (x0, y0), (x1, y1) = middle(stand), middle(bed)
+    scale = page.evaluate("document.querySelector('#plan').getScreenCTM().a")
+    drag(page, stand, (x1 - x0) / scale, (y0 - y1) / scale)
+    expect(page.locator("#verdict")).to_contain_text("nightstand overlaps something")
+    expect(page.locator("#verdict")).to_contain_text("bed overlaps something")
+    expect(page.locator("#plan .item.faulty")).to_have_count(2)
+    expect(page.locator("#plan .hatch")).to_have_count(2)
+    expect(item(page, "nightstand; nightstand overlaps something")).to_be_attached()
+    expect(page.locator("#furniture li").filter(has_text="bed overlaps something")).to_be_visible()
+    page.mouse.up()
+    settled(page)
+    room = parse_room(saved(page, "json"))
+    assert {name for _, name in faults(room)} >= {"overlaps"}
+
+
+def test_a_door_that_is_blocked_is_said(page):
+    page.evaluate(DROP, json.dumps(SQUARE))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    dragged(page, item(page, "stool"), 0, -1.2)
+    expect(page.locator("#verdict")).to_contain_text("stool blocks a door or window")
+
+
+def test_furniture_that_leaves_the_room_is_put_back(page):
+    before = room_of(page)
+    drag(page, item(page, "bed"), 0, 9)
+    expect(page.locator("#verdict")).to_contain_text("expected the bed to lie within")
+    page.mouse.up()
+    settled(page)
+    expect(page.locator("#verdict")).to_contain_text("expected the bed to lie within")
+    assert room_of(page) == before
+
+
+def test_measurements_show_while_dragging(page):
+    expect(page.locator("#plan .metres")).to_have_count(0)
+    drag(page, item(page, "bed"), -0.6, 0)
+    expect(page.locator("#plan .metres").first).to_be_attached()
+    expect(page.locator("#gaps")).to_contain_text(re.compile(r"Free beside it: \d\.\d\d m"))
+    first = page.locator("#gaps").inner_text()
+    x, y = middle(item(page, "bed"))
+    page.mouse.move(x - 30, y)
+    expect(page.locator("#gaps")).not_to_have_text(first)
+    page.mouse.up()
+    settled(page)
+
+
+def test_the_keyboard_moves_turns_locks_and_deletes(page):
+    item(page, "bed").focus()
+    settled(page)
+    before = room_of(page)["furniture"]
+    page.locator("#plan [data-item='0']").focus()
+    for key in ("ArrowLeft", "ArrowLeft", "Shift+ArrowDown", "r"):
+        page.keyboard.press(key)
+        settled(page)
+    after = room_of(page)["furniture"]
+    (x0, y0), (x1, y1) = before[0]["center"], after[0]["center"]
+    assert (x1 - x0, y1 - y0) == (pytest.approx(-0.1), pytest.approx(-0.01))
+    assert (after[0]["rotation"] - before[0]["rotation"]) % 360 == 90
+    page.locator("#plan [data-item='0']").focus()
+    page.keyboard.press("l")
+    expect(page.locator("#lock")).to_have_attribute("aria-pressed", "true")
+    for key in ("ArrowLeft", "r"):
+        page.keyboard.press(key)
+    settled(page)
+    assert room_of(page)["furniture"] == after
+    page.locator("#plan [data-item='0']").focus()
+    page.keyboard.press("Delete")
+    settled(page)
+    assert room_of(page)["furniture"] == after[1:]
+    expect(page.locator("#plan .item")).to_have_count(len(after) - 1)
+
+
+def test_the_chosen_item_has_buttons_for_all_of_it(page):
+    page.locator("#furniture").get_by_role("button", name="bed").click()
+    settled(page)
+    page.locator("#turn").click()
+    settled(page)
+    page.locator("#width").fill("1.4")
+    page.locator("#width").blur()
+    settled(page)
+    page.locator("#degrees").fill("45")
+    page.locator("#degrees").blur()
+    settled(page)
+    bed = room_of(page)["furniture"][0]
+    assert (bed["size"][1], bed["rotation"]) == (1.4, 45)
+    page.locator("#delete").click()
+    settled(page)
+    assert "bed" not in {entry["category"] for entry in room_of(page)["furniture"]}
+    expect(page.locator("#selected")).to_be_hidden()
+
+
+def test_furnish_plays_moves_offers_choices_and_skips(page):
+    page.locator("#clear").click()
+    settled(page)
+    expect(page.locator("#verdict")).to_have_text("4 to be placed")
+    expect(page.locator("#plan .item")).to_have_count(0)
+    page.locator("#speed").select_option("slow")
+    page.locator("#furnish").click()
+    expect(page.locator("body")).to_have_attribute("data-state", "playing")
+    expect(page.locator("#plan .item").first).to_be_attached()
+    expect(page.locator("#furnish")).to_be_disabled()
+    page.locator("#skip").click()
+    settled(page)
+    expect(page.locator("#plan .item")).to_have_count(4)
+    choices = page.locator("#choices").get_by_role("button")
+    assert 2 <= choices.count() <= 3  # as many as a slow machine finds in time
+    expect(choices.first).to_have_attribute("aria-pressed", "true")
+    first = room_of(page)["furniture"]
+    choices.last.click()
+    settled(page)
+    assert room_of(page)["furniture"] != first
+    expect(choices.last).to_have_attribute("aria-pressed", "true")
+    page.locator("#undo").click()
+    settled(page)
+    assert room_of(page)["furniture"] == first
+
+
+def test_the_moves_end_by_themselves(page):
+    page.locator("#speed").select_option("fast")
+    page.locator("#furnish").click()
+    expect(page.locator("body")).to_have_attribute("data-state", "playing")
+    settled(page)
+    expect(page.locator("#skip")).to_be_hidden()
+    assert not faults(parse_room(saved(page, "json")))
+
+
+def test_what_is_locked_stays(still):
+    item(still, "wardrobe").focus()
+    still.keyboard.press("l")
+    settled(still)
+    before = room_of(still)["furniture"]
+    still.locator("#furnish").click()
+    settled(still)
+    after = room_of(still)["furniture"]
+    assert after[1] == before[1]
+    assert after[0] != before[0]
+    expect(still.locator("#plan .item.locked .padlock")).to_have_count(1)
+
+
+def test_only_this_item_moves(still):
+    dragged(still, item(still, "wardrobe"), 0.6, -0.8)
+    before = room_of(still)["furniture"]
+    still.locator("#only").click()
+    settled(still)
+    after = room_of(still)["furniture"]
+    assert [k for k in range(len(after)) if after[k] != before[k]] == [1]
+
+
+def test_what_cannot_be_placed_is_said(still):
+    still.locator("#furniture").get_by_role("button", name="wardrobe").click()
+    still.locator("#depth").fill("9")
+    still.locator("#depth").blur()
+    settled(still)
+    still.locator("#clear").click()
+    settled(still)
+    still.locator("#furniture").get_by_role("button", name="wardrobe").click()
+    settled(still)
+    still.locator("#depth").fill("9")
+    still.locator("#depth").blur()
+    settled(still)
+    still.locator("#furnish").click()
+    settled(still)
+    expect(still.locator("#lines")).to_contain_text("the wardrobe of 9 by 1.8 m is not placed")
+    expect(still.locator("#verdict")).to_contain_text("1 to be placed")
+
+
+def test_what_the_agent_thinks_is_a_map_and_arrows(page):
+    item(page, "bed").focus()
+    settled(page)
+    expect(page.locator("#thinking")).to_be_visible()
+    page.locator("#heat").check()
+    expect(page.locator("#plan .value").nth(50)).to_be_attached()
+    expect(page.locator("#scale")).to_be_visible()
+    page.locator("#arrows").check()
+    expect(page.locator("#plan .arrow")).to_have_count(2)
+    expect(page.locator("#moves li")).to_have_text(["left: 2.0", "down: 1.0"])
+    page.locator("#heat").uncheck()
+    expect(page.locator("#plan .value")).to_have_count(0)
+
+
+def test_who_thinks_nothing_has_no_panel(browser, address, answers, monkeypatch):
+    monkeypatch.setitem(answers.begin, "thinks", False)
+    page = next(pages := visited(browser, address))
+    item(page, "bed").focus()
+    settled(page)
+    expect(page.locator("#selected")).to_be_visible()
+    expect(page.locator("#thinking")).to_be_hidden()
+    assert next(pages, None) is None
+
+
+def corner(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a point in metres is on the screen."""
+    return tuple(
+        page.evaluate(
+            "([x, y]) => { const p = new DOMPoint(x, -y).matrixTransform(document.querySelector('#plan')"
+            ".getScreenCTM()); return [p.x, p.y] }",
+            [x, y],
+        )
+    )
+
+
+def test_a_room_is_drawn_gets_doors_and_windows_and_is_furnished(still):
+    page = still
+    page.locator("#building summary").click()
+    page.locator("#kind").select_option("study")
+    settled(page)
+    page.locator("#draw").click()
+    for x, y in ((1, 1), (4.02, 1), (4, 4.03), (1, 4)):
+        page.mouse.click(*corner(page, x, y))
+    expect(page.locator("#plan .corner")).to_have_count(4)
+    page.mouse.click(*corner(page, 1, 1))
+    settled(page)
+    room = room_of(page)
+    assert (room["room_type"], room["outline"]) == ("study", [[1, 1], [4, 1], [4, 4], [1, 4]])
+    page.locator("#door").click()
+    page.mouse.click(*corner(page, 2, 0.95))
+    settled(page)
+    page.locator("#wide").fill("1.5")
+    page.locator("#window").click()
+    page.mouse.click(*corner(page, 2.5, 4.1))
+    settled(page)
+    room = parse_room(saved(page, "json"))
+    assert [o.kind for o in room.openings] == ["door", "window"]
+    assert room.openings[1].shape.bounds == pytest.approx((1.75, 4, 3.25, 4.2))
+    page.locator("#usual").click()
+    settled(page)
+    expect(page.locator("#verdict")).to_contain_text("to be placed")
+    page.locator("#furnish").click()
+    settled(page)
+    room = parse_room(saved(page, "json"))
+    assert all(entry.center for entry in room.furniture)
+    assert not faults(room)
+    page.locator("#plan .window").click()
+    page.locator("#delete").click()
+    settled(page)
+    expect(page.locator("#plan .window")).to_have_count(0)
+
+
+def test_a_room_is_drawn_by_keyboard(page):
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    keys = ["Enter", *["Shift+ArrowRight"] * 3, "Enter", "ArrowUp", "Enter", "Backspace", *["Shift+ArrowUp"] * 4]
+    for key in (*keys, "Enter", *["Shift+ArrowLeft"] * 3, "Enter", "ArrowLeft"):
+        page.keyboard.press(key)
+    page.locator("#close").click()
+    settled(page)
+    assert room_of(page)["outline"] == [[1, 1], [4, 1], [4, 5.1], [1, 5.1]]
+    page.locator("#door").click()
+    for key in (*["Shift+ArrowDown"] * 3, "Enter"):
+        page.keyboard.press(key)
+    settled(page)
+    expect(page.locator("#plan .door")).to_have_count(1)
+    page.locator("#plan .door").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Delete")
+    settled(page)
+    expect(page.locator("#plan .door")).to_have_count(0)
+
+
+def test_an_outline_that_crosses_itself_is_refused_and_goes_on(page):
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    for x, y in ((1, 1), (4, 4), (4, 1), (1, 4)):
+        page.mouse.click(*corner(page, x, y))
+    page.locator("#close").click()
+    expect(page.locator("#verdict")).to_contain_text("outline: expected a simple polygon")
+    page.locator("#back").click()
+    expect(page.locator("#plan .corner")).to_have_count(3)
+    page.keyboard.press("Escape")
+
+
+def test_furniture_of_the_palette_stands_in_the_room(page):
+    page.locator("#adding summary").click()
+    count = page.locator("#plan .item").count()
+    page.locator("#palette").get_by_role("button", name="desk").click()
+    settled(page)
+    expect(page.locator("#plan .item")).to_have_count(count + 1)
+    expect(page.locator("#name")).to_have_text("desk")
+    assert room_of(page)["furniture"][-1]["category"] == "desk"
+
+
+def test_files_are_opened_and_dropped(page, tmp_path):
+    other = OWN | {"id": "another"}
+    file = tmp_path / "rooms.jsonl"
+    file.write_text(f"{json.dumps(OWN)}\n{json.dumps(other)}\n{{}}\n")
+    page.locator("#saving summary").click()
+    page.locator("#file").set_input_files(file)
+    expect(page.locator("#title")).to_have_attribute("data-room", "my own study")
+    settled(page)
+    expect(page.locator("#lines")).to_contain_text("line:3: id: missing")
+    expect(page.locator("#gallery").get_by_title("another")).to_be_visible()
+    page.evaluate(DROP, json.dumps(OWN | {"id": "dropped"}))
+    expect(page.locator("#title")).to_have_attribute("data-room", "dropped")
+    page.evaluate(DROP, "no room")
+    expect(page.locator("#verdict")).to_contain_text("room.json: line:1: column 1: expected JSON")
+    expect(page.locator("#title")).to_have_attribute("data-room", "dropped")
+
+
+def test_a_room_is_saved_as_it_is_read(page):
+    document = room_of(page)
+    assert room_to_dict(parse_room(json.dumps(document))) == document
+
+
+def test_a_room_is_saved_as_drawings(page):
+    drawing = ElementTree.fromstring(saved(page, "svg"))
+    items = [node for node in drawing.iter() if "data-id" in node.attrib]
+    assert len(items) == len(room_of(page)["furniture"])
+    picture = Image.open(io.BytesIO(saved(page, "png"))).convert("RGB")
+    assert max(picture.size) == 1600
+    assert len(set(picture.resize((100, 80)).getdata())) > 5
+
+
+def test_a_home_of_sweet_home_3d_is_saved_opened_and_written_back(page, tmp_path):
+    file = tmp_path / "home.sh3d"
+    file.write_bytes(saved(page, "sh3d"))
+    furniture = room_of(page)["furniture"]
+    page.locator("#file").set_input_files(file)
+    expect(page.locator("#title")).to_have_attribute("data-room", "file/bedroom")
+    settled(page)
+    assert [entry["category"] for entry in room_of(page)["furniture"]] == [entry["category"] for entry in furniture]
+    dragged(page, item(page, "bed"), -0.5, 0)
+    file.write_bytes(saved(page, "sh3d"))
+    (room,) = opened(file).collection.rooms
+    assert room.furniture[0].center == pytest.approx(room_of(page)["furniture"][0]["center"], abs=1e-3)
+    item(page, "wardrobe").focus()
+    page.keyboard.press("Delete")
+    settled(page)
+    page.locator("#save-sh3d").click()
+    expect(page.locator("#verdict")).to_contain_text("home: expected the furniture that was read from it")
+
+
+def test_a_link_holds_the_room_and_what_is_locked(page, browser):
+    dragged(page, item(page, "bed"), -0.3, 0)
+    page.locator("#lock").click()
+    page.locator("#saving summary").click()
+    page.locator("#share").click()
+    expect(page.locator("#link")).not_to_have_value("")
+    link = page.locator("#link").input_value()
+    assert "#room=" in link
+    other = next(pages := visited(browser, link))
+    assert room_of(other) == room_of(page)
+    expect(other.locator("#plan .item.locked")).to_have_count(1)
+    assert next(pages, None) is None
+
+
+def test_a_link_that_is_broken_is_said(browser, address):
+    page = next(pages := visited(browser, f"{address}/#room=nonsense"))
+    expect(page.locator("#verdict")).to_have_text("The link holds no whole room.")
+    expect(page.locator("#plan .item").first).to_be_attached()
+    assert next(pages, None) is None
+
+
+LOOKS = {
+    "light": {},
+    "dark": {"color_scheme": "dark"},
+    "phone": {"viewport": {"width": 360, "height": 740}, "has_touch": True, "is_mobile": True},
+}
+
+
+@pytest.mark.parametrize("looks", LOOKS.values(), ids=LOOKS)
+def test_axe_finds_nothing(browser, address, looks):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="no axe-playwright-python")
+    page = next(pages := visited(browser, address, reduced_motion="reduce", **looks))
+    page.locator("#furnish").click()
+    settled(page)
+    for name in ("adding", "building", "saving"):
+        page.locator(f"#{name} summary").click()
+    page.locator("#furniture").get_by_role("button", name="bed").click()
+    settled(page)
+    page.locator("#heat").check()
+    page.locator("#arrows").check()
+    expect(page.locator("#plan .arrow")).to_have_count(2)
+    found = axe.Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+    page.locator("#draw").click()
+    found = axe.Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert next(pages, None) is None
+
+
+def test_dark_and_light_differ(browser, address):
+    colors = []
+    for scheme in ("light", "dark"):
+        page = next(pages := visited(browser, address, color_scheme=scheme))
+        colors.append(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+        assert next(pages, None) is None
+    assert colors == ["rgb(255, 255, 255)", "rgb(20, 24, 29)"]
+
+
+def test_a_finger_drags_furniture(browser, address):
+    page = next(pages := visited(browser, address, **LOOKS["phone"]))
+    before = room_of(page)["furniture"][0]["center"]
+    item(page, "bed").scroll_into_view_if_needed()
+    x, y = middle(item(page, "bed"))
+    finger = page.context.new_cdp_session(page)
+    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchMove", [{"x": x - 20, "y": y}]),
+                         ("touchMove", [{"x": x - 40, "y": y}]), ("touchEnd", [])):  # fmt: skip
+        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    settled(page)
+    assert room_of(page)["furniture"][0]["center"][0] < before[0] - 0.2
+    assert next(pages, None) is None

@@ -1,0 +1,235 @@
+"""The server answers its own page alone, in JSON whatever it is sent, within bounds, and goes on."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import re
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+from layoutrl import InputError
+from layoutrl.benchmarks.serving import Client, visited
+from layoutrl.demo import listening
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.room import MAIN_ITEM
+from tests.commands import PROJECT
+from tests.demo.conftest import served
+from tests.test_fuzz import as_json, mutated_bytes, mutated_document
+
+for extra in ("starlette", "uvicorn"):
+    pytest.importorskip(extra, reason="the extra demo is not installed")
+httpx = pytest.importorskip("httpx", reason="httpx is not installed")
+
+HOST = "127.0.0.1:8765"
+ROOMS = [room_to_dict(design_rooms(room_type, "test", 5, 1).rooms[0]) for room_type in MAIN_ITEM]
+Talk = Callable[[Any], Awaitable[Any]]
+
+
+def talked(answers: Any, talk: Talk, timeout: float = 60) -> Any:
+    """What a conversation with the server in this process comes to."""
+    from layoutrl.demo.server import application
+
+    async def whole() -> Any:
+        transport = httpx.ASGITransport(app=application(answers, HOST, timeout))
+        async with httpx.AsyncClient(transport=transport, base_url=f"http://{HOST}") as client:
+            return await talk(client)
+
+    return asyncio.run(whole())
+
+
+def test_every_answer_tells_browsers_to_keep_to_this_page(answers):
+    async def talk(client: Any) -> list[Any]:
+        return [await client.get(path) for path in ("/", "/app.js", "/style.css", "/icon.svg", "/api", "/nowhere")]
+
+    *found, missing = talked(answers, talk)
+    assert [response.status_code for response in found] == [200] * 5
+    assert missing.status_code == 404
+    assert missing.json() == {"error": "address: Not Found"}
+    for response in (*found, missing):
+        policy = response.headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'")
+        assert "unsafe" not in policy
+        assert response.headers["x-content-type-options"] == "nosniff"
+
+
+def test_the_page_needs_nothing_from_elsewhere():
+    from layoutrl.demo.server import page
+
+    folder = PROJECT / "layoutrl" / "demo" / "page"
+    assert {*page()} == {file.name for file in folder.iterdir()}
+    for file in folder.iterdir():
+        text = file.read_text(encoding="utf-8").replace("http://www.w3.org/2000/svg", "")
+        assert not re.search(r"https?://|@import|<script>|\son\w+=|\sstyle=|innerHTML", text), file.name
+
+
+@pytest.mark.parametrize(
+    "path", ["/../pyproject.toml", "/%2e%2e/pyproject.toml", "/api/../../x", "/page/app.js", "//etc/passwd"]
+)
+def test_no_name_is_a_path(answers, path):
+    async def talk(client: Any) -> Any:
+        return await client.get(path)
+
+    assert talked(answers, talk).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"host": "localhost:8765"}, 200),
+        ({"origin": "http://127.0.0.1:8765"}, 200),
+        ({"host": "evil.example"}, 403),
+        ({"host": "127.0.0.1"}, 403),
+        ({"host": "127.0.0.1:80"}, 403),
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"origin": "https://127.0.0.1:8765"}, 403),
+    ],
+)
+def test_only_this_machines_own_page_is_answered(answers, headers, status):
+    async def talk(client: Any) -> list[Any]:
+        return [
+            await client.get("/api", headers=headers),
+            await client.post("/api/look", json={"room": ROOMS[0]}, headers=headers),
+        ]
+
+    for response in talked(answers, talk):
+        assert response.status_code == status
+        assert (status == 200) == ("error" not in response.json())
+
+
+def test_large_bodies_are_refused_before_they_are_read(answers):
+    sent = 0
+
+    async def parts() -> Any:
+        nonlocal sent
+        for _ in range(100):
+            sent += 1
+            yield b"[" * 200_000
+
+    async def talk(client: Any) -> Any:
+        return await client.post("/api/read", content=parts())
+
+    response = talked(answers, talk)
+    assert (response.status_code, response.json()) == (400, {"error": "body: expected at most 5 MB"})
+    assert sent < 50
+
+
+def test_an_answer_that_takes_long_is_given_up_and_others_go_on(answers, monkeypatch):
+    release = threading.Event()
+    monkeypatch.setitem(answers.questions, "furnish", lambda _: release.wait(10))
+
+    async def talk(client: Any) -> Any:
+        late = asyncio.create_task(client.post("/api/furnish", json={"room": {}}))
+        others = [await client.post("/api/look", json={"room": room}) for room in ROOMS]
+        return await late, others
+
+    late, others = talked(answers, talk, timeout=0.5)
+    release.set()
+    assert late.status_code == 503
+    assert "took over 0.5 seconds" in late.json()["error"]
+    assert {response.status_code for response in others} == {200}
+
+
+def test_a_bug_is_a_line_and_no_traceback(answers, monkeypatch):
+    monkeypatch.setitem(answers.questions, "look", lambda _: 1 / 0)
+
+    async def talk(client: Any) -> list[Any]:
+        return [await client.post("/api/look", json={"room": ROOMS[0]}), await client.get("/api")]
+
+    broken, still = talked(answers, talk)
+    assert broken.status_code == 500
+    assert broken.json()["error"].startswith("bug: ZeroDivisionError")
+    assert still.status_code == 200
+
+
+def test_a_thousand_bad_bodies_are_answered_in_json(answers):
+    dice = random.Random(1)
+
+    def bad() -> tuple[str, bytes]:
+        question = dice.choice(("look", "look", "opening", "furnish", "values", "moves", "svg", "read", "home"))
+        document: Any = json.loads(json.dumps(dice.choice(ROOMS)))
+        if question != "read":
+            document = {"room": document, "item": 0, "movable": [0, 1], "kind": "door", "at": [1, 0], "width": 0.9}
+        if dice.random() < 0.6:
+            return question, as_json(mutated_document(document, dice), dice)
+        return question, mutated_bytes(json.dumps(document).encode(), dice)
+
+    async def talk(client: Any) -> tuple[list[Any], Any]:
+        responses = []
+        for _ in range(1000):
+            question, content = bad()
+            responses.append((question, content, await client.post(f"/api/{question}", content=content)))
+        return responses, await client.post("/api/look", json={"room": ROOMS[0]})
+
+    responses, still = talked(answers, talk)
+    refused = 0
+    for question, content, response in responses:
+        about = f"{question} {content[:500]!r}: {response.text[:500]}"
+        assert response.status_code in (200, 400), about
+        if response.status_code == 400:
+            refused += 1
+            line = response.json()["error"]
+            assert line, about
+            assert "\n" not in line, about
+            assert "Traceback" not in line, about
+    assert refused > 500
+    assert still.status_code == 200
+
+
+def test_bad_requests_over_the_socket_leave_it_serving(answers):
+    with served(answers) as address:
+        host, port = address.removeprefix("http://").split(":")
+        long = b"POST /api/look HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n{"
+        for content in (b"", b"\x00" * 1000, b"GET / HTTP/1.1\r\n\r\n", long, b"GET " + b"x" * 70_000):
+            with socket.create_connection((host, int(port))) as connection:
+                connection.sendall(content)
+        for content in (b"{", b"[]", b"null", b'{"room": 1}', b"\xff\xfe", b"[" * 100_000):
+            response = httpx.post(f"{address}/api/look", content=content)
+            assert response.status_code == 400
+            assert response.json()["error"]
+        assert httpx.post(f"{address}/api/look", json={"room": ROOMS[0]}).status_code == 200
+
+
+def test_fifty_at_once_are_all_answered(answers):
+    def furnished(port: int, look: dict[str, Any]) -> float:
+        with Client(port) as client:
+            return client.seconds("furnish", look | {"movable": [0]})
+
+    with served(answers) as address, ThreadPoolExecutor(50) as clients:
+        port = int(address.rpartition(":")[2])
+        looks = [{"room": ROOMS[k % len(ROOMS)], "item": 0} for k in range(50)]
+        asked = [clients.submit(visited, port, look) for look in looks]
+        asked += [clients.submit(furnished, port, look) for look in looks[:8]]
+    assert all(done.result() for done in asked)
+
+
+def test_a_port_that_is_taken_is_said_in_a_line():
+    with listening(0) as listener:
+        port = listener.getsockname()[1]
+        assert listener.getsockname()[0] == "127.0.0.1"
+        with pytest.raises(InputError, match=f"port: {port} cannot be had"):
+            listening(port)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as POSIX has it")
+def test_the_command_serves_until_it_is_interrupted():
+    command = [sys.executable, "-m", "layoutrl.demo", "port=0"]
+    with subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        address = line.split(" ")[0]
+        assert httpx.get(address).status_code == 200
+        process.send_signal(2)
+        _, said = process.communicate(timeout=30)
+    assert "Traceback" not in said
