@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,8 @@ from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.room import Point, Room
+from layoutrl.rooms.furnished import Furnished, Pose
+from layoutrl.rooms.room import Room
 
 STARTS = 32  # places drawn for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
@@ -29,17 +30,6 @@ SWEEPS = 1  # times that every item is lifted and placed again, among all others
 BETTER = 0.02  # of value: for no less is an item moved that stands
 BLOCK = 128  # rooms furnished at once: memory, not speed
 APART = 0.5  # metres: layouts are different whose largest item stands so far away, or faces another way
-
-Pose = tuple[int, Point, float]  # index of an item in the room's furniture, its centre in metres, degrees
-
-
-@dataclass(frozen=True)
-class Furnished:
-    """A layout of a brief."""
-
-    layout: Room
-    value: float  # what the agent thinks of it: the mean of the items' values where they stand
-    path: list[Pose]  # every pose of the items, in order
 
 
 class Options(NamedTuple):
