@@ -1,8 +1,8 @@
 """Whole rooms as the simulator of one item has them: a scene is a room in which one item moves among what stands now.
 
 A row of integers takes the place of a room's index, so that who learns to move one item learns whole rooms by the same
-code. A scene is seen, and moved in, as the item faces: turned so that its first way to face looks right. So the agent
-learns one thing where it would learn four, and what it learns holds however the item is turned.
+code. A scene is seen, and moved in, as the item faces: turned by quarters, so that the item faces right, or nearly so
+where walls lean. So the agent learns one thing where it would learn four.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Scenes:
 
     Columns are the room, the item that moves, and of each of the N items where its middle is, in micrometres, and its
     quarter, -1 where it does not stand. Of the moving item the quarter counts, and its middle is given as the position.
-    Actions are those of `Moves`, turned with the item: "right" is where it faces, if it is turned by no degrees first.
+    Actions are those of `Moves`, turned with the item: "right" is ahead of it.
     """
 
     def __init__(self, simulator: BatchRoomsSimulator):
@@ -53,8 +53,12 @@ class Scenes:
         center = center.scatter(1, moving[:, None, None].expand(-1, 1, 2), position[:, None])
         return State(room, center, quarter.clamp(min=0).long(), quarter >= 0, moving)
 
+    def turns(self, scene: Tensor) -> Tensor:
+        """By how many quarters, rounded, the moving item is turned from facing right: int64 (B,)."""
+        return self.simulator.turns[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
+
     def quarter(self, scene: Tensor) -> Tensor:
-        """By how many quarters the moving item is turned: int64 (B,)."""
+        """Of its ways to face that in which the moving item is, as in State: int64 (B,)."""
         first = 2 + (self.columns - 2) // 3 * 2
         return scene.gather(1, first + scene[:, 1:2].long())[:, 0].long()
 
@@ -69,12 +73,12 @@ class Scenes:
     def reach(self, scene: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
         """How far every action leads, in metres, and whether it is legal: (B, A) each."""
         length, legal = self.simulator.steps(self.state(scene, position))
-        action = self._turned[self.quarter(scene)]
+        action = self._turned[self.turns(scene)]
         return length.gather(1, action), legal.gather(1, action)
 
     def moved(self, scene: Tensor, position: Tensor, action: Tensor, length: Tensor) -> Tensor:
         """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far."""
-        action = self._turned[self.quarter(scene), action]
+        action = self._turned[self.turns(scene), action]
         return self.simulator.simulator.moved(scene, position, action, length)
 
     def reward(self, scene: Tensor, position: Tensor) -> RewardTerms[Tensor]:
@@ -108,11 +112,11 @@ class ScenesObservation:
         elements[..., X : Y + 1] = elements[..., X : Y + 1].where(~waits[..., None], elements[:, :1, X : Y + 1])
         elements[..., ITEM] *= ~waits
 
-        quarter = self._scenes.quarter(scene)
-        back = self._back[quarter]
+        turns = self._scenes.turns(scene)
+        back = self._back[turns]
         for a, b in ((X, Y), (COS, SIN)):
             elements[..., a : b + 1] = torch.einsum("bij,bnj->bni", back, elements[..., a : b + 1])
-        lies = (elements[..., [STANDS, COS, SIN]] != 0).any(-1) & (quarter % 2 == 1)[:, None]
+        lies = (elements[..., [STANDS, COS, SIN]] != 0).any(-1) & (turns % 2 == 1)[:, None]
         sides = elements[..., WIDTH : DEPTH + 1]
         elements[..., WIDTH : DEPTH + 1] = torch.where(lies[..., None], sides.flip(-1), sides)
         return elements

@@ -13,6 +13,7 @@ from torch import Tensor
 from layoutrl.agents.dqn import DQN
 from layoutrl.agents.method import Method
 from layoutrl.env.faults import Items, item_faults
+from layoutrl.env.geometry import snap
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
@@ -22,12 +23,13 @@ from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.furnished import Furnished, Pose
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Point, Room
 
 STARTS = 32  # places drawn for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
 SWEEPS = 1  # times that every item is lifted and placed again, among all others
 BETTER = 0.02  # of value: for no less is an item moved that stands
+WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BLOCK = 128  # rooms furnished at once: memory, not speed
 APART = 0.5  # metres: layouts are different whose largest item stands so far away, or faces another way
 
@@ -65,8 +67,57 @@ class Furnisher:
             layouts: list[list[Furnished]] = [[] for _ in world.rooms.rooms]
             for _ in range(choices):
                 self._add_another(world, torch.Generator(self._policy.device).manual_seed(seed), layouts)
-            found += [sorted(those, key=lambda one: -one.value) for those in layouts]
+            for brief, those in zip(world.rooms.rooms, layouts, strict=True):
+                found.append(sorted(those, key=lambda one: -one.value) or [Furnished(brief, 0.0)])
         return found
+
+    def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the agent thinks of places of one item among what stands.
+
+        Of centers (n, 2), `step` metres apart, the value (n,) of the best way to face there, and its degrees (n,).
+        """
+        world, state, n = self._one(replace(room.furniture[item], center=None, rotation=None), room, item)
+        x0, y0, x1, y1 = room.envelope.bounds
+        grid = np.stack(np.meshgrid(np.arange(x0, x1, step) + step / 2, np.arange(y0, y1, step) + step / 2), -1)
+        centers = grid.reshape(-1, 2)
+        value = np.full((4, len(centers)), -np.inf)
+        for quarter in np.flatnonzero(world.rooms.entry[0, n] >= 0):
+            fits = world.rooms.simulator.is_legal(np.repeat(world.rooms.entry[0, n, quarter], len(centers)), centers)
+            here = centers[fits]
+            value[quarter, fits] = self._value(
+                world, state, np.zeros(len(here), int), np.full(len(here), quarter), here
+            )
+        known = np.isfinite(value).any(0)
+        return centers[known], value.max(0)[known], world.rooms.degrees[0, n, value.argmax(0)][known]
+
+    def moves(self, room: Room, item: int) -> list[tuple[str, Point, float]]:
+        """The legal moves of an item from where it stands, in words, where each leads in metres, and its value.
+
+        The most valued first.
+        """
+        center = room.furniture[item].center
+        assert center is not None
+        world, state, _ = self._one(replace(room.furniture[item], center=None), room, item)
+        scene = world.scenes_of(state, np.zeros(1, int), np.zeros(1, int))
+        here = snap(torch.tensor([center], dtype=torch.float64, device=scene.device))
+        length, legal = world.scenes.reach(scene, here)
+        action = legal[0].nonzero()[:, 0]
+        if not len(action):
+            return []
+        every = scene.expand(len(action), -1), here.expand(len(action), -1)
+        reached = world.scenes.moved(*every, action, length[0, action]).tolist()
+        value = self._policy.values(world.observe, scene, here)[0, action].tolist()
+        names = [f"{100 * s:g} cm {way}" for s in self._moves.lengths(room) for way in WAYS]
+        names += [f"slide {way}" for way in WAYS]
+        found = [(names[a], (x, y), q) for a, (x, y), q in zip(action.tolist(), reached, value, strict=True)]
+        return sorted(found, key=lambda move: -move[2])
+
+    def _one(self, item: Item, room: Room, k: int) -> tuple[_World, State[np.ndarray], int]:
+        """A room in which item k is to be placed, as the agent has it, and which of what is to be placed that is."""
+        brief = replace(room, furniture=(*room.furniture[:k], item, *room.furniture[k + 1 :]), target=None)
+        world = _World([brief], self._moves, self._categories, self._policy.device)
+        n = missing(brief).index(k)
+        return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n
 
     def _add_another(self, world: _World, generator: torch.Generator, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
@@ -82,7 +133,7 @@ class Furnisher:
             now = State(*(values[which] for values in state))._replace(moving=item)
             stands = now.stands[every, item]
             now.stands[every, item] = False
-            options = self._options(world, now, generator)
+            options = self._options(world, now, generator, number == 0 and any(known))
             if number == 0:
                 options = _others(rooms, now, options, [known[b] for b in which])
                 count[which[np.isneginf(options.value).all(1)]] = 0
@@ -99,8 +150,8 @@ class Furnisher:
         for b in np.flatnonzero(count):
             known[b].append(Furnished(rooms.layout(state, b), value[b], paths[b]))
 
-    def _options(self, world: _World, state: State[np.ndarray], generator: torch.Generator) -> Options:
-        """Poses of the moving items, which do not stand, among what does."""
+    def _options(self, world: _World, state: State[np.ndarray], generator: torch.Generator, all_ways: bool) -> Options:
+        """Poses of the moving items, which do not stand, among what does: the best, or the best of each way to face."""
         scenes, policy, batch = world.scenes, self._policy, len(state.room)
         b, quarter = np.nonzero(world.rooms.entry[state.room, state.moving] >= 0)
         scene = world.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
@@ -110,17 +161,22 @@ class Furnisher:
         value[b.repeat(STARTS), column] = policy.best_value(scenes, world.observe, scene, start).cpu().numpy()
         index = np.zeros(value.shape, dtype=int)
         index[b.repeat(STARTS), column] = np.arange(len(column))
-        tried = np.take_along_axis(index, np.argsort(-value, 1, kind="stable")[:, :TRIED], 1).ravel()
+        parts = np.split(np.arange(value.shape[1]), QUARTERS) if all_ways else [np.arange(value.shape[1])]
+        best = [part[np.argsort(-value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
+        tried = np.take_along_axis(index, np.concatenate(best, 1), 1).ravel()
+        count = TRIED * len(parts)
         scene, start = scene[tried], start[tried]
         run = policy.rollout(scenes, world.observe, scene, start.cpu().numpy())
         there = torch.as_tensor(run.final, device=scene.device)
         reached = policy.best_value(scenes, world.observe, scene, there).cpu().numpy()
         ways = [run.path[: moves + 1, n] for n, moves in enumerate(run.moves)]
+        # A way that does not fit has no start: another item's stands in for it, and counts for nothing.
+        started = np.take_along_axis(value, np.concatenate(best, 1), 1).ravel() > -np.inf
         return Options(
-            run.final.reshape(batch, TRIED, 2),
-            scenes.quarter(scene).cpu().numpy().reshape(batch, TRIED),
-            reached.reshape(batch, TRIED),
-            [ways[n : n + TRIED] for n in range(0, len(ways), TRIED)],
+            run.final.reshape(batch, count, 2),
+            scenes.quarter(scene).cpu().numpy().reshape(batch, count),
+            np.where(started, reached, -np.inf).reshape(batch, count),
+            [ways[n : n + count] for n in range(0, len(ways), count)],
         )
 
     def _or_stay(self, world: _World, state: State[np.ndarray], stood: np.ndarray, options: Options) -> Options:

@@ -97,7 +97,7 @@ class Greedy:
             reached = reached.unflatten(0, length.shape)  # (active, A, 2)
             been_there = (path[: t + 1, active, None] == reached).all(-1).any(0)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
-            q = self._values(observe, rooms[active], here).masked_fill(closed, -torch.inf)
+            q = self.values(observe, rooms[active], here).masked_fill(closed, -torch.inf)
             highest, action = q.max(1, keepdim=True)
             goes_on = (legal.gather(1, action) & highest.isfinite()).squeeze(1)
             active, action = active[goes_on], action[goes_on]
@@ -122,7 +122,7 @@ class Greedy:
         length, legal = (reach[:, there] for reach in simulator.reach(rooms, place))
         whose, start = (t.repeat_interleave(4, 0) for t in (rooms, place))
         around = simulator.moved(whose, start, there.repeat(len(place)), length.flatten())
-        q = self._values(observe, whose, around).unflatten(0, (-1, 4))[:, way, back]
+        q = self.values(observe, whose, around).unflatten(0, (-1, 4))[:, way, back]
         mean = (q.where(legal, 0.0).sum(1) / legal.sum(1)).where(legal.any(1), raw)
         best = mean.where(raw.isfinite(), -torch.inf).view_as(which).argmax(0, keepdim=True)
         return which.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
@@ -136,7 +136,7 @@ class Greedy:
         """
         rooms, here = (torch.as_tensor(array, device=simulator.device) for array in (room, position))
         _, legal = simulator.reach(rooms, here)
-        highest, action = self._values(observe, rooms, here).masked_fill(~legal, -torch.inf).max(1)
+        highest, action = self.values(observe, rooms, here).masked_fill(~legal, -torch.inf).max(1)
         return action.cpu().numpy(), highest.cpu().numpy()
 
     def best_value(
@@ -144,9 +144,9 @@ class Greedy:
     ) -> Tensor:
         """The Q of the best legal move from positions (B, 2): what the agent thinks of them, (B,)."""
         _, legal = simulator.reach(room, position)
-        return self._values(observe, room, position).masked_fill(~legal, -torch.inf).amax(1)
+        return self.values(observe, room, position).masked_fill(~legal, -torch.inf).amax(1)
 
-    def _values(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
+    def values(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
         blocks = zip(*(each.split(BLOCK // len(self.symmetries)) for each in (rooms, positions)), strict=True)
         return torch.cat([self._mean_over_views(observe, observe(*block)) for block in blocks])

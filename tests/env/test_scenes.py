@@ -20,7 +20,7 @@ from layoutrl.env.simulator import DIRECTIONS, Moves
 from layoutrl.env.symmetry import mirrored, symmetries
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from tests.builders import random_brief, random_room
 
 seeds = st.integers(0, 2**32 - 1)
@@ -72,7 +72,8 @@ def test_actions_are_those_of_the_room_turned_with_the_item_and_are_paid_the_sam
     scene, position = scenes.of(state), position_of(state)
     _, reached, _, legal = simulator.destinations(State(*(values.numpy() for values in state)))
     length, allowed = scenes.reach(scene, position)
-    for b, quarter in enumerate(scenes.quarter(scene).tolist()):
+    for b, (room, item) in enumerate(zip(state.room.tolist(), state.moving.tolist(), strict=True)):
+        quarter = round(simulator.degrees[room, item, state.quarter[b, item]] / 90) % 4
         for a in range(MOVES.count):
             x, y = DIRECTIONS[a % 4]
             turned = ((x, y), (-y, x), (-x, -y), (y, -x))[quarter]
@@ -144,3 +145,25 @@ def test_scenes_that_differ_only_in_the_designers_places_look_the_same() -> None
         state = random_state(simulator, 1, 8)
         seen.append(ScenesObservation(scenes, RoomsObservation(simulator))(scenes.of(state), position_of(state)))
     assert torch.equal(*seen)
+
+
+def test_an_item_whose_rotation_is_given_looks_as_one_that_was_turned_so() -> None:
+    rooms = design_rooms("bedroom", "train", 0, 4).rooms
+    seen = []
+    for briefs in (
+        [brief_of(room) for room in rooms],
+        [replace(room, target=None, furniture=tuple(replace(i, center=None) for i in _sorted(room))) for room in rooms],
+    ):
+        simulator, scenes = scenes_of(briefs, rooms)
+        center, quarter = map(torch.tensor, simulator.designed())
+        state = random_state(simulator, 2, 12)
+        stands = torch.zeros_like(state.stands).scatter(1, state.moving[:, None], True)
+        state = state._replace(center=center[state.room], quarter=quarter[state.room], stands=stands)
+        elements = ScenesObservation(scenes, RoomsObservation(simulator))(scenes.of(state), position_of(state))
+        seen.append(elements[elements[..., STANDS] == 1])
+    torch.testing.assert_close(*seen, atol=1e-5, rtol=0)
+
+
+def _sorted(room: Room) -> list[Item]:
+    """Its items in the order of its brief."""
+    return sorted(room.furniture, key=lambda item: (item.category, item.size, item.form, item.tucked))

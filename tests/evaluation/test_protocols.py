@@ -167,14 +167,12 @@ def test_values_are_the_mean_over_all_views_of_a_room():
     """Seen in all eight views, nothing is left of a preference for one direction; a wish to be right remains."""
     views = symmetries(STEPS)
     right = Scripted(lambda x, y: [8.0, 0.0, 0.0, 0.0])
-    q = Greedy(right, 1, "mask", views)._values(
-        Place(), torch.zeros(1), torch.tensor([[1.0, 2.0]], dtype=torch.float64)
-    )
+    q = Greedy(right, 1, "mask", views).values(Place(), torch.zeros(1), torch.tensor([[1.0, 2.0]], dtype=torch.float64))
     np.testing.assert_allclose(q, [[2.0] * 4])
     # What an agent wants that sees all rooms alike is what it wants in each view, turned back: to the origin.
     home = Scripted(lambda x, y: [-x, x, y, -y])
     for place, best in (((3.0, 1.0), LEFT), ((-3.0, 1.0), RIGHT), ((1.0, 3.0), BELOW), ((1.0, -3.0), UP)):
-        q = Greedy(home, 1, "mask", views)._values(Place(), torch.zeros(1), torch.tensor([place], dtype=torch.float64))
+        q = Greedy(home, 1, "mask", views).values(Place(), torch.zeros(1), torch.tensor([place], dtype=torch.float64))
         assert q.argmax().item() == best
         np.testing.assert_allclose(q, home.values(torch.tensor([place], dtype=torch.float64)))
 
@@ -185,7 +183,7 @@ def test_values_of_however_many_places_are_those_of_each_and_no_more_than_a_bloc
     expected = home.values(places)
     values, blocks = home.values, []
     home.values = lambda block: blocks.append(len(block)) or values(block)
-    q = Greedy(home, 1, "mask", symmetries(STEPS))._values(Place(), torch.zeros(len(places)), places)
+    q = Greedy(home, 1, "mask", symmetries(STEPS)).values(Place(), torch.zeros(len(places)), places)
     np.testing.assert_allclose(q, expected, atol=1e-6)
     assert max(blocks) <= BLOCK
     assert sum(blocks) == 8 * len(places)

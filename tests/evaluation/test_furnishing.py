@@ -1,0 +1,141 @@
+"""How an agent furnishes whole rooms: whatever its values, what must hold of what it does with them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from layoutrl.agents.learner import untrained
+from layoutrl.agents.method import Method
+from layoutrl.env.observation import categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.simulator import Moves
+from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, wrong
+from layoutrl.rooms.brief import brief_of, missing
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import Item, Room
+from layoutrl.runs.config import composed
+from tests.builders import opening, rectangular_room
+
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(scope="module")
+def method() -> Method:
+    return replace(composed("train", "room=bedroom", "scope=room").method, evaluation_moves=4)
+
+
+@pytest.fixture(scope="module")
+def designs() -> list[Room]:
+    return design_rooms("bedroom", "test", 0, 3).rooms
+
+
+@pytest.fixture(scope="module")
+def furnisher(method: Method, designs: list[Room]) -> Furnisher:
+    categories = categories_of(designs)
+    return Furnisher(untrained(method, categories, 1, np.random.SeedSequence(0), CPU), method, categories)
+
+
+def test_all_items_are_placed_where_they_fit_and_what_stands_stays(furnisher: Furnisher, designs: list[Room]) -> None:
+    standing = replace(designs[0], furniture=(designs[0].furniture[0], *brief_of(designs[0]).furniture[1:]))
+    briefs = [*map(brief_of, designs[1:]), standing]
+    for brief, (best,) in zip(briefs, furnisher.furnish(briefs, 1, 0), strict=True):
+        assert missing(best.layout) == []
+        assert replace(best.layout, furniture=()) == replace(brief, furniture=())
+        for before, after in zip(brief.furniture, best.layout.furniture, strict=True):
+            assert (before.category, before.size, before.form) == (after.category, after.size, after.form)
+            assert before.center is None or before == after
+            assert best.layout.envelope.buffer(1e-5).covers(after.footprint)
+
+
+def test_the_way_ends_where_the_items_stand(furnisher: Furnisher, designs: list[Room]) -> None:
+    (best,), _, _ = furnisher.furnish([brief_of(room) for room in designs], 1, 0)
+    ends = {k: (center, degrees) for k, center, degrees in best.path}
+    assert sorted(ends) == list(range(len(best.layout.furniture)))
+    for k, item in enumerate(best.layout.furniture):
+        np.testing.assert_allclose(ends[k][0], item.center, atol=1e-6)
+        assert ends[k][1] == item.rotation
+
+
+def test_the_same_seed_gives_the_same_layouts_wherever_the_designer_has_the_items(furnisher, designs) -> None:
+    moved = [
+        replace(room, furniture=tuple(replace(item, center=(1.0, 1.0), rotation=0.0) for item in room.furniture))
+        for room in designs
+    ]
+    ours, theirs = (furnisher.furnish([brief_of(room) for room in rooms], 1, 5) for rooms in (designs, moved))
+    assert ours == theirs
+
+
+def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_value(furnisher, designs) -> None:
+    for layouts in furnisher.furnish([brief_of(room) for room in designs], 3, 0):
+        assert 1 < len(layouts) <= 3
+        assert [one.value for one in layouts] == sorted((one.value for one in layouts), reverse=True)
+        largest = [max(one.layout.furniture, key=lambda item: item.area) for one in layouts]
+        for k, one in enumerate(largest):
+            for other in largest[:k]:
+                assert np.hypot(*np.subtract(one.center, other.center)) >= APART or one.rotation != other.rotation
+
+
+def test_a_room_in_which_nothing_is_to_be_placed_is_its_own_layout(furnisher: Furnisher, designs: list[Room]) -> None:
+    whole = replace(designs[0], target=None)
+    (done,), (best,) = furnisher.furnish([whole, brief_of(designs[1])], 1, 0)
+    assert done.layout == whole
+    assert missing(best.layout) == []
+
+
+def small_room() -> tuple[RoomsSimulator, Options]:
+    """A bed to be placed in a room whose door is below: at the door, across a bookcase, and free, by falling value."""
+    door = opening("door", 0.2, -0.2, 1.1, 0.0)
+    case = Item("bookcase", (0.4, 1.0), (3.8, 2.0), 180.0)
+    room = rectangular_room(4, 3, Item("bed", (2.0, 1.5), None, 0.0), others=(case,), openings=(door,))
+    rooms = RoomsSimulator([replace(room, target=None)], None, Moves(), Reward())
+    centers = np.array([[(1.0, 0.75), (3.0, 2.0), (1.0, 2.25)]])
+    return rooms, Options(centers, np.zeros((1, 3), dtype=int), np.array([[3.0, 2.0, 1.0]]), [[]])
+
+
+def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_more() -> None:
+    rooms, options = small_room()
+    state = rooms.empty(np.zeros(1, dtype=int))
+    assert _best(rooms, state, options).tolist() == [2]
+    assert _best(rooms, state, options._replace(value=np.array([[3.0, 2.0, -np.inf]]))).tolist() != [2]
+    free = Options(options.center[:, 2:], options.quarter[:, 2:], options.value[:, 2:], [[]])
+    assert _best(rooms, state, free).tolist() == [0]
+    first = np.zeros(1, dtype=int)
+    layouts = [rooms.layout(rooms.put(state, first, options.center[:, k], first), 0) for k in (0, 2)]
+    assert (wrong(layouts) > 0).tolist() == [True, False]
+
+
+def test_values_of_places_are_those_of_the_best_way_to_face_there(furnisher: Furnisher, designs: list[Room]) -> None:
+    room = replace(designs[0], target=None)
+    center, value, degrees = furnisher.values(room, 0, 0.5)
+    assert len(center) > 10
+    assert np.isfinite(value).all()
+    item = room.furniture[0]
+    for k in (0, len(center) // 2, len(center) - 1):
+        here = replace(item, center=tuple(center[k].tolist()), rotation=float(degrees[k]))
+        assert room.envelope.buffer(1e-5).covers(here.footprint)
+        there = replace(room, furniture=(here, *room.furniture[1:]))
+        best = furnisher.moves(there, 0)[0][2]
+        assert best == pytest.approx(value[k], abs=1e-4)
+
+
+def test_moves_are_legal_lead_where_they_say_and_come_by_value(furnisher: Furnisher, designs: list[Room]) -> None:
+    room = replace(designs[0], target=None)
+    moves = furnisher.moves(room, 0)
+    item = room.furniture[0]
+    assert [value for _, _, value in moves] == sorted((value for _, _, value in moves), reverse=True)
+    x, y = item.center
+    turn = np.deg2rad(item.degrees)
+    ahead = np.cos(turn), np.sin(turn)
+    for name, center, _ in moves:
+        assert room.envelope.buffer(1e-5).covers(replace(item, center=center).footprint)
+        off = np.array(center) - (x, y)
+        side = {"ahead": ahead, "back": (-ahead[0], -ahead[1])}.get(name.split()[-1])
+        if side is not None:
+            assert off @ side == pytest.approx(np.hypot(*off), abs=1e-6)
+        if name[0].isdigit():
+            assert np.hypot(*off) == pytest.approx(float(name.split()[0]) / 100, abs=1e-5)
