@@ -38,7 +38,7 @@ def test_the_room_is_read() -> None:
 
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
 def test_the_commands_options_exist(entry_point: str, options: str) -> None:
-    given = [option.replace("<name>", "name") for option in options.split()]
+    given = [option.replace("<name>", "name") for option in options.partition("#")[0].split()]
     if "-m" in given:  # a sweep: its first run
         given = [option.split(",")[0] for option in given if option != "-m"]
     assert composed(entry_point.removesuffix(".train"), *given)
