@@ -1,0 +1,88 @@
+"""scope=room from the command line: trained, gone on with, evaluated, watched."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from layoutrl import InputError
+from layoutrl.agents.learner import Learner
+from layoutrl.agents.training import Training
+from layoutrl.env.reward import Reward
+from layoutrl.evaluate import run as evaluate
+from layoutrl.rooms.sources.parts import whole_parts
+from layoutrl.runs.config import EvaluateConfig, TrainConfig, WatchConfig, composed, part
+from layoutrl.runs.monitor import FINAL_OF_ROOMS
+from layoutrl.train import run as train
+from layoutrl.watch import run as watch
+
+TINY = (
+    "room=tatami", "scope=room", "budget=smoke", "data.train_rooms=6", "data.test_rooms=2", "method.updates.smoke=4",
+    "method.batch=32", "method.warmup_moves=64", "method.evaluation_moves=3", "budget.evaluations=1", "device=cpu",
+)  # fmt: skip
+
+
+def config(folder: Path, *more: str) -> TrainConfig:
+    return part(composed("train", *TINY, f"runs={folder}", f"data.root={folder}/rooms", *more), TrainConfig)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return train(config(tmp_path_factory.mktemp("runs")))
+
+
+def test_a_run_says_what_its_layouts_are_worth_beside_the_designers(trained: Path) -> None:
+    assert trained.name == "designer-rooms-geometric-smoke-seed0"
+    found = json.loads((trained / "evaluation.json").read_text())
+    assert found["rows"]["designer"]["faultless"] == found["rows"]["designer"]["mean_iou"] == 1
+    assert {*found["rows"]} == {"agent", "designer", "random", "nearest room"}
+    assert all(name in found["rows"]["agent"] for name in FINAL_OF_ROOMS)
+    assert [len(layout["items"]) for layout in found["layouts"]] == [4, 4]
+
+
+def test_a_run_is_evaluated_and_watched(trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = evaluate(EvaluateConfig(str(trained), out=str(tmp_path / "found.json")))
+    assert result["rooms"] == 2
+    assert "faultless" in capsys.readouterr().out
+    files = watch(WatchConfig(str(trained), rooms=2, width=200, out=str(tmp_path / "film")))
+    with Image.open(files[0]) as film:
+        assert film.n_frames > 4
+
+
+def test_a_training_that_is_stopped_goes_on_as_if_it_had_not(trained: Path, tmp_path: Path) -> None:
+    settings = config(tmp_path, f"data.root={trained.parents[1]}/rooms")
+    rooms, _ = whole_parts("tatami", settings.data, 0)
+
+    def training() -> Training:
+        one, other = np.random.SeedSequence(3).spawn(2)
+        return Learner(rooms, settings.method, Reward(), 6, one, other, torch.device("cpu")).training(report_every=3)
+
+    whole, again = training(), training()
+    reports = iter(whole)
+    next(reports)
+    again.load_state_dict(copy.deepcopy(whole.state_dict()))
+    list(reports)
+    list(again)
+    ours, theirs = whole.state_dict(), again.state_dict()
+    assert whole.updates == again.updates == 6
+    for name, value in ours["agent"]["network"].items():
+        assert torch.equal(value, theirs["agent"]["network"][name]), name
+    for name in ("room", "position", "own"):
+        assert torch.equal(ours["episodes"][name], theirs["episodes"][name]), name
+    for one, other in zip(ours["replay"]["columns"], theirs["replay"]["columns"], strict=True):
+        assert torch.equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [("room.item=toilet", "room.item"), ("method=paper", "method.observation"), ("method.scope=flat", "method.scope")],
+)
+def test_what_does_not_go_with_whole_rooms_is_refused(tmp_path: Path, option: str, name: str) -> None:
+    with pytest.raises(InputError, match=name):
+        config(tmp_path, option)
