@@ -106,8 +106,14 @@ def paint(
     image: np.ndarray, view: View, shape: shapely.Geometry, color: tuple[int, int, int], opacity: float = 1.0
 ) -> None:
     """Blend `color` into a float picture (side, side, 3), in place, where `shape` (metres) covers it."""
-    share = opacity * coverage(shape, view)[..., None]
-    image += share * (np.array(color) - image)
+    if shape.is_empty:
+        return
+    corners = view.pixels(np.reshape(shape.bounds, (2, 2)))
+    low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
+    high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
+    around = np.s_[low[1] : high[1], low[0] : high[0]]  # of no other pixel is anything covered
+    share = opacity * coverage(shape, view)[around][..., None]
+    image[around] += share * (np.array(color) - image[around])
 
 
 def coverage(shape: shapely.Geometry, view: View) -> np.ndarray:
@@ -123,6 +129,8 @@ def coverage(shape: shapely.Geometry, view: View) -> np.ndarray:
             corners = view.pixels(np.asarray(ring.coords))
             low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
             high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
+            if (low >= high).any():  # it lies beside the picture
+                continue
             columns, rows = np.arange(low[0], high[0]), np.arange(low[1], high[1])
             total[low[1] : high[1], low[0] : high[0]] += sign * np.abs(_edge_areas(corners, columns, rows))
     return np.clip(total, 0, 1)
@@ -132,14 +140,16 @@ def _edge_areas(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> n
     """Signed area of a closed ring within every unit pixel: (rows, columns)."""
     area = np.zeros((len(rows), len(columns)))
     for (x0, y0), (x1, y1) in pairwise(corners):
-        if x0 == x1:
+        first, stop = (int(max(x - columns[0], 0)) for x in (np.floor(min(x0, x1)), np.ceil(max(x0, x1))))
+        below = columns[first:stop]  # of no other column does the edge bound anything
+        if x0 == x1 or not len(below):
             continue
-        a = np.clip(min(x0, x1), columns, columns + 1)
-        b = np.clip(max(x0, x1), columns, columns + 1)
+        a = np.clip(min(x0, x1), below, below + 1)
+        b = np.clip(max(x0, x1), below, below + 1)
         slope = (y1 - y0) / (x1 - x0)
         h0 = y0 + slope * (a - x0) - rows[:, None]  # height above the pixel's upper side where the edge enters it
         h1 = y0 + slope * (b - x0) - rows[:, None]
-        area += np.sign(x1 - x0) * (b - a) * _mean_clamped(h0, h1)
+        area[:, first:stop] += np.sign(x1 - x0) * (b - a) * _mean_clamped(h0, h1)
     return area
 
 
