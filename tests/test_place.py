@@ -79,7 +79,9 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
                 found.value[found.moves, np.arange(5)] = np.arange(5) == facing
                 return found
 
-        monkeypatch.setattr(layoutrl.place, "greedy", lambda agent, method: Best(**vars(greedy(agent, method))))
+        monkeypatch.setattr(
+            "layoutrl.evaluation.protocols.greedy", lambda agent, method: Best(**vars(greedy(agent, method)))
+        )
         out = tmp_path / f"{facing}.jsonl"
         run(PlaceConfig(run=str(agent), rooms=str(tmp_path / "rooms.jsonl"), out=str(out), device="cpu"))
         rooms = [json.loads(line) for line in out.read_text().splitlines()]
