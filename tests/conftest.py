@@ -6,6 +6,7 @@ The usual run draws the same examples everywhere, so that red means the change. 
 
 from __future__ import annotations
 
+import gc
 import os
 import tempfile
 import time
@@ -47,6 +48,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for test in tests:  # also of those that have a number of their own
             few = test._hypothesis_internal_use_settings
             test._hypothesis_internal_use_settings = settings(few, max_examples=MANY * few.max_examples)
+
+
+def pytest_collection_finish() -> None:
+    """Let the garbage collector look no more through what was imported: it lives to the end."""
+    gc.freeze()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

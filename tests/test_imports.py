@@ -40,16 +40,17 @@ def test_a_wrong_option_is_answered_and_help_given_before_torch_is_imported(tmp_
 import sys
 from runpy import run_module
 
-for command in ("place", "evaluate", "watch", "gallery"):
-    for argument in ("--help", "sed=1", "data.seed=-1"):
-        sys.argv = [command, argument]
-        try:
-            run_module(f"layoutrl.{command}", run_name="__main__", alter_sys=True)
-        except SystemExit as ended:
-            print("ended", ended)
-        assert "torch" not in sys.modules, (command, argument)
+for command, argument in (
+    ("place", "--help"), ("place", "sed=1"), ("evaluate", "sed=1"), ("watch", "sed=1"), ("gallery", "data.seed=-1")
+):
+    sys.argv = [command, argument]
+    try:
+        run_module(f"layoutrl.{command}", run_name="__main__", alter_sys=True)
+    except SystemExit as ended:
+        print("ended", ended)
+    assert "torch" not in sys.modules, (command, argument)
 """
     done = fresh("-c", code, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("Override anything in the config") == 4
-    assert done.stdout.count("ended error: ") == 8
+    assert done.stdout.count("Override anything in the config") == 1
+    assert done.stdout.count("ended error: ") == 4

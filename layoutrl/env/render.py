@@ -129,6 +129,8 @@ def coverage(shape: shapely.Geometry, view: View) -> np.ndarray:
             corners = view.pixels(np.asarray(ring.coords))
             low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
             high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
+            if (low >= high).any():  # it lies beside the picture
+                continue
             columns, rows = np.arange(low[0], high[0]), np.arange(low[1], high[1])
             total[low[1] : high[1], low[0] : high[0]] += sign * np.abs(_edge_areas(corners, columns, rows))
     return np.clip(total, 0, 1)

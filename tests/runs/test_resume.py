@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 from dataclasses import replace
+from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,7 @@ def rooms(tmp_path_factory) -> Path:
     return file
 
 
+@cache
 def configured(rooms: Path, folder: Path, *overrides: str) -> TrainConfig:
     places = ("room=tatami", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
     return part(composed("train", *places, *SHORT, *overrides), TrainConfig)
@@ -84,10 +86,9 @@ def outcome(folder: Path) -> dict[str, Any]:
     }
 
 
-def life(rooms: Path, folder: Path) -> None:
+def life(config: TrainConfig, folder: Path) -> None:
     """One life of a run, in a process of its own: it begins, or goes on."""
     torch.set_num_threads(1)
-    config = configured(rooms, folder)
     begun = resume.begun(config)
     try:
         resumed(begun, run, TrainConfig) if begun else run(config)
@@ -102,7 +103,7 @@ def lived(rooms: Path, folder: Path, seconds: float = 300, number: int = signal.
     """
     begun = folder / "tatami" / "one"
     saved = checkpoints(begun)[:1]
-    process = SERVER.Process(target=life, args=(rooms, folder))
+    process = SERVER.Process(target=life, args=(configured(rooms, folder), folder))
     process.start()
     while number != signal.SIGKILL and process.is_alive() and checkpoints(begun)[:1] == saved:
         time.sleep(0.01)
@@ -130,7 +131,7 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number,
 
 def killed(rooms: Path, folder: Path, reports: int, seconds: float) -> None:
     """A life that is killed some time after so many reports: on a busy machine, too, it came as far."""
-    process = SERVER.Process(target=life, args=(rooms, folder))
+    process = SERVER.Process(target=life, args=(configured(rooms, folder), folder))
     before, seen = reports_of(folder), 0
     process.start()
     while process.is_alive() and seen < reports:
@@ -257,13 +258,13 @@ def test_no_two_processes_train_in_one_folder(whole, tmp_path):
     resumed(folder, run, TrainConfig)
 
 
-def grown_to_the_limit(rooms: Path, folder: Path, limit: int, out: Connection) -> None:
+def grown_to_the_limit(config: TrainConfig, folder: Path, limit: int, out: Connection) -> None:
     """A life in which no file may have more bytes."""
     for stream in (1, 2):
         os.dup2(out.fileno(), stream)  # a pipe has no limit
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
     try:
-        life(rooms, folder)
+        life(config, folder)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
 
@@ -271,7 +272,7 @@ def grown_to_the_limit(rooms: Path, folder: Path, limit: int, out: Connection) -
 def limited(rooms: Path, folder: Path, limit: int) -> str:
     """The line that a life ends with in which no file may have more bytes: the only one of errors, as is checked."""
     said, out = SERVER.Pipe(duplex=False)
-    process = SERVER.Process(target=grown_to_the_limit, args=(rooms, folder, limit, out))
+    process = SERVER.Process(target=grown_to_the_limit, args=(configured(rooms, folder), folder, limit, out))
     process.start()
     out.close()
     with open(said.fileno(), closefd=False) as stream:

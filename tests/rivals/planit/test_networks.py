@@ -13,6 +13,7 @@ from torch import Tensor
 from layoutrl.rivals.planit.graph import TYPES
 from layoutrl.rivals.planit.networks import (
     HEAT_SIDE,
+    LATENT,
     SIDE,
     LocationNetwork,
     PictureNetwork,
@@ -62,6 +63,14 @@ def test_what_is_said_of_an_item_hangs_on_its_category() -> None:
     answers = network(pictures(1).expand(CATEGORIES, -1, -1, -1), torch.eye(CATEGORIES))
     assert answers.shape == (CATEGORIES, 4)
     assert len(answers.unique(dim=0)) == CATEGORIES
+
+
+@torch.no_grad()
+def test_of_another_category_the_same_latent_is_another_size() -> None:
+    torch.manual_seed(0)
+    sizes = SizeNetwork(CHANNELS, CATEGORIES).decode(torch.zeros(CATEGORIES, LATENT), torch.eye(CATEGORIES))
+    assert sizes.shape == (CATEGORIES, 2)
+    assert len(sizes.unique(dim=0)) == CATEGORIES
 
 
 @torch.no_grad()
