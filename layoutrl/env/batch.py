@@ -55,6 +55,10 @@ class BatchSimulator:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
         return snap(self._origin.index_select(0, room) + self._starts.draw(room, generator))
 
+    def starts_at(self, room: Tensor, uniform: Tensor) -> Tensor:
+        """The positions (B, 2) that random numbers float64 (3, B), from 0 to 1, stand for: the same in any batch."""
+        return snap(self._origin.index_select(0, room) + self._starts.at(room, uniform))
+
     def is_legal(self, room: Tensor, position: Tensor) -> Tensor:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
         along = self._from_origin(room, position)

@@ -91,7 +91,11 @@ class Starts:
 
     def draw(self, room: Tensor, generator: torch.Generator) -> Tensor:
         """Places (B, 2), float64, each in the region of its room and as likely as any other there."""
-        which, v, w = torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64)
+        return self.at(room, torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64))
+
+    def at(self, room: Tensor, uniform: Tensor) -> Tensor:
+        """The places (B, 2) that random numbers (3, B), from 0 to 1, stand for."""
+        which, v, w = uniform
         triangle = (self._before.index_select(0, room) <= which[:, None]).sum(1) - 1
         a, b, c = self._corners[room, triangle].unbind(1)
         beyond = v + w > 1  # in the other half of the parallelogram

@@ -66,6 +66,10 @@ class Scenes:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope, as it is turned."""
         return self.simulator.simulator.starts(self._entry(scene), generator)
 
+    def starts_at(self, scene: Tensor, uniform: Tensor) -> Tensor:
+        """The positions (B, 2) that random numbers float64 (3, B), from 0 to 1, stand for: the same in any batch."""
+        return self.simulator.simulator.starts_at(self._entry(scene), uniform)
+
     def is_legal(self, scene: Tensor, position: Tensor) -> Tensor:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
         return self.simulator.simulator.is_legal(self._entry(scene), position)

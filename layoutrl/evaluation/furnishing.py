@@ -57,19 +57,22 @@ class Furnisher:
         self._moves, self._categories = method.moves, list(categories)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """Of each brief up to so many different layouts, the most valued first; what is drawn hangs on the seed.
+        """Of each brief up to so many different layouts, the most valued first.
 
-        Raises InputError where an item fits in no way, and where there is nothing to place in any.
+        What is drawn hangs on the seed alone, and not on what else is furnished. Raises InputError where an item fits
+        in no way.
         """
-        found: list[list[Furnished]] = []
-        for first in range(0, len(briefs), BLOCK):
-            world = _World(briefs[first : first + BLOCK], self._moves, self._categories, self._policy.device)
-            layouts: list[list[Furnished]] = [[] for _ in world.rooms.rooms]
+        found = {k: [Furnished(brief, 0.0)] for k, brief in enumerate(briefs) if not missing(brief)}
+        asked = [k for k in range(len(briefs)) if k not in found]
+        for first in range(0, len(asked), BLOCK):
+            block = asked[first : first + BLOCK]
+            world = _World([briefs[k] for k in block], self._moves, self._categories, self._policy.device)
+            layouts: list[list[Furnished]] = [[] for _ in block]
             for _ in range(choices):
-                self._add_another(world, torch.Generator(self._policy.device).manual_seed(seed), layouts)
-            for brief, those in zip(world.rooms.rooms, layouts, strict=True):
-                found.append(sorted(those, key=lambda one: -one.value) or [Furnished(brief, 0.0)])
-        return found
+                self._add_another(world, seed, layouts)
+            for k, those in zip(block, layouts, strict=True):
+                found[k] = sorted(those, key=lambda one: -one.value)
+        return [found[k] for k in range(len(briefs))]
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the agent thinks of places of one item among what stands.
@@ -84,9 +87,8 @@ class Furnisher:
         for quarter in np.flatnonzero(world.rooms.entry[0, n] >= 0):
             fits = world.rooms.simulator.is_legal(np.repeat(world.rooms.entry[0, n, quarter], len(centers)), centers)
             here = centers[fits]
-            value[quarter, fits] = self._value(
-                world, state, np.zeros(len(here), int), np.full(len(here), quarter), here
-            )
+            only = np.zeros(len(here), dtype=int)
+            value[quarter, fits] = self._value(world, state, only, only + quarter, here)
         known = np.isfinite(value).any(0)
         return centers[known], value.max(0)[known], world.rooms.degrees[0, n, value.argmax(0)][known]
 
@@ -119,22 +121,25 @@ class Furnisher:
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n
 
-    def _add_another(self, world: _World, generator: torch.Generator, known: list[list[Furnished]]) -> None:
+    def _add_another(self, world: _World, seed: int, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
         rooms, paths = world.rooms, [list[Pose]() for _ in known]
         order, count = rooms.sequence().argsort(1, kind="stable"), rooms.count.copy()
         state = rooms.empty(np.arange(len(known)))
         # The first item is not lifted again: it is what makes layouts different.
-        for number, step in enumerate([*range(order.shape[1]), *[*range(1, order.shape[1])] * SWEEPS]):
+        sweeps = [(sweep, step) for sweep in range(1 + SWEEPS) for step in range(sweep > 0, order.shape[1])]
+        for sweep, step in sweeps:
             which = np.flatnonzero(count > step)
             if not len(which):
                 continue
+            first = (sweep, step) == (0, 0)
+            uniform = np.random.default_rng([seed, sweep, step]).random((3, QUARTERS * STARTS))
             item, every = order[which, step], np.arange(len(which))
             now = State(*(values[which] for values in state))._replace(moving=item)
             stands = now.stands[every, item]
             now.stands[every, item] = False
-            options = self._options(world, now, generator, number == 0 and any(known))
-            if number == 0:
+            options = self._options(world, now, uniform, first and any(known))
+            if first:
                 options = _others(rooms, now, options, [known[b] for b in which])
                 count[which[np.isneginf(options.value).all(1)]] = 0
             elif stands.any():
@@ -150,13 +155,16 @@ class Furnisher:
         for b in np.flatnonzero(count):
             known[b].append(Furnished(rooms.layout(state, b), value[b], paths[b]))
 
-    def _options(self, world: _World, state: State[np.ndarray], generator: torch.Generator, all_ways: bool) -> Options:
-        """Poses of the moving items, which do not stand, among what does: the best, or the best of each way to face."""
+    def _options(self, world: _World, state: State[np.ndarray], uniform: np.ndarray, all_ways: bool) -> Options:
+        """Poses of the moving items, which do not stand, among what does: the best, or the best of each way to face.
+
+        They start from where random numbers (3, QUARTERS * STARTS) say, in every room from the same.
+        """
         scenes, policy, batch = world.scenes, self._policy, len(state.room)
         b, quarter = np.nonzero(world.rooms.entry[state.room, state.moving] >= 0)
         scene = world.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
-        start = scenes.starts(scene, generator)
         column = (quarter[:, None] * STARTS + np.arange(STARTS)).ravel()
+        start = scenes.starts_at(scene, torch.as_tensor(uniform[:, column], device=scene.device))
         value = np.full((batch, QUARTERS * STARTS), -np.inf)
         value[b.repeat(STARTS), column] = policy.best_value(scenes, world.observe, scene, start).cpu().numpy()
         index = np.zeros(value.shape, dtype=int)

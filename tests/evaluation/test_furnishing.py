@@ -70,6 +70,16 @@ def test_the_same_seed_gives_the_same_layouts_wherever_the_designer_has_the_item
     assert ours == theirs
 
 
+def test_a_layout_does_not_hang_on_what_else_is_furnished(furnisher, designs) -> None:
+    briefs = [brief_of(room) for room in designs]
+    together = furnisher.furnish(briefs, 1, 0)
+    for brief, (best,) in zip(briefs, together, strict=True):
+        ((alone,),) = furnisher.furnish([brief], 1, 0)
+        for one, other in zip(best.layout.furniture, alone.layout.furniture, strict=True):
+            np.testing.assert_allclose(one.center, other.center, atol=1e-6)
+            assert one.rotation == other.rotation
+
+
 def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_value(furnisher, designs) -> None:
     for layouts in furnisher.furnish([brief_of(room) for room in designs], 3, 0):
         assert 1 < len(layouts) <= 3
