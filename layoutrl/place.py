@@ -1,6 +1,7 @@
-"""python -m layoutrl.place run=<folder> rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
+"""python -m layoutrl.place [run=<folder>] rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
-Places what has no center in rooms of a file: by a trained agent, or, with by=search or by=annealer, by a rival.
+Places what has no center in rooms of a file: by the agents in the package, each room by that of its type; by an agent
+of a training run; or, with by=search or by=annealer, by a rival.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -13,6 +14,9 @@ from pathlib import Path
 import pytest
 
 from layoutrl import __main__ as program
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.files import room_to_dict
 from tests.commands import COMMANDS, PROJECT
 
 # In the environment of the test: whatever asks for the internet fails.
@@ -70,7 +74,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_holds_the_configuration_and_says_that_it_is_typed(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     conf = {f"layoutrl/{path.relative_to(PROJECT)}" for path in (PROJECT / "conf").rglob("*.yaml")}
-    data = {str(path.relative_to(PROJECT)) for path in (PROJECT / "layoutrl").rglob("*.yaml")}
+    files = [*(PROJECT / "layoutrl").rglob("*.yaml"), *(PROJECT / "layoutrl/weights").iterdir()]
+    data = {str(path.relative_to(PROJECT)) for path in files}
     assert {"layoutrl/py.typed", "layoutrl/figures/style.mplstyle"} | conf | data <= names
 
 
@@ -96,6 +101,10 @@ def test_the_wheel_works_in_an_environment_of_its_own_from_another_directory_off
 
     assert "place " in layoutrl()
     assert "wrote gallery/balcony-designer-seed0.png" in layoutrl("gallery", "room=balcony", "rooms=1")
+    brief = room_to_dict(brief_of(design_rooms("bathroom", "test", 3, 1).rooms[0]))
+    (work / "rooms.jsonl").write_text(json.dumps(brief))
+    count = len(brief["furniture"])
+    assert f"placed {count} of {count} items in 1 rooms" in layoutrl("place", "rooms=rooms.jsonl", "device=cpu")
     where = "import layoutrl, pathlib; print(pathlib.Path(layoutrl.__file__).parent)"
     found = subprocess.run(
         [str(home / "bin" / "python"), "-c", where], cwd=work, env=environment, capture_output=True, text=True

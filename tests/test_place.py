@@ -16,16 +16,20 @@ import pytest
 
 import layoutrl.place
 from layoutrl import InputError
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.protocols import Greedy, Rollout, greedy
 from layoutrl.place import run as place
+from layoutrl.rivals.rooms import rival
 from layoutrl.rivals.rooms.annealer import MOVES
+from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
-from layoutrl.runs import furnishers
+from layoutrl.runs import box
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
-from layoutrl.runs.furnishers import Answer, Hired, same
+from layoutrl.runs.furnishers import Hired, hired
 from layoutrl.train import run as train
 from tests.runs.test_resume import SHORT
 
@@ -134,7 +138,7 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
 def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is_named(
     by: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(furnishers, "DESIGNED", 20)
+    monkeypatch.setattr(rival, "DESIGNED", 20)
     documents = [*map(bare, DOCUMENTS[:2]), DOCUMENTS[2]]
     documents[1]["furniture"][0] |= {"category": "waterbed"}
     documents[1]["furniture"][1]["size"] = [9, 9]
@@ -151,7 +155,7 @@ def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is
 
 
 def test_search_has_more_than_one_layout_of_a_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(furnishers, "DESIGNED", 20)
+    monkeypatch.setattr(rival, "DESIGNED", 20)
     file = written(tmp_path, [bare(DOCUMENTS[0])])
     rooms = run(composed("place", "by=search", f"rooms={file}", "seconds=0.05", "choices=2"))
     assert len(rooms) == 2
@@ -209,9 +213,8 @@ def test_moves_that_are_never_made_are_refused() -> None:
 
 def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
     file = written(tmp_path, DOCUMENTS)
-    for given in ((), ("by=search", "run=runs/bedroom/some")):
-        with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=search"):
-            place(composed("place", *given, f"rooms={file}"))
+    with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=search"):
+        place(composed("place", "by=search", "run=runs/bedroom/some", f"rooms={file}"))
     with pytest.raises(InputError, match="has no room with an item without a center"):
         place(composed("place", "by=search", f"rooms={file}"))
 
@@ -244,8 +247,8 @@ def test_layouts_are_the_same_where_every_item_has_one_like_it_in_its_place() ->
     assert isinstance(items[0].center, tuple)
     x, y = items[0].center
     for change, alike in (
-        ({"center": (x + 0.09, y)}, True),
-        ({"center": (x + 0.11, y)}, False),
+        ({"center": (x + 0.29, y)}, True),
+        ({"center": (x + 0.31, y)}, False),
         ({"rotation": items[0].degrees + 360}, True),
         ({"rotation": items[0].degrees + 90}, False),
         ({"center": None}, False),
@@ -253,11 +256,52 @@ def test_layouts_are_the_same_where_every_item_has_one_like_it_in_its_place() ->
         assert same(room, replace(room, furniture=(replace(items[0], **change), *items[1:]))) == alike
 
 
+def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    types = [*box.cards()]
+    documents = [bare(room_to_dict(design_rooms(kind, "test", 4, 1).rooms[0])) for kind in types]
+    documents[0]["furniture"].append({"category": "totem", "size": [0.3, 0.3], "center": [0, 0]})  # no matter
+    file = written(tmp_path, documents + DOCUMENTS[:1] + [bare(DOCUMENTS[0]) | {"id": "left"}])
+    monkeypatch.setattr(box, "known", lambda kind, known=box.known: () if kind == "bedroom" else known(kind))
+    first, second = (
+        run(composed("place", f"rooms={file}", "device=cpu", f"out={tmp_path / name}"))
+        for name in ("1.jsonl", "2.jsonl")
+    )
+    assert first == second
+    for room, kind in zip(first, types, strict=False):
+        assert all(
+            ("center" in item) == (kind != "bedroom") for item in room["furniture"] if item["category"] != "totem"
+        )
+    assert not any("center" in item for item in first[-1]["furniture"])
+    (line, _) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left: ")]
+    assert "who is asked does not furnish a bedroom" in line
+
+
+def test_an_agent_of_whole_rooms_furnishes_those_of_its_type(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    documents = [room_to_dict(room) for room in design_rooms("bedroom", "train", 0, 8).rooms]
+    given = ("room=bedroom", "scope=room", "data=json", f"data.root={written(tmp_path, documents)}", f"runs={tmp_path}")
+    few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1")
+    folder = train(part(composed("train", *given, *SHORT, *few), TrainConfig))
+    hers = hired(composed("place", f"run={folder}", "rooms=any.jsonl", "device=cpu"))
+    assert isinstance(hers.furnisher, Furnisher)
+    assert "bed" in hers.known("bedroom")
+    assert not hers.known("study")
+    file = tmp_path / "mine.jsonl"
+    file.write_text("\n".join(map(json.dumps, [bare(DOCUMENTS[0]), bare(DOCUMENTS[1]) | {"room_type": "study"}])))
+    first, second = run(composed("place", f"run={folder}", f"rooms={file}", "device=cpu"))
+    assert all({"center", "rotation"} <= item.keys() for item in first["furniture"])
+    assert not any("center" in item for item in second["furniture"])
+    assert "who is asked does not furnish a study" in capsys.readouterr().out
+
+
 class Middle:
     """Puts everything into the middle of its room, at once."""
 
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Answer]]:
-        return [[Answer(self.layout(brief), 0.0)] for brief in briefs]
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+        return [[Furnished(self.layout(brief), 0.0)] for brief in briefs]
 
     def layout(self, brief: Room) -> Room:
         (center,) = brief.indoor.centroid.coords
@@ -268,7 +312,7 @@ class Middle:
 def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     furnisher = Middle()
     hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"], 2)
-    monkeypatch.setattr(layoutrl.place, "hired", lambda config: hired)
+    monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: hired)
     return furnisher
 
 

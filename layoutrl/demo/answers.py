@@ -7,6 +7,7 @@ import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from layoutrl import InputError
-from layoutrl.demo.furnisher import Furnished, Furnisher, SearchFurnisher, Thinker
+from layoutrl.demo.furnisher import Staff, Thinker
 from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import Answerable, answerable
@@ -28,6 +29,7 @@ from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
+from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
@@ -55,18 +57,17 @@ Answer = dict[str, Any]
 
 
 class Answers:
-    """The answers of a page whose rooms are furnished by a `Furnisher`."""
+    """The answers of a page whose rooms a `Staff` furnishes."""
 
-    def __init__(self, furnisher: Furnisher):
-        self.furnisher = furnisher
+    def __init__(self, staff: Staff):
+        self.staff = staff
         samples = {room_type: design_rooms(room_type, "test", SEED, SAMPLES).rooms for room_type in MAIN_ITEM}
         self.begin: Answer = {
             "gallery": [shown(room) for rooms in samples.values() for room in rooms[:SHOWN]],
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
-            "thinks": isinstance(furnisher, Thinker),
+            "thinks": sorted(staff.thinking),
         }
-        self.categories = frozenset(item.category for rooms in samples.values() for r in rooms for item in r.furniture)
         self.questions: dict[str, Callable[[Any], Answer]] = {
             "look": self.look,
             "opening": self.opening,
@@ -77,9 +78,14 @@ class Answers:
         }
 
     def warm(self) -> None:
-        """Have the furnisher know each type of room before somebody asks, in a thread that ends with the program."""
-        if isinstance(furnisher := self.furnisher, SearchFurnisher):
-            threading.Thread(target=lambda: [furnisher.relations(kind) for kind in MAIN_ITEM], daemon=True).start()
+        """Have who furnishes rooms of each type ready before somebody asks, in a thread that ends with the program."""
+
+        def ready() -> None:
+            for room_type in MAIN_ITEM:
+                with suppress(InputError):  # that somebody who asks is told
+                    self.staff.of(room_type), self.staff.known(room_type)
+
+        threading.Thread(target=ready, daemon=True).start()
 
     def answer(self, about: str, body: bytes) -> Answer:
         """The answer to a question, whose JSON names the `room`. Raises InputError for what is wrong with it."""
@@ -125,23 +131,25 @@ class Answers:
         if not missing(brief):
             raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
-        held = answerable(brief, self._known(room.room_type))
-        (found,) = self.furnisher.furnish([held.brief], CHOICES, seed) if missing(held.brief) else [[]]
+        held = answerable(brief, self.staff.known(room.room_type))
+        (found,) = self.staff.of(room.room_type).furnish([held.brief], CHOICES, seed) if missing(held.brief) else [[]]
         return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
     def values(self, asked: Any) -> Answer:
         """What the furnisher thinks of all places of an `item`, a `step` apart."""
-        thinker, room = self._thinker(), room_in(asked)
+        room = room_in(asked)
         item = item_in(asked, room)
-        centers, values, degrees = thinker.values(room, item, number(asked.get("step", 0.2), "step", *STEPS))
+        centers, values, degrees = self._thinker(room).values(
+            room, item, number(asked.get("step", 0.2), "step", *STEPS)
+        )
         known = np.isfinite(values)  # elsewhere it cannot stand
         found = {"centers": np.round(centers, 3), "values": values, "degrees": degrees}
         return {name: array[known].tolist() for name, array in found.items()}
 
     def moves(self, asked: Any) -> Answer:
         """The moves of an `item` that the furnisher values highest."""
-        thinker, room = self._thinker(), room_in(asked)
-        found = thinker.moves(room, item_in(asked, room))
+        room = room_in(asked)
+        found = self._thinker(room).moves(room, item_in(asked, room))
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
 
     def svg(self, asked: Any) -> Answer:
@@ -181,16 +189,11 @@ class Answers:
         except InputError as error:
             raise InputError(re.sub(r"/\S*/", "", str(error))) from None
 
-    def _known(self, room_type: str) -> frozenset[str]:
-        """The categories that can be placed in rooms of a type."""
-        if isinstance(self.furnisher, SearchFurnisher):
-            return frozenset(self.furnisher.relations(room_type).alone)
-        return self.categories
-
-    def _thinker(self) -> Thinker:
-        if not isinstance(self.furnisher, Thinker):
-            raise InputError("values: who furnishes here is a search, which values no places")
-        return self.furnisher
+    def _thinker(self, room: Room) -> Thinker:
+        thinker = self.staff.of(room.room_type)
+        if not isinstance(thinker, Thinker):
+            raise InputError(f"values: who furnishes a {room.room_type} here values no places")
+        return thinker
 
 
 def question(body: bytes) -> dict[str, Any]:

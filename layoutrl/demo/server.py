@@ -26,7 +26,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from layoutrl import InputError
 from layoutrl.demo.answers import Answers
-from layoutrl.demo.furnisher import furnisher_of
+from layoutrl.demo.furnisher import staff_of
 from layoutrl.runs.config import DemoConfig
 
 LARGEST_BODY = 5_000_000  # bytes
@@ -44,7 +44,7 @@ HEADERS = {
 
 def serve(config: DemoConfig, listener: socket.socket) -> None:
     """Serve the page at a socket until Ctrl-C."""
-    answers = Answers(furnisher_of(config))
+    answers = Answers(staff_of(config))
     answers.warm()
     host, port = listener.getsockname()
     print(f"http://{host}:{port} shows the page; Ctrl-C ends it", flush=True)

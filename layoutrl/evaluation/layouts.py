@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from layoutrl.env.measures import Measures
+from layoutrl.env.faults import Items, item_faults
+from layoutrl.env.measures import Measures, matched
 from layoutrl.evaluation.statistics import standard_error
+from layoutrl.rooms.room import Room
 
 
 def summary(measures: Measures) -> dict[str, dict[str, float | None]]:
@@ -19,3 +23,16 @@ def summary(measures: Measures) -> dict[str, dict[str, float | None]]:
         error = standard_error(value[known], group[known]) if known.any() else None
         result[name] = {"mean": mean, "standard_error": error}
     return result
+
+
+def by_category(layouts: Sequence[Room], designed: Sequence[Room]) -> dict[str, dict[str, float]]:
+    """Of each category: how many the designer has; their mean IoU with the match; and the share of those in the
+    layouts that each fault has. Worst IoU first."""
+    matches, items = matched(layouts, designed), Items.of(layouts)
+    found, _, _ = item_faults(layouts, items)
+    result: dict[str, dict[str, float]] = {}
+    for category in np.unique(matches.category):
+        designer, ours = matches.category == category, items.category == category
+        shares = {name: float(faulty[ours].mean()) for name, faulty in found.items()}
+        result[str(category)] = {"count": int(designer.sum()), "iou": float(matches.iou[designer].mean())} | shares
+    return dict(sorted(result.items(), key=lambda entry: entry[1]["iou"]))

@@ -5,141 +5,83 @@ All are asked in one way: for up to so many different layouts of each brief, of 
 
 from __future__ import annotations
 
-import math
-import time
-import zlib
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import shapely
+import torch
 
 from layoutrl import InputError
+from layoutrl.agents.dqn import DQN
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.faults import faults
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.protocols import greedy
-from layoutrl.rivals.budgets import seconds_budget
-from layoutrl.rivals.rooms.annealer import Annealing, anneal
-from layoutrl.rivals.rooms.cost import PREFERENCES
-from layoutrl.rivals.rooms.relations import mine
-from layoutrl.rivals.rooms.search import Searching, search
-from layoutrl.rooms.brief import furnished, missing, ways
-from layoutrl.rooms.clearances import off, period
-from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, several
+from layoutrl.rooms.brief import furnished, ways
+from layoutrl.rooms.furnished import Furnished, Furnishes
+from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
+from layoutrl.runs import box
+from layoutrl.runs.box import Boxed
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
-DESIGNED = 200  # rooms of each type, whose relations a rival keeps
-APART = 0.1  # metres: layouts in which no item stands further elsewhere are one
 AT_ONCE = 256  # briefs that an agent furnishes in one batch
-TURNED = 1.0  # degrees
-VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
-TRIES = 2  # for each layout that is asked for, until that many differ
-
-
-class Furnished(Protocol):
-    """A layout of a brief, and what who made it thinks of it: the higher, the better."""
-
-    @property
-    def layout(self) -> Room: ...
-
-    @property
-    def value(self) -> float: ...
-
-
-class Furnisher(Protocol):
-    """Places all that has no center."""
-
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> Sequence[Sequence[Furnished]]:
-        """Of each brief up to so many different layouts, best first. What finds no place has no center there."""
-        ...
 
 
 @dataclass(frozen=True)
 class Hired:
     """Who furnishes, and what can be asked of them."""
 
-    furnisher: Furnisher
+    furnisher: Furnishes
     known: Callable[[str], Collection[str]]  # the categories that they place in rooms of a type
     at_once: int  # briefs
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What the furnishers of this module answer."""
-
-    layout: Room
-    value: float
-
-
-Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Answer]]  # one of each brief, by these seeds
-
-
 def hired(config: PlaceConfig) -> Hired:
-    """Who the configuration names. Raises InputError where it names nobody, or two."""
-    if (config.run is None) == (config.by is None):
+    """Who the configuration names; without a name, the agents in the package. Raises InputError where it names two."""
+    if config.run is not None and config.by is not None:
         raise InputError(
-            "run: expected either run=<folder> of a training, or by=search or by=annealer, which need none"
+            "run: expected either run=<folder> of a training, or by=search or by=annealer; "
+            "without both, the agents in the package furnish"
         )
-    if config.run is None:
+    if config.by is not None:
         rival = Rival(config.search if config.by == "search" else config.annealer, config.seconds)
         return Hired(rival, lambda room_type: rival.relations(room_type).alone, 1)
-    mover = Mover(config)
-    return Hired(mover, lambda room_type: mover.moves if room_type == mover.room_type else (), AT_ONCE)
-
-
-class Rival:
-    """Search or annealer, with so many core-seconds a layout. It keeps relations of designed rooms of each type.
-
-    Where one layout of a room is there, preferences are weighed otherwise for the next, else it would be the same.
-    """
-
-    def __init__(self, settings: Searching | Annealing, seconds: float):
-        self.settings, self.seconds = settings, seconds
-        self.relations = cache(lambda room_type: mine(design_rooms(room_type, "train", 0, DESIGNED).rooms))
-
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Answer]]:
-        """See Furnisher. The value is how few faults there are."""
-        return several(lambda some, seeds: [self._layout(brief, seeds) for brief in some], briefs, choices, seed)
-
-    def _layout(self, brief: Room, seeds: Sequence[int]) -> Answer:
-        spent, rng = seconds_budget(self.seconds, time.process_time), dice(brief, seeds)
-        relations, (_, attempt) = self.relations(brief.room_type), seeds
-        often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
-        weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}
-        if isinstance(self.settings, Searching):
-            layout = search(brief, relations, replace(self.settings, weights=weights), spent, rng)
-        else:
-            layout = anneal(brief, relations, replace(self.settings, weights=weights), spent, rng)
-        return Answer(layout, -len(faults(layout)))
+    device = device_of(config.device)
+    if config.run is None:
+        return Hired(Boxed(device), box.known, AT_ONCE)
+    folder = Path(config.run).expanduser()
+    trained = load_config(folder, TrainConfig)
+    agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
+    whole = trained.method.scope == "room"
+    moved = "all" if whole else item_of(trained, config.item, categories)
+    placed = categories if moved == "all" else [moved]
+    return Hired(
+        Furnisher(agent, trained.method, categories) if whole else Mover(trained, agent, categories, device),
+        lambda room_type: placed if room_type == trained.room.type else (),
+        AT_ONCE,
+    )
 
 
 class Mover:
     """A trained agent that moves one item. Of several it moves the largest first, each among what stands by then."""
 
-    def __init__(self, config: PlaceConfig):
-        folder = Path(config.run or "").expanduser()
-        self.trained, self.device = load_config(folder, TrainConfig), device_of(config.device)
-        self.agent, self.categories, _ = trained_agent(folder, self.trained, self.device, config.checkpoint)
-        self.room_type = self.trained.room.type
-        moved = item_of(self.trained, config.item, self.categories)
-        self.moves = self.categories if moved == "all" else [moved]
+    def __init__(self, trained: TrainConfig, agent: DQN, categories: list[str], device: torch.device):
+        self.trained, self.agent, self.categories, self.device = trained, agent, categories, device
 
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Answer]]:
-        """See Furnisher. The value is the mean of what the agent thinks of each item's place."""
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+        """See Furnishes. The value is the mean of what the agent thinks of each item's place."""
         return several(self._layouts, briefs, choices, seed)
 
-    def _layouts(self, briefs: Sequence[Room], seeds: Sequence[int]) -> list[Answer]:
+    def _layouts(self, briefs: Sequence[Room], seeds: Sequence[int]) -> list[Furnished]:
         layouts, values = list(briefs), [np.zeros(0) for _ in briefs]
         rngs = [dice(brief, seeds) for brief in briefs]
         orders = [by_size(brief) for brief in briefs]
@@ -155,7 +97,8 @@ class Mover:
                 center = (round(float(place[best][0]), 4), round(float(place[best][1]), 4))
                 layouts[k] = furnished(layouts[k], {item: (center, rooms[best].moving.degrees)})
                 values[k] = np.append(values[k], value[best])
-        return [Answer(layout, float(value.mean())) for layout, value in zip(layouts, values, strict=True)]
+        made = zip(briefs, layouts, values, strict=True)
+        return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
         """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,)."""
@@ -169,47 +112,6 @@ class Mover:
             np.concatenate(starts),
         )
         return episodes.final, episodes.value[episodes.moves, index]
-
-
-def several(
-    layouts: Callable[[Sequence[Room], Sequence[int]], Iterable[Answer]],
-    briefs: Sequence[Room],
-    choices: int,
-    seed: int,
-) -> list[list[Answer]]:
-    """Of each brief up to so many layouts that differ, best first: `layouts` makes one of each with other seeds."""
-    found: list[list[Answer]] = [[] for _ in briefs]
-    for attempt in range(TRIES * choices if choices > 1 else 1):
-        if short := [k for k, answers in enumerate(found) if len(answers) < choices]:
-            for k, answer in zip(short, layouts([briefs[k] for k in short], [seed, attempt]), strict=True):
-                if not any(same(answer.layout, other.layout) for other in found[k]):
-                    found[k].append(answer)
-    return [sorted(answers, key=lambda answer: -answer.value) for answers in found]
-
-
-def same(one: Room, other: Room) -> bool:
-    """Whether each item of one layout has one like it in the other that stands there and faces alike."""
-    return all(any(_alike(item, its) for its in other.furniture) for item in one.furniture)
-
-
-def _alike(one: Item, other: Item) -> bool:
-    if (one.category, one.size, one.form) != (other.category, other.size, other.form):
-        return False
-    if one.center is None or other.center is None:
-        return one.center == other.center
-    turned = off((one.rotation or 0) - (other.rotation or 0), period(one))
-    return math.dist(one.center, other.center) < APART and (one.form == "circle" or turned < TURNED)
-
-
-def dice(brief: Room, seeds: Sequence[int]) -> np.random.Generator:
-    """Of a room: the same in whichever file, shard or block it is."""
-    return np.random.default_rng([*seeds, zlib.crc32(brief.id.encode())])
-
-
-def by_size(brief: Room) -> list[int]:
-    """What is to be placed, the largest first; what is tucked under others after them."""
-    items = brief.furniture
-    return sorted(missing(brief), key=lambda k: (items[k].tucked, -math.prod(items[k].size)))
 
 
 def facing_all_ways(room: Room, item: int) -> list[Room]:

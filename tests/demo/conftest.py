@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 
 from layoutrl.demo import listening
-from layoutrl.demo.furnisher import Move, SearchFurnisher
-from layoutrl.rooms.room import Room
+from layoutrl.demo.furnisher import Move, Staff
+from layoutrl.rivals.rooms.rival import Rival
+from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs.config import composed
 
 if TYPE_CHECKING:
     from layoutrl.demo.answers import Answers
 
-SECONDS = 0.05
+SECONDS = 0.02
 
 
-class Thinking(SearchFurnisher):
+class Thinking(Rival):
     """Thinks most of places near the origin, and of the way there."""
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,11 +35,16 @@ class Thinking(SearchFurnisher):
         return [("left", (center[0] - 0.5, center[1]), 2.0), ("down", (center[0], center[1] - 0.3), 1.0)]
 
 
+def staffed(rival: Rival, thinking: Collection[str] = ()) -> Staff:
+    """One for rooms of all types."""
+    return Staff(lambda room_type: rival, lambda room_type: rival.relations(room_type).alone, thinking)
+
+
 @pytest.fixture(scope="session")
 def answers() -> Answers:
     from layoutrl.demo.answers import Answers
 
-    return Answers(Thinking(composed("demo").search, SECONDS))
+    return Answers(staffed(Thinking(composed("demo").search, SECONDS), MAIN_ITEM))
 
 
 @contextmanager

@@ -13,16 +13,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.demo.furnisher import APART, Furnisher, SearchFurnisher, Thinker, apart, furnisher_of
+from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import answerable
 from layoutrl.env.faults import faults
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.rivals.rooms.rival import Rival, same
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_from_dict, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.runs import box
 from layoutrl.runs.config import composed
-from tests.demo.conftest import Thinking
+from tests.demo.conftest import staffed
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 3).rooms]
 any_room = st.sampled_from(ROOMS)
@@ -122,14 +125,14 @@ def test_furnishing_places_what_is_not_locked_and_leaves_the_rest(answers, room)
         ends = {k: (tuple(center), degrees) for k, center, degrees in choice["path"]}
         assert ends == {k: (layout.furniture[k].center, layout.furniture[k].rotation) for k in movable if k in ends}
         assert {*ends} == {k for k in movable if layout.furniture[k].center}
-    assert all(apart(one, other) for k, one in enumerate(layouts) for other in layouts[:k])
+    assert not any(same(one, other) for k, one in enumerate(layouts) for other in layouts[:k])
     values = [choice["value"] for choice in said["choices"]]
     assert values == sorted(values, reverse=True)
 
 
 def test_the_same_seed_gives_the_same_first_restart(answers):
     room = ROOMS[0]
-    furnisher = SearchFurnisher(composed("demo").search, 1e-9)  # one restart
+    furnisher = Rival(composed("demo").search, 1e-9)  # one restart
     first, second = (furnisher.furnish([brief_of(room)], 3, seed=4) for _ in range(2))
     assert [[f.layout for f in found] for found in first] == [[f.layout for f in found] for found in second]
 
@@ -142,30 +145,32 @@ def test_what_nobody_knows_is_named_and_the_others_are_placed(answers):
     assert "the piano is not placed" in said["lines"][0]
     assert "center" not in said["choices"][0]["furniture"][0]
     assert {k for k, _, _ in said["choices"][0]["path"]} == {*movable} - {0}
-    assert said["lines"] == answerable(brief_of(room_from_dict(document)), answers._known("bathroom")).lines
+    assert said["lines"] == answerable(brief_of(room_from_dict(document)), answers.staff.known("bathroom")).lines
 
 
-def test_layouts_are_apart_if_an_item_stands_or_faces_elsewhere():
-    room = ROOMS[0]
-    document = room_to_dict(room)
-    x, y = document["furniture"][0]["center"]
-    for shift, differs in ((0.9 * APART, False), (1.1 * APART, True)):
-        for moved in ((x + shift, y), (x - shift, y)):
-            document["furniture"][0]["center"] = [*moved]
-            furniture = room_from_dict(room_to_dict(room)).furniture
-            other = Room("b", room.room_type, room.outline, room.walls, furniture=(
-                type(furniture[0])(furniture[0].category, furniture[0].size, moved, furniture[0].rotation),
-                *furniture[1:],
-            ))  # fmt: skip
-            assert apart(other, room) == differs
+def test_an_agent_of_the_package_furnishes_where_there_is_one_and_the_search_elsewhere(monkeypatch):
+    agents = box.cards()
+    staff = staff_of(composed("demo"))
+    assert sorted(staff.thinking) == sorted(agents)
+    furnished_by = staff.of("bathroom")
+    assert isinstance(furnished_by, Furnisher)
+    assert staff.of("bathroom") is furnished_by
+    assert staff.known("bathroom") == agents["bathroom"]["categories"]
+    monkeypatch.setattr(box, "cards", dict)
+    staff = staff_of(composed("demo"))
+    assert isinstance(staff.of("bathroom"), Rival)
+    assert "toilet" in staff.known("bathroom")
+    assert not staff.thinking
 
 
-def test_who_furnishes_is_asked_what_it_can():
-    assert isinstance(furnisher_of(composed("demo")), SearchFurnisher)
-    settings = composed("demo").search
-    search: Furnisher = SearchFurnisher(settings, 0.1)
-    assert not isinstance(search, Thinker)
-    assert isinstance(Thinking(settings, 0.1), Thinker)
+def test_a_room_is_furnished_by_the_agent_of_its_type():
+    from layoutrl.demo.answers import Answers
+
+    room = next(room for room in ROOMS if room.room_type == "bathroom")
+    said = Answers(staff_of(composed("demo"))).answer("furnish", body(room, movable=[*range(len(room.furniture))]))
+    assert said["choices"]
+    assert all("center" in item for choice in said["choices"] for item in choice["furniture"])
+    assert len(said["choices"][0]["path"]) > len(room.furniture)  # of an agent's moves
 
 
 def test_thoughts_are_answered_by_who_thinks(answers):
@@ -176,8 +181,8 @@ def test_thoughts_are_answered_by_who_thinks(answers):
     assert [move["name"] for move in said["moves"]] == ["left", "down"]
     from layoutrl.demo.answers import Answers
 
-    plain = Answers(SearchFurnisher(composed("demo").search, 0.1))
-    assert plain.begin["thinks"] is False
+    plain = Answers(staffed(Rival(composed("demo").search, 0.1)))
+    assert plain.begin["thinks"] == []
     with pytest.raises(InputError, match="values no places"):
         plain.answer("values", body(room, item=0))
 

@@ -354,7 +354,7 @@ def test_what_the_agent_thinks_is_a_map_and_arrows(page):
 
 
 def test_who_thinks_nothing_has_no_panel(browser, address, answers, monkeypatch):
-    monkeypatch.setitem(answers.begin, "thinks", False)
+    monkeypatch.setitem(answers.begin, "thinks", [])
     page = next(pages := visited(browser, address))
     item(page, "bed").focus()
     settled(page)

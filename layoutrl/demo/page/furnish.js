@@ -93,8 +93,8 @@ document.addEventListener("take", ({ detail }) => {
 
 // What the agent thinks of the chosen item.
 async function think() {
-  if (!known.thinks) return;
-  const chosen = item();
+  const thinks = known.thinks.includes(state.room?.room_type);
+  const chosen = thinks ? item() : null;
   $("thinking").hidden = !chosen?.center;
   $("scale").hidden = true;
   $("moves").replaceChildren();

@@ -7,7 +7,7 @@ import { canTravel, commit, item, openings, state, words } from "./store.js";
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
 export const DRAFT_SIZE = [9, 7]; // metres of the grid to draw on
-export const known = { gallery: [], palette: {}, fronts: new Set(), thinks: false }; // what the server said at first
+export const known = { gallery: [], palette: {}, fronts: new Set(), thinks: [] }; // what the server said at first
 
 export function element(tag, attributes = {}, ...children) {
   const node = Object.assign(document.createElement(tag), attributes);

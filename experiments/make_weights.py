@@ -1,0 +1,239 @@
+"""The agents in the package, from nothing: layoutrl/weights/ and docs/agents.md.
+
+    python experiments/make_weights.py [room=kitchen,study] [budget=smoke]
+    python experiments/make_weights.py runs=<folder> results=<folder> [room=kitchen,study]
+
+The first trains one agent for each type of room and scores it in unseen briefs, as column=rooms_agent of Table 3 does;
+what is finished is not made again. The second takes what is finished in the folders that were `runs` and `results` of
+such trainings, and trains nothing. Either writes the networks, rounded to 16 bits; furnishes the first 256 unseen
+briefs with what was written, to say how good it is at each item; and writes all that there is to say into weights.json,
+and from it the page. A type that fails is named, and the others go on; what there was of it stays.
+
+Further options: weights=<folder> for networks and page, where they shall not be the package's; version=<n>, of the
+weights.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from cells import IOU, LAYOUTS, asked, cells_of, given, multirun, some_of
+from cells import unpacked as numbers
+
+from layoutrl import InputError
+from layoutrl.env.measures import measured
+from layoutrl.evaluation.layouts import by_category
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.runs.box import ABOUT, unpacked
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import TrainConfig
+from layoutrl.runs.folder import differences, load_config, write_json
+from layoutrl.runs.resume import stated
+from layoutrl.runs.trained import trained_agent
+
+PROJECT = Path(__file__).resolve().parents[1]
+WEIGHTS, PAGE = PROJECT / "layoutrl/weights", PROJECT / "docs/agents.md"
+COLUMN = "rooms_agent"
+LICENCE = "MIT"
+LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what is furnished at once
+WORST = 0.8  # IoU below which an agent is said to be bad at an item
+FEW = 10  # items of a category, of which nothing is said
+FAULTS = ("overlaps", "outside", "blocks an opening", "out of reach", "front not free")
+MEASURES = {
+    "iou": "IoU",
+    "facing": "facing",
+    "faultless": "faultless",
+    "missing": "no place",
+    "overlap": "overlap",
+    "overlap_area": "overlapping area",
+    "outside": "outside",
+    "outside_area": "area outside",
+    "blocked": "blocked",
+    "reached": "reached",
+    "fronts": "front free",
+    "walkable": "walkable",
+    "reach": "reach",
+    "moved": "moved, m",
+}
+
+
+@answers_errors()
+def main(arguments: list[str]) -> int:
+    """Make what is asked for; the exit status is 1 where a type failed."""
+    chosen = given(arguments)
+    types = some_of("room", chosen, MAIN_ITEM)
+    folder, version = Path(chosen.pop("weights", WEIGHTS)), chosen.pop("version", None)
+    page = PAGE if folder == WEIGHTS else folder / PAGE.name
+    status = 0 if "runs" in chosen else multirun("table3", {"column": COLUMN, "room": ",".join(types)} | chosen)
+    folder.mkdir(parents=True, exist_ok=True)
+    about: dict[str, Any] = {"version": 1, "licence": LICENCE, "agents": {}}
+    if (file := folder / ABOUT).exists():
+        about = json.loads(file.read_text(encoding="utf-8"))
+    about["version"] = int(version or about["version"])
+    for room_type in types:
+        try:
+            card = made(room_type, chosen, folder, about["agents"].get(room_type))
+        except Exception as problem:  # whatever it is: the other types shall not suffer
+            print(f"{room_type} failed: {problem}", file=sys.stderr, flush=True)
+            status = 1
+            continue
+        others = about["agents"] | {room_type: card}
+        about["agents"] = {kind: others[kind] for kind in MAIN_ITEM if kind in others}
+        write_json(file, about)
+        page.write_text(page_of(about), encoding="utf-8")
+        print(f"{room_type}: IoU {card['measures']['iou']:.3f}, {card['bytes']} bytes", flush=True)
+    return status
+
+
+def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[str, Any] | None) -> dict[str, Any]:
+    """Write the network of a type, and say what there is to say of it. Raises InputError where it is not finished."""
+    name = f"{room_type}-own-{COLUMN}-seed{chosen.get('seed', '0')}"
+    if not (file := cells_of("table3", chosen) / f"{name}.json").exists():
+        raise InputError(f"results: {file} is not there; expected the cell of a finished training")
+    cell = json.loads(file.read_text(encoding="utf-8"))
+    run = run_of(cell, Path(chosen.get("runs", "runs")))
+    agent, categories, _ = trained_agent(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
+    told = json.loads((run / "trained.json").read_text(encoding="utf-8"))
+    release, _, commit = told["trained_on_machine"]["layoutrl"].partition(" ")
+    stream = io.BytesIO()
+    torch.save({part: values.half() for part, values in agent.network.state_dict().items()}, stream)
+    content, config, row = stream.getvalue(), cell["config"], cell["rows"][LAYOUTS]
+    card = {
+        "file": f"{room_type}.pt",
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "bytes": len(content),
+        "licence": LICENCE,
+        "command": command_of(config),
+        "seed": config["seed"],
+        "data": {"source": config["data"]["source"], "seed": config["data"]["seed"], "rooms": cell["training_rooms"]},
+        "updates": told["updates"],
+        "minutes": round(told["training_seconds"] / 60, 1),
+        "layoutrl": release,
+        "commit": commit,
+        "categories": categories,
+        "method": asdict(trained.method),
+        "rooms": cell["rooms"],
+        "measures": {name: row[name] for name in MEASURES} | {"iou": row["mean_iou"]},
+        "standard_errors": {name: row[f"{name}_error"] for name in MEASURES},
+        "seconds": row["seconds"],
+    }
+    if before and {name: before[name] for name in card if name in before} == card and (folder / card["file"]).exists():
+        return before
+    card["items"] = items_of(content, card, cell)
+    (folder / card["file"]).write_bytes(content)
+    return card
+
+
+def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
+    """The finished training that a cell scored, in a folder of runs. Raises InputError where there is none."""
+    config = cell["config"]
+    folder = runs / config["room"]["type"]
+    for run in sorted(folder.glob(f"{COLUMN}-*-seed{config['seed']}")):
+        if (run / "trained.json").exists() and not differences(stated(load_config(run, TrainConfig)), config):
+            return run
+    raise InputError(f"runs: {folder} has no finished training of {COLUMN} as the cell says; expected its folder")
+
+
+def command_of(config: Mapping[str, Any]) -> str:
+    """What trains the agent of a cell, and scores it."""
+    data = " ".join(f"data.{name}={config['data'][name]}" for name in ("train_rooms", "test_rooms", "seed"))
+    what = f"room={config['room']['type']} budget={config['budget']['name']} {data} seed={config['seed']}"
+    return f"python experiments/cells.py table=table3 column={COLUMN} {what}"
+
+
+def items_of(content: bytes, card: dict[str, Any], cell: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file is worth, item by item, in the first unseen briefs; and what it was worth there before rounding."""
+    config = cell["config"]
+    designs = design_rooms(config["room"]["type"], "test", config["data"]["seed"], min(LOOKED_AT, cell["rooms"])).rooms
+    furnisher = unpacked(content, card, torch.device("cpu"))
+    layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(design) for design in designs], 1, card["seed"])]
+    scored = numbers(cell["rows"][LAYOUTS]["iou"], IOU)[: len(designs)] / 65535
+    return {
+        "rooms": len(designs),
+        "iou": float(measured(layouts, designs).iou.mean()),
+        "iou_before_rounding": float(np.mean(scored)),
+        "categories": by_category(layouts, designs),
+    }
+
+
+def page_of(about: Mapping[str, Any]) -> str:
+    """docs/agents.md: a card for each agent."""
+    agents = about["agents"]
+    types, size = ", ".join(map(words, agents)), sum(card["bytes"] for card in agents.values()) / 1e6
+    lines = [
+        "# The agents in the package",
+        "",
+        f"Each furnishes rooms of one type: {types}. `place` uses them where neither `run=` nor `by=` is given, and",
+        "so does the page of `make demo`. They are networks of DQN agents, trained on designed rooms alone.",
+        f"All files are {size:.1f} MB. Licence: {about['licence']}. Version of the weights: {about['version']}.",
+        "",
+        "    python experiments/make_weights.py",
+        "",
+        "trains them from nothing, scores them, and writes this page from",
+        "[weights.json](../layoutrl/weights/weights.json), which has every setting. With",
+        "`runs=<folder> results=<folder>` it takes what is trained already. The measures are those of",
+        "[whole_rooms.md](whole_rooms.md#measures): means over unseen designed briefs, furnished from nothing, with",
+        "the standard error over rooms. How good the agents are in real rooms was not measured.",
+    ]
+    for room_type, card in agents.items():
+        lines += ["", *card_of(room_type, card)]
+    return "\n".join(lines) + "\n"
+
+
+def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
+    """The card of one agent, line by line."""
+    data, items = card["data"], card["items"]
+    kinds = {words(category): row for category, row in items["categories"].items()}
+    bad = [f"{kind} ({row['iou']:.2f})" for kind, row in kinds.items() if row["iou"] < WORST and row["count"] >= FEW]
+    return [
+        f"## {words(room_type).capitalize()}",
+        "",
+        f"- `layoutrl/weights/{card['file']}`: {card['bytes']:,} bytes, licence {card['licence']}, SHA-256",
+        f"  `{card['sha256']}`",
+        f"- `{card['command']}`",
+        f"- Trained on {data['rooms']:,} rooms of the {data['source']} (`data.seed={data['seed']}`), seed",
+        f"  {card['seed']}, for {card['updates']:,} updates, in {card['minutes']} minutes; layoutrl",
+        f"  {card['layoutrl']}, commit {card['commit']}",
+        f"- Places: {', '.join(map(words, card['categories']))}",
+        f"- Bad at (IoU below {WORST}): {', '.join(bad) or 'nothing'}",
+        "",
+        f"| {card['rooms']:,} unseen briefs | mean | standard error |",
+        "| --- | --- | --- |",
+        *(
+            f"| {label} | {card['measures'][name]:.3f} | {card['standard_errors'][name]:.3f} |"
+            for name, label in MEASURES.items()
+        ),
+        "",
+        f"In the first {items['rooms']} of these briefs its mean IoU is {items['iou']:.3f}. Before its numbers",
+        "were rounded to 16 bits, as they are shipped,",
+        f"it was {items['iou_before_rounding']:.3f}. What it places there:",
+        "",
+        "| item | how many | IoU | overlaps | outside | blocks | out of reach | front not free |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        *(
+            f"| {kind} | {row['count']} | {row['iou']:.3f} | "
+            + " | ".join(f"{row[fault]:.3f}" for fault in FAULTS)
+            + " |"
+            for kind, row in kinds.items()
+        ),
+    ]
+
+
+def words(name: str) -> str:
+    """A room type or a category, to read."""
+    return name.replace("_", " ")
+
+
+if __name__ == "__main__":
+    sys.exit(main(asked(__doc__)))

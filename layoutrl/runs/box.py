@@ -1,0 +1,82 @@
+"""The agents in the package: one a room type, which furnish whole rooms. `layoutrl/weights/` has them.
+
+`experiments/make_weights.py` makes them, and docs/agents.md says what they are. What is not about their networks loads
+no torch.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Collection, Sequence
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from layoutrl import InputError
+from layoutrl.agents.method import Method
+from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.room import Room
+
+if TYPE_CHECKING:
+    import torch
+
+    from layoutrl.evaluation.furnishing import Furnisher
+
+FOLDER = files("layoutrl") / "weights"
+ABOUT = "weights.json"  # what each file is, and how it was made
+
+
+@cache
+def cards() -> dict[str, dict[str, Any]]:
+    """What weights.json says of the agent of each room type."""
+    return json.loads((FOLDER / ABOUT).read_text(encoding="utf-8"))["agents"]
+
+
+def boxed(room_type: str, device: torch.device) -> Furnisher:
+    """The agent of a room type. Raises InputError where there is none, or its file is damaged."""
+    if (card := cards().get(room_type)) is None:
+        raise InputError(f"room_type: no agent furnishes a {room_type}; expected one of {', '.join(cards())}")
+    file = FOLDER / card["file"]
+    content = file.read_bytes() if file.is_file() else b""
+    if hashlib.sha256(content).hexdigest() != card["sha256"]:
+        raise InputError(f"weights: {file} is damaged or missing; expected it as installed: install layoutrl again")
+    return unpacked(content, card, device)
+
+
+def unpacked(content: bytes, card: dict[str, Any], device: torch.device) -> Furnisher:
+    """The agent that a file holds, built as its card says."""
+    import torch
+
+    from layoutrl.agents.learner import untrained
+    from layoutrl.evaluation.furnishing import Furnisher
+
+    method = Method(**card["method"])
+    agent = untrained(method, card["categories"], 1, np.random.SeedSequence(0), device)
+    agent.network.load_state_dict(torch.load(io.BytesIO(content), map_location=device, weights_only=True))
+    return Furnisher(agent, method, card["categories"])
+
+
+class Boxed:
+    """Furnishes rooms of several types, each by the agent of its type, which is loaded when it is first needed."""
+
+    def __init__(self, device: torch.device):
+        self.agent = cache(lambda room_type: boxed(room_type, device))
+
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+        """See Furnishes. Raises InputError as `boxed` does."""
+        found: list[list[Furnished]] = [[] for _ in briefs]
+        for room_type in sorted({brief.room_type for brief in briefs}):
+            which = [k for k, brief in enumerate(briefs) if brief.room_type == room_type]
+            answers = self.agent(room_type).furnish([briefs[k] for k in which], choices, seed)
+            for k, answer in zip(which, answers, strict=True):
+                found[k] = answer
+        return found
+
+
+def known(room_type: str) -> Collection[str]:
+    """The categories that the agent of a room type places; none where there is no agent."""
+    return cards().get(room_type, {}).get("categories", ())

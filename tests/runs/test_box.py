@@ -1,0 +1,65 @@
+"""The agents in the package: they are what weights.json and docs/agents.md say, and furnish rooms of their type."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import make_weights
+import pytest
+import torch
+
+from layoutrl import InputError
+from layoutrl.env.faults import MISSING, faults
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.runs import box
+from tests.commands import PROJECT
+
+CPU = torch.device("cpu")
+TYPES = [*box.cards()]
+
+
+@pytest.mark.parametrize("room_type", TYPES)
+def test_every_agent_is_what_is_said_of_it_and_places_all_items_the_same_for_a_seed(room_type: str) -> None:
+    furnisher = box.boxed(room_type, CPU)  # which compares the hash
+    briefs = [brief_of(room) for room in design_rooms(room_type, "test", 5, 2).rooms]
+    layouts, again, other = ([one.layout for one, *_ in furnisher.furnish(briefs, 1, seed)] for seed in (3, 3, 4))
+    assert layouts == again != other
+    assert not any(fault == MISSING for layout in layouts for _, fault in faults(layout))
+    assert {item.category for brief in briefs for item in brief.furniture} <= {*box.known(room_type)}
+    card = box.cards()[room_type]
+    assert {"licence", "command", "seed", "data", "updates", "commit", "layoutrl", "measures"} <= card.keys()
+
+
+def test_all_files_are_named_and_small() -> None:
+    there = {path.name: path.stat().st_size for path in (PROJECT / "layoutrl/weights").iterdir()}
+    assert {*there} == {box.ABOUT} | {card["file"] for card in box.cards().values()}
+    assert sum(there.values()) < 5_000_000
+    assert all(there[card["file"]] == card["bytes"] for card in box.cards().values())
+
+
+def test_a_damaged_file_and_a_type_without_an_agent_are_answered_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(
+        InputError, match=rf"^room_type: no agent furnishes a cellar; expected one of {TYPES[0]}[\w, ]*$"
+    ):
+        box.boxed("cellar", CPU)
+    shutil.copytree(PROJECT / "layoutrl/weights", tmp_path / "weights")
+    monkeypatch.setattr(box, "FOLDER", tmp_path / "weights")
+    file = tmp_path / "weights" / box.cards()[TYPES[0]]["file"]
+    content = bytearray(file.read_bytes())
+    content[1000] ^= 1
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"^weights: .* is damaged or missing; expected it as installed: .*$"):
+        box.boxed(TYPES[0], CPU)
+    file.unlink()
+    with pytest.raises(InputError, match=r"^weights: .* is damaged or missing"):
+        box.boxed(TYPES[0], CPU)
+
+
+def test_the_page_is_what_weights_json_implies() -> None:
+    about = json.loads((make_weights.WEIGHTS / box.ABOUT).read_text(encoding="utf-8"))
+    assert make_weights.PAGE.read_text(encoding="utf-8") == make_weights.page_of(about)
