@@ -148,7 +148,9 @@ def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
 def command_of(config: Mapping[str, Any]) -> str:
     """What trains the agent of a cell, and scores it."""
     data = " ".join(f"data.{name}={config['data'][name]}" for name in ("train_rooms", "test_rooms", "seed"))
-    what = f"room={config['room']['type']} budget={config['budget']['name']} {data} seed={config['seed']}"
+    budget = config["budget"]["name"]
+    updates = f"method.updates.{budget}={config['method']['updates'][budget]}"
+    what = f"room={config['room']['type']} budget={budget} {updates} {data} seed={config['seed']}"
     return f"python experiments/cells.py table=table3 column={COLUMN} {what}"
 
 
