@@ -26,7 +26,8 @@ class Scenes:
 
     Columns are the room, the item that moves, and of each of the N items where its middle is, in micrometres, and its
     quarter, -1 where it does not stand. Of the moving item the quarter counts, and its middle is given as the position.
-    Actions are those of `Moves`, turned with the item: "right" is where it faces, if it is turned by no degrees first.
+    Actions are those of `Moves`, turned by as many quarters as the item: "right" is where it faces, if the first of its
+    ways to face is 0 degrees.
     """
 
     def __init__(self, simulator: BatchRoomsSimulator):
