@@ -269,7 +269,7 @@ class Middle:
 def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     furnisher = Middle()
     hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"], 2)
-    monkeypatch.setattr(layoutrl.place, "hired", lambda config: hired)
+    monkeypatch.setattr(furnishers, "hired", lambda config: hired)
     return furnisher
 
 
