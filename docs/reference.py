@@ -17,8 +17,9 @@ import layoutrl
 
 
 def modules() -> list[str]:
-    """The names of all modules of the package."""
-    return ["layoutrl", *(found.name for found in pkgutil.walk_packages(layoutrl.__path__, "layoutrl."))]
+    """The names of all modules of the package that hold something to import."""
+    found = (module.name for module in pkgutil.walk_packages(layoutrl.__path__, "layoutrl."))
+    return ["layoutrl", *(name for name in found if not name.endswith(".__main__"))]
 
 
 def resolve_constructors(module: str) -> None:

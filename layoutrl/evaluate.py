@@ -27,6 +27,8 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
+    if shown.furnishes and config.starts > 1:
+        raise InputError(f"starts: a whole room is furnished once, from nothing; expected 1; got {config.starts}")
     file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json")
     if not os.access(file.parent, os.W_OK):
         raise InputError(

@@ -103,7 +103,7 @@ def run(config: PlaceConfig) -> Done:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
     source = source_of(config)
     suffix = source.suffix if source else JSON
-    piped = STANDARD in (config.out, config.out or config.rooms)
+    piped = (config.out or config.rooms) == STANDARD
     if piped and suffix != JSON:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
     total = len(source.collection.rooms) if source else count(config.rooms)  # says, too, where there is no such file
@@ -230,25 +230,19 @@ def asked_of(entry: Entry, config: PlaceConfig, who: Hired) -> tuple[Answerable,
 def source_of(config: PlaceConfig) -> Source | None:
     """The file, read whole; None of rooms in JSON, which come one after the other."""
     path = Path(config.rooms).expanduser()
-    kind = "json" if config.rooms == STANDARD else format_of(path)
-    homes = {"into": config.into, "room_type": config.room_type}
-    wrong = homes if kind != "sweethome3d" or path.is_dir() else {}
-    if kind == "json":
-        wrong |= {"categories": config.categories}
-    for name, value in wrong.items():
-        if value is not None:
-            raise InputError(
-                f"{name}: rooms of {config.rooms} say themselves what and where they are; expected no {name}="
-            )
-    if kind == "json":
+    if config.rooms == STANDARD or format_of(path) == "json":
+        for name in ("into", "room_type", "categories"):
+            if getattr(config, name) is not None:
+                raise InputError(
+                    f"{name}: rooms of {config.rooms} say themselves what and where they are; expected no {name}="
+                )
         return None
     return opened(
         path,
         move=config.move,
-        room=config.into,
+        into=config.into,
         room_type=config.room_type,
         categories=Path(config.categories).expanduser() if config.categories else None,
-        unit=config.unit,
     )
 
 

@@ -30,6 +30,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs import box
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import Hired, hired
+from layoutrl.runs.streams import growing
 from layoutrl.train import run as train
 from tests.runs.test_resume import SHORT
 
@@ -368,6 +369,22 @@ def test_an_interrupted_run_goes_on_where_it_was(
     assert seen[4:] == [f"room {k}" for k in range(2, 7)]  # what was done, of blocks of two, is not done again
     assert not part.exists()
     assert "goes on after 2 rooms" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "state", ["", "[]", '{"about": []}', '{"about": {"seed": 0}, "bytes": 0, "tally": {"more": 1}}']
+)
+def test_a_state_that_is_none_is_answered(state: str, tmp_path: Path) -> None:
+    part = tmp_path / "out.jsonl.part"
+    part.mkdir()
+    (part / "state.json").write_text(state)
+    (part / "rooms.jsonl").touch()
+    with (
+        pytest.raises(InputError, match=r"^out: what a run .* is damaged; expected another out="),
+        growing(tmp_path / "out.jsonl", {"seed": 0}),
+    ):
+        pass
+    assert (part / "state.json").read_text() == state
 
 
 def test_shards_are_all_of_a_file(middle: Middle, tmp_path: Path) -> None:

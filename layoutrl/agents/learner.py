@@ -47,7 +47,7 @@ def untrained(
 class Learner:
     """An untrained agent and all that it learns from: rooms whose target moves or, with scope=room, whole designs.
 
-    Raises InputError where no item can move.
+    Raises InputError where none of the targets can move.
     """
 
     def __init__(

@@ -16,10 +16,9 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.env.episodes import Episodes, Step
-from layoutrl.env.scene_episodes import SceneEpisodes
 from layoutrl.env.symmetry import Symmetry, shares
 
-Begin = Callable[[torch.Generator], Episodes | SceneEpisodes]  # episodes that draw by the generator
+Begin = Callable[[torch.Generator], Episodes]  # episodes that draw by the generator
 REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
 

@@ -50,7 +50,7 @@ class Episodes:
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
-    def exploring(self, epsilon: float) -> float:
+    def exploring(self, epsilon: float) -> float | Tensor:
         """The probability of a drawn action, the same in all episodes."""
         return epsilon
 
@@ -97,13 +97,17 @@ class Episodes:
         self._length, self.legal = self._simulator.reach(self.room, self.position)
 
     def _begin_anew(self, ended: Tensor) -> None:
-        room, position = self._drawn(len(ended))
+        room, position = self._following(ended)
         length, legal = self._simulator.reach(room, position)
         # New tensors: the step that was made keeps the old ones.
         self.room = self.room.index_copy(0, ended, room)
         self.position = self.position.index_copy(0, ended, position)
         self._length = self._length.index_copy(0, ended, length)
         self.legal = self.legal.index_copy(0, ended, legal)
+
+    def _following(self, ended: Tensor) -> tuple[Tensor, Tensor]:
+        """The rooms and positions in which episodes that ended go on."""
+        return self._drawn(len(ended))
 
     def _drawn(self, count: int) -> tuple[Tensor, Tensor]:
         rooms, device = len(self._simulator.rooms), self._simulator.device

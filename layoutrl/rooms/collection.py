@@ -82,23 +82,6 @@ def all_standing(collection: Collection) -> Collection:
     return chosen
 
 
-def choose_missing(collection: Collection, category: str) -> Collection:
-    """The rooms in which just one item of `category`, or of any (`all`), has no center, as their target.
-
-    What else has none is as if it were not there.
-    """
-    chosen = _after(collection, f"item {category} without a center")
-    for room in collection.rooms:
-        missing = [k for k, item in enumerate(room.furniture) if item.center is None]
-        indices = [k for k in missing if category in (room.furniture[k].category, "all")]
-        if len(indices) == 1:
-            chosen.rooms.append(replace(room, target=indices[0]))
-        else:
-            what = "item" if category == "all" else category
-            chosen.left_out.append((room.id, f"expected one {what} without a center; got {len(indices)}"))
-    return chosen
-
-
 def _after(collection: Collection, chosen: str) -> Collection:
     """An empty collection that knows what was left out before."""
     return Collection(f"{collection.source}, {chosen}", left_out=list(collection.left_out), notes=collection.notes)

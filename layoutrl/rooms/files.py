@@ -23,7 +23,7 @@ import copy
 import difflib
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -277,9 +277,15 @@ def room_files(path: Path) -> list[Path]:
     """The files of rooms at `path`, in order of their names. Raises InputError where there is none."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
-    found = [path] if path.is_file() else [f for f in path.rglob("*") if f.suffix in (".json", ".jsonl")]
-    if not found:
+    files = files_below(path, (".json", ".jsonl"))
+    if not files:
         raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
+    return files
+
+
+def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) -> list[Path]:
+    """A file, or all of these suffixes and not of the names `but` below a folder, in one order on all systems."""
+    found = [path] if path.is_file() else [f for f in path.rglob("*") if f.suffix in suffixes and f.name not in but]
     return sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
 
 

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import check_new, write_rooms
+from layoutrl.rooms.files import check_new, files_below, write_rooms
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import read_homes
 from layoutrl.rooms.sources.categories import names_of
@@ -63,7 +63,7 @@ def opened(
     path: Path,
     *,
     move: str | None = None,
-    room: str | None = None,
+    into: str | None = None,
     room_type: str | None = None,
     categories: Path | None = None,
     unit: str = "auto",
@@ -76,7 +76,7 @@ def opened(
 
     - `move`: what is to be placed anew, `all` or categories with commas between them. By default what the file marks:
       items without a center; in a home, what stands outside all rooms.
-    - `room`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
+    - `into`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
       room whose type knows it and that has floor for it.
     - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
       left out.
@@ -86,8 +86,8 @@ def opened(
     """
     kind = format_of(path)
     if kind == "sweethome3d" and path.is_file():
-        return read_home(path, move=move, room=room, room_type=room_type, names=names_of(categories))
-    for name, value in (("room", room), ("room_type", room_type)):
+        return read_home(path, move=move, into=into, room_type=room_type, names=names_of(categories))
+    for name, value in (("into", into), ("room_type", room_type)):
         if value is not None:
             raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
     collection = read_homes(kind, path, strict, unit, categories)
@@ -102,11 +102,9 @@ def format_of(path: Path) -> str:
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected one of {SUFFIXES}")
-    found = [path] if path.is_file() else list(path.rglob("*"))
-    files = sorted((f for f in found if f.suffix in FORMATS and f.name not in (ASSETS, MODELS)), key=lambda f: f.parts)
-    if not files:
+    file = next(iter(files_below(path, FORMATS, (ASSETS, MODELS))), path)
+    if file.suffix not in FORMATS or file.name in (ASSETS, MODELS):
         raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
-    file = files[0]
     if file.suffix == ".sh3d":
         return "sweethome3d"
     if file.suffix == ".gz":

@@ -108,7 +108,7 @@ class TrainConfig(LearningConfig):
         super().__post_init__()
         check_method("method", self.method)
         if self.method.scope == "room":
-            one_of("room.item, of whole rooms,", self.room.item, "main")
+            one_of("room.item of whole rooms", self.room.item, "main")
         one_of("reward.inside", self.reward.inside, "share", "iou")
         one_of("budget.name", self.budget.name, *self.method.updates)
 
@@ -311,6 +311,7 @@ class BenchConfig(TrainConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_method("paper", self.paper)
+        one_of("method.scope of bench", self.method.scope, "item")
         for part in self.parts:
             one_of("parts", part, "speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
         _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
@@ -336,8 +337,8 @@ def check_method(prefix: str, method: Method) -> None:
     one_of(f"{prefix}.observation", method.observation, "geometry", "image")
     one_of(f"{prefix}.scope", method.scope, "item", "room")
     if method.scope == "room":
-        one_of(f"{prefix}.observation, of whole rooms,", method.observation, "geometry")
-        one_of(f"{prefix}.on_illegal, of whole rooms,", method.on_illegal, "mask")
+        one_of(f"{prefix}.observation of whole rooms", method.observation, "geometry")
+        one_of(f"{prefix}.on_illegal of whole rooms", method.on_illegal, "mask")
         _within(
             f"{prefix}.goal_terminates", method.goal_terminates, not method.goal_terminates, "false, of whole rooms"
         )

@@ -174,15 +174,15 @@ def _kept(state: Path, lines: Path, about: dict[str, Any]) -> dict[str, Any]:
     """What a run that was stopped has left."""
     if not state.exists():
         return {"bytes": 0, "tally": asdict(Tally())}
-    mend = f"expected another out=<file>, or that {state.parent} is removed"
+    mend = f"another out=<file>, or that {state.parent} is removed"
     try:
         kept: dict[str, Any] = json.loads(state.read_text())
         other = [name for name, value in about.items() if kept["about"].get(name) != value]
-        whole = lines.stat().st_size >= kept["bytes"]
-    except (ValueError, LookupError, FileNotFoundError):
+        whole = lines.stat().st_size >= kept["bytes"] and Tally(**kept["tally"]).entries >= 0
+    except (ValueError, LookupError, TypeError, AttributeError, FileNotFoundError):
         other, whole = [], False
     if other:
         raise InputError(f"out: a run was stopped there, with another {', '.join(other)}; expected the same, or {mend}")
     if not whole:
-        raise InputError(f"out: what a run that was stopped has left is damaged; {mend}")
+        raise InputError(f"out: what a run that was stopped has left is damaged; expected {mend}")
     return kept

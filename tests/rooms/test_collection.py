@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rooms.collection import FOLDS, Collection, choose_item, choose_missing, split
+from layoutrl.rooms.collection import FOLDS, Collection, choose_item, split
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room
 
@@ -53,24 +53,6 @@ def test_an_item_without_centre_is_left_out_because_the_place_is_unknown(categor
     assert chosen.rooms == []
     assert "no center" in reasons(chosen)["a"]
     assert "unknown" in reasons(chosen)["a"]
-
-
-def test_what_is_still_to_be_placed_becomes_the_target_where_there_is_one() -> None:
-    bed, shelf, table = (Item(name, (1.0, 0.6)) for name in ("bed", "shelf", "table"))
-    there = Item("bed", (1.0, 0.6), (1.0, 1.0))
-    rooms = [
-        replace(rectangular_room(4, 3), furniture=items, id=f"r{k}", target=None)
-        for k, items in enumerate([(there, bed), (shelf, bed, table), (there, shelf), (bed, bed)])
-    ]
-    collection = Collection("mine", rooms)
-    found = choose_missing(collection, "bed")
-    assert [(room.id, room.target) for room in found.rooms] == [("r0", 1), ("r1", 1)]
-    assert found.left_out == [
-        ("r2", "expected one bed without a center; got 0"),
-        ("r3", "expected one bed without a center; got 2"),
-    ]
-    assert [(room.id, room.target) for room in choose_missing(collection, "shelf").rooms] == [("r1", 0), ("r2", 1)]
-    assert [(room.id, room.target) for room in choose_missing(collection, "all").rooms] == [("r0", 1), ("r2", 1)]
 
 
 def test_an_item_that_reaches_beyond_the_walls_is_left_out_and_one_over_a_wall_is_kept() -> None:

@@ -247,10 +247,10 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
     assert [(i.category, i.center, i.rotation) for i in bedroom.furniture[1:]] == [("wardrobe", None, None)]
     assert [(i.category, i.center) for i in bathroom.furniture[1:]] == [("toilet", None)]
     assert any("the cooktop outside all rooms stays there" in note for note in home.collection.notes)
-    _, bathroom = flat(tmp_path, FLAT + parked, room="flat/room 2").rooms
+    _, bathroom = flat(tmp_path, FLAT + parked, into="flat/room 2").rooms
     assert len(bathroom.furniture) == 4
     with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
-        flat(tmp_path, FLAT + parked, room="kitchen")
+        flat(tmp_path, FLAT + parked, into="kitchen")
 
 
 def test_what_is_marked_is_to_be_placed_and_nothing_else(tmp_path: Path) -> None:

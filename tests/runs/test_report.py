@@ -56,7 +56,7 @@ def test_a_probe_scores_one_rollout_in_every_room_exactly(agent):
     room = np.arange(3)
     starts = EXACT.starts(room, np.random.default_rng(3))
     final = greedy(agent).rollout(BatchSimulator(EXACT), OBSERVE, room, starts).final
-    iou, pictures = probe(greedy(agent))
-    assert iou == EXACT.reward(room, final).iou.mean()
+    found, pictures = probe(greedy(agent))
+    assert found == {"iou": EXACT.reward(room, final).iou.mean(), "lattice_ceiling": probe.ceiling}
     assert probe.ceiling == lattice_ceiling(EXACT, room, starts).mean()
     assert len(pictures) == 3

@@ -19,6 +19,7 @@ from shapely.geometry import Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.files import files_below
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
 from layoutrl.rooms.sources.categories import Names
 from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, lengths, loaded, oblong
@@ -62,8 +63,7 @@ SOURCE_CATEGORIES = {
 def read(root: Path, names: Names) -> Collection:
     """The rooms of all houses below a folder, or of one file. Raises InputError where there is none."""
     folder = root.parent if root.is_file() else root
-    found = [root] if root.is_file() else [file for file in root.rglob("*.json") if file.name != MODELS]
-    files = sorted(found, key=lambda file: file.parts)  # alike on all systems
+    files = files_below(root, (".json",), (MODELS,))
     if not files:
         raise InputError(f"no houses in {root.absolute()}: expected .json files of 3D-FRONT; name their folder")
     models = _models(folder / MODELS)

@@ -19,6 +19,7 @@ from shapely.geometry import Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.files import files_below
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
 from layoutrl.rooms.sources.categories import Names
 from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, floor_of, length, lengths, loaded, oblong
@@ -36,8 +37,7 @@ Size = tuple[float, float, float]  # metres along x, y (up) and z
 def read(root: Path, names: Names) -> Collection:
     """The rooms of all houses in a file, or in a folder of them. Raises InputError where there is none."""
     folder = root.parent if root.is_file() else root
-    found = [root] if root.is_file() else [f for f in root.rglob("*") if f.suffix in SUFFIXES and f.name != ASSETS]
-    files = sorted(found, key=lambda file: file.parts)  # alike on all systems
+    files = files_below(root, SUFFIXES, (ASSETS,))
     if not files:
         raise InputError(f"no houses in {root.absolute()}: expected .jsonl or .jsonl.gz files; name their folder")
     sizes = _sizes(folder / ASSETS)

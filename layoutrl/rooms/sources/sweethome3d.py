@@ -27,7 +27,7 @@ from shapely.geometry import LineString, Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import check_new
+from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
 from layoutrl.rooms.sources.categories import HOLDS, Names, names_of
 from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong
@@ -135,14 +135,14 @@ def read_home(
     path: Path,
     *,
     move: str | None = None,
-    room: str | None = None,
+    into: str | None = None,
     room_type: str | None = None,
     names: Names | None = None,
     name: str | None = None,
 ) -> Home:
     """A home, every room of every level as a room of its own; `name` begins their ids, by default the file's.
 
-    `move`, `room` and `room_type` are those of `layoutrl.rooms.formats.opened`. Raises InputError for a file that is
+    `move`, `into` and `room_type` are those of `layoutrl.rooms.formats.opened`. Raises InputError for a file that is
     no home.
     """
     names = names or names_of()
@@ -164,7 +164,7 @@ def read_home(
             home.pieces[read.id] = pieces
         home.collection.left_out += storey.left_out
         home.collection.notes += storey.notes
-    _park(home, [(prefix, piece) for prefix, piece in outside if _moves(piece, moved, True)], room)
+    _park(home, [(prefix, piece) for prefix, piece in outside if _moves(piece, moved, True)], into)
     if not any(element.tag == "room" for element in elements):
         home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
     home.collection.notes += names.notes()
@@ -173,7 +173,7 @@ def read_home(
 
 def read(root: Path, names: Names) -> Collection:
     """The rooms of all homes below a folder, or of one file. A home that cannot be read is left out."""
-    files = [root] if root.is_file() else sorted(root.rglob("*.sh3d"), key=lambda file: file.parts)
+    files = files_below(root, (".sh3d",))
     if not files:
         raise InputError(f"no homes in {root.absolute()}: expected .sh3d files; name their folder with data.root=...")
     collection = Collection(f"homes {root}")
@@ -399,36 +399,32 @@ def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
     return piece.item.category in move or ("all" in move and piece.element.flag("movable", True))
 
 
-def _park(home: Home, parked: list[tuple[str, HomePiece]], room_id: str | None) -> None:
+def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
     type knows it and that has the floor for it: of its level, without such a piece, with the most floor free."""
-    if room_id is not None and room_id not in home.pieces:
+    if into is not None and into not in home.pieces:
         known = ", ".join(home.pieces)
-        raise InputError(f"room: {home.path} has no room {room_id!r} to furnish; expected one of {known}")
+        raise InputError(f"into: {home.path} has no room {into!r} to furnish; expected one of {known}")
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
-    free = {room.id: room.indoor.area - sum(map(_area, room.furniture)) for room in home.rooms}
+    free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}
     given: dict[str, list[Item]] = defaultdict(list)
-    for prefix, piece in sorted(parked, key=lambda entry: -_area(entry[1].item)):
+    for prefix, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
         item = replace(piece.item, center=None, rotation=None)
-        fitting = [k for k, r in rooms.items() if item.category in HOLDS[r.room_type] and free[k] > _area(item)]
-        if room_id is not None:
-            chosen = room_id
+        fitting = [k for k, r in rooms.items() if item.category in HOLDS[r.room_type] and free[k] > item.area]
+        if into is not None:
+            chosen = into
         elif fitting:
             chosen = min(fitting, key=lambda k: (not k.startswith(prefix), item.category in held[k], -free[k]))
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
-            home.collection.notes.append(f"{note} (room=<id>)")
+            home.collection.notes.append(f"{note} (into=<id>)")
             continue
         given[chosen].append(item)
         held[chosen].add(item.category)
-        free[chosen] -= _area(item)
+        free[chosen] -= item.area
         home.pieces[chosen].append(piece)
     home.collection.rooms = [replace(r, furniture=(*r.furniture, *given[r.id])) for r in home.rooms]
-
-
-def _area(item: Item) -> float:
-    return item.size[0] * item.size[1]
 
 
 # From layouts to the file --------------------------------------------------------------------------------------------
