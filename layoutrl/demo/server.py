@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
+import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
@@ -96,8 +97,14 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     for name, whole in (("read", answers.read), ("home", answers.home)):
         routes.append(Route(f"/api/{name}", asking(whole, "slow"), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
-    handlers[Exception] = lambda _, error: refused(500, f"bug: {type(error).__name__}; the server goes on")
+    handlers[Exception] = lambda _, error: broken(error)
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
+
+
+def broken(error: Exception) -> Response:
+    """The answer where the program has a bug: its name for the page, all of it for who runs the server."""
+    traceback.print_exception(error)
+    return refused(500, f"bug: {type(error).__name__}; the server goes on")
 
 
 def page() -> dict[str, Callable[[Request], Any]]:
