@@ -99,10 +99,10 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
 
 def dxf(room: Room, wrong: Wrong, path: Path) -> None:
     """The same for CAD: closed polylines and circles, y up, the unit a metre. Needs ezdxf, the extra `dxf`."""
-    import ezdxf
     from ezdxf import units
+    from ezdxf.filemanagement import new
 
-    document = ezdxf.new("R2010", units=units.M)
+    document = new("R2010", units=units.M)
     for name, color in ACI.items():
         document.layers.add(name, color=color)
     space, faults = document.modelspace(), _by_item(wrong)
