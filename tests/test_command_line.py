@@ -211,7 +211,7 @@ def test_shards_are_placed_side_by_side_as_on_a_cluster(tmp_path: Path) -> None:
     for document in documents[:2]:
         del document["furniture"][0]["center"]
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
-    given = ("by=search", "rooms=mine.jsonl", "seconds=0.01", "shard=0/2,1/2", "hydra/launcher=submitit_local")
+    given = ("by=search", "rooms=mine.jsonl", "seconds=0.5", "shard=0/2,1/2", "hydra/launcher=submitit_local")
     done = fresh("-m", "layoutrl", "place", "-m", *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for shard in range(2):
@@ -320,7 +320,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("gallery", ["rooms=0"], ["rooms", "1 or more"]),
         ("gallery", ["out=/dev/null/here"], ["out", "/dev/null/here"]),
         ("evaluate", ["run=nowhere"], ["nowhere"]),
-        ("place", ["run=nowhere", "rooms=mine.jsonl"], ["nowhere"]),
+        ("place", ["run=nowhere", "rooms=mine.jsonl"], ["mine.jsonl", "no such file"]),
         ("place", ["run=nowhere"], ["rooms"]),
         ("watch", ["run=nowhere"], ["nowhere"]),
         ("evaluate", ["run=nowhere", "checkpoint=first"], ["checkpoint", "last, best"]),

@@ -70,7 +70,7 @@ def test_a_reader_sees_one_animation_one_figure_and_one_narrow_table_first() -> 
     assert len(re.findall(r"!\[|<img", first)) == 2
     (table,) = tables(first)
     assert table.splitlines()[0].count("|") - 1 <= 6
-    assert re.findall(r"^    make (\w+)", first, flags=re.MULTILINE) == ["train", "demo", "test"]
+    assert re.findall(r"^    make (\w+)", first, flags=re.MULTILINE) == ["train", "test"]
 
 
 def test_no_table_is_wider_than_eight_columns() -> None:

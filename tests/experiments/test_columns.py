@@ -220,5 +220,5 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
 
 
 def test_cells_of_files_that_no_table_shows_are_refused(tmp_path):
-    with pytest.raises(InputError, match="tables are of designer, floorplans and designer_rooms; got json"):
+    with pytest.raises(InputError, match="tables are of designer, floorplans, designer_rooms; got json"):
         configured(tmp_path, "data=json", "data.root=x.jsonl", "column=rules")

@@ -23,13 +23,19 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 
-DESIGNED = 100  # rooms of each type, whose relations are kept; of more the designer would start processes
+DESIGNED = 100  # rooms of a type and seed, whose relations are kept; of more the designer would start processes
+SEEDS = (0, 1)  # of fewer rooms rare categories would not be known
 APART = 0.3  # metres: layouts in which no item stands further elsewhere are one
 TURNED = 45.0  # degrees
 VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
 TRIES = 2  # for each layout that is asked for, until that many differ
 
 Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]  # one of each brief, by these seeds
+
+
+def designed(room_type: str) -> list[Room]:
+    """The rooms whose relations are kept."""
+    return [room for seed in SEEDS for room in design_rooms(room_type, "train", seed, DESIGNED).rooms]
 
 
 class Rival:
@@ -40,7 +46,7 @@ class Rival:
 
     def __init__(self, settings: Searching | Annealing, seconds: float):
         self.settings, self.seconds = settings, seconds
-        self.relations = cache(lambda room_type: mine(design_rooms(room_type, "train", 0, DESIGNED).rooms))
+        self.relations = cache(lambda room_type: mine(designed(room_type)))
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is how few faults there are."""
