@@ -157,6 +157,7 @@ def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is
 
 def test_search_has_more_than_one_layout_of_a_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rival, "DESIGNED", 20)
+    monkeypatch.setattr(rival, "SEEDS", (0,))
     file = written(tmp_path, [bare(DOCUMENTS[0])])
     rooms = run(composed("place", "by=search", f"rooms={file}", "seconds=0.05", "choices=2"))
     assert len(rooms) == 2
@@ -261,8 +262,10 @@ def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     types = [*box.cards()]
-    documents = [bare(room_to_dict(design_rooms(kind, "test", 4, 1).rooms[0])) for kind in types]
-    documents[0]["furniture"].append({"category": "totem", "size": [0.3, 0.3], "center": [0, 0]})  # no matter
+    rooms = [design_rooms(kind, "test", 4, 1).rooms[0] for kind in types]
+    documents = [bare(room_to_dict(room)) for room in rooms]
+    middle = [*rooms[0].indoor.representative_point().coords[0]]
+    documents[0]["furniture"].append({"category": "totem", "size": [0.3, 0.3], "center": middle})  # no matter
     file = written(tmp_path, documents + DOCUMENTS[:1] + [bare(DOCUMENTS[0]) | {"id": "left"}])
     monkeypatch.setattr(box, "known", lambda kind, known=box.known: () if kind == "bedroom" else known(kind))
     first, second = (
