@@ -75,15 +75,11 @@ class SceneEpisodes(Episodes):
         """Take the next items of rooms, or begin others."""
         state = self._scenes.state(self.room[ended], self.position[ended])
         own = self._own[ended]
-        stands, count = state.stands, (self._size[state.room] > -torch.inf).sum(1)
-        state = State(
-            state.room,
-            state.center.where(own[:, None, None], self._designed_center[state.room]),
-            state.quarter.where(own[:, None], self._designed_quarter[state.room]),
-            stands,
-            state.moving,
+        state = state._replace(
+            center=state.center.where(own[:, None, None], self._designed_center[state.room]),
+            quarter=state.quarter.where(own[:, None], self._designed_quarter[state.room]),
         )
-        complete = stands.sum(1) == count
+        complete = state.stands.sum(1) == (self._size[state.room] > -torch.inf).sum(1)
         begins = self._uniform(len(ended)) < torch.where(complete, LEFT_FURNISHED, LEFT)
         fresh = self._empty(len(ended))
         state = State(

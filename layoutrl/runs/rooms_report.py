@@ -15,7 +15,7 @@ from layoutrl.rivals.rooms.baselines import Library, nearest_layout, random_layo
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 
-SHOWN = {  # in the table: the measure, how wide
+SHOWN = {  # in the table: a measure, and its heading
     "iou": "IoU",
     "facing": "facing",
     "faultless": "faultless",
@@ -48,10 +48,11 @@ def evaluate_rooms(
         "random": lambda: _each(briefs, random_rng, random_layout),
         "nearest room": lambda: _each(briefs[:COMPARED], nearest_rng, lambda b, rng: nearest_layout(b, library, rng)),
     }
-    rows = {}
+    rows, ious = {}, {}
     for name, furnish in ways.items():
         done = furnish()
-        found = summary(measured(done, designs[: len(done)]))
+        measures = measured(done, designs[: len(done)])
+        found, ious[name] = summary(measures), measures.iou
         rows[name] = {measure: value["mean"] for measure, value in found.items()}
         rows[name] |= {
             "mean_iou": found["iou"]["mean"],
@@ -59,7 +60,6 @@ def evaluate_rooms(
             "rooms": len(done),
         }
     items = matched(layouts, designs)
-    iou = measured(layouts, designs).iou
     return {
         "rooms": len(designs),
         "groups": len({room.group for room in designs}),
@@ -69,7 +69,7 @@ def evaluate_rooms(
         "layouts": [
             {
                 "room": layout.id,
-                "iou": float(iou[b]),
+                "iou": float(ious["agent"][b]),
                 "items": [[item.category, *(item.center or ()), item.rotation] for item in layout.furniture],
             }
             for b, layout in enumerate(layouts)
