@@ -28,7 +28,7 @@ from tests.commands import SERVER, layoutrl
 
 LITTLE = (
     "budget=smoke", "seconds=0.01", "batch=64", "images=8", "shapely_batches=[4,8]", "transitions=2000",
-    "batches=[1,64]", "items=[2,8]", "items_rooms=4", "requests=20", "clients=4", "probe_every=10", "minutes=0.002",
+    "batches=[1,64]", "items=[2,8]", "items_rooms=4", "requests=3", "clients=4", "probe_every=10", "minutes=0.002",
     "data.train_rooms=8", "data.test_rooms=2", "method.updates={smoke: 20}", "method.batch=64",
     "method.warmup_moves=128", "method.replay_capacity=2000", "method.evaluation_moves=5",
     "paper.batch=16", "paper.warmup_moves=64", "paper.replay_capacity=100", "name=little",

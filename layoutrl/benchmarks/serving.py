@@ -43,7 +43,7 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
             client.seconds("furnish", furnishing[0])  # which waits until it knows rooms of this type
         picture = {} if (seconds := first_picture(port)) is None else {"picture_seconds": seconds}
         with Client(port) as client:
-            moves = [client.seconds("furnish", asked) for asked in furnishing[:10]]
+            moves = [client.seconds("furnish", asked) for asked in furnishing[: min(10, config.requests)]]
             before = megabytes(process.pid)
             began = time.perf_counter()
             answers = [client.seconds("look", looks[k % len(looks)]) for k in range(config.requests)]

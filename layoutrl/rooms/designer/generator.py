@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
@@ -122,7 +123,9 @@ def design_each(room_type: str, part: Part, seed: int, indices: Sequence[int]) -
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     pool = ProcessPoolExecutor(min(cores, len(indices) // TASK, MOST_PROCESSES), initializer=_begin_worker)
     try:
-        yield from shown(pool.map(one, indices, chunksize=TASK))
+        with _deaf_to_ctrl_c():
+            designed = pool.map(one, indices, chunksize=TASK)  # which begins all workers
+        yield from shown(designed)
     finally:
         pool.shutdown(cancel_futures=True)
 
@@ -134,6 +137,19 @@ def _shown(what: str, total: int, designed: Iterable[Designs]) -> Iterator[Desig
         for one in designed:
             bar.update()
             yield one
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """What is started inside ignores Ctrl-C from its first moment, so that no import ends in a traceback."""
+    if threading.current_thread() is not threading.main_thread():  # elsewhere signals cannot be set
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _begin_worker() -> None:
