@@ -30,6 +30,8 @@ ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
         "moves_a_second": (f"exact moves a second, rooms with {ITEMS} items or more", "500,000"),
         "shapely_moves_a_second": ("  by the shapely simulator", ""),
         "times_shapely": ("  ratio", "200"),
+        "environment_steps_a_second": ("steps a second of one layoutrl/Layout-v0, resets included", "10,000"),
+        "shapely_steps_a_second": ("  by the shapely simulator, without observations", ""),
         "observations_a_second": (
             "observations a second, geometry or image",
             {"geometric": "500,000", "paper": "20,000"},

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
 from matplotlib.figure import Figure
@@ -32,7 +33,7 @@ FURNISHED = 6  # items in the rooms of `furnishing`
 
 
 def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
-    """Random legal moves by both simulators, in the same rooms."""
+    """Random legal moves by both simulators, in the same rooms, and by an environment that makes one at a time."""
     furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
     if not furnished:
         raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
@@ -42,7 +43,15 @@ def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> d
     for batch in config.shapely_batches:
         play = random_moves_by_shapely(simulator, batch, np.random.default_rng(config.seed))
         slow = max(slow, batch / seconds_of(partial(next, play), config.seconds))
-    return {"moves_a_second": fast, "shapely_moves_a_second": slow, "times_shapely": fast / slow}
+    alone = config.method.max_moves / seconds_of(partial(episode, *environment(config, furnished)), config.seconds)
+    play = random_moves_by_shapely(simulator, 1, np.random.default_rng(config.seed))
+    return {
+        "moves_a_second": fast,
+        "shapely_moves_a_second": slow,
+        "times_shapely": fast / slow,
+        "environment_steps_a_second": alone,
+        "shapely_steps_a_second": 1 / seconds_of(partial(next, play), config.seconds),
+    }
 
 
 def growth(
@@ -166,6 +175,25 @@ def random_moves_by_shapely(simulator: Simulator, episodes: int, rng: np.random.
         reward = simulator.reward(room, position).total
         reached, legal = simulator.destinations(room, position)
         yield reward
+
+
+def environment(config: BenchConfig, rooms: Sequence[Room]) -> tuple[gymnasium.Env[Any, Any], np.random.Generator]:
+    """`layoutrl/Layout-v0` with the geometry observation, as Gymnasium makes it, and what draws moves in it."""
+    method = config.method
+    env = gymnasium.make(
+        "layoutrl/Layout-v0", rooms=rooms, moves=method.moves, reward=config.reward.weights, max_moves=method.max_moves
+    )
+    env.reset(seed=config.seed)
+    return env, np.random.default_rng(config.seed)
+
+
+def episode(env: gymnasium.Env[Any, Any], rng: np.random.Generator) -> None:
+    """An episode of legal moves drawn at random, from its reset to its end."""
+    _, info = env.reset()
+    ended = False
+    while not ended:
+        action = (rng.random(len(info["legal"])) * info["legal"]).argmax()
+        *_, ended, info = env.step(action)
 
 
 def seconds_of(work: Callable[[], object], at_least: float) -> float:

@@ -7,7 +7,6 @@ from typing import Any, Literal, SupportsFloat
 
 import gymnasium
 import numpy as np
-import torch
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
@@ -17,8 +16,9 @@ from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.env.single import SingleSimulator
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Point, Room
 
 
 def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
@@ -48,6 +48,8 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`; `iou`;
     `position`; `room`, its index; `illegal`, whether this move was. `action_masks()` is `legal` as
     sb3-contrib's MaskablePPO asks for it.
+
+    Areas are in closed form and in double precision: those of `Simulator`, with discs as true circles.
 
     An illegal move is dropped with `on_illegal="drop"` (training, section 4.2 of the paper): nothing
     changes, and the caller should not store it. With `"stop"` (test) it terminates the episode.
@@ -83,7 +85,8 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         self.action_space = spaces.Discrete(self.simulator.moves.count)
         self._observe = observation_of(observation, rooms)
         self.observation_space = self._observe.space
-        self._path: list[np.ndarray] = []  # positions (2,) of this episode; none before the first reset
+        self._singles: dict[int, SingleSimulator] = {}  # of the rooms that were met, 12 kB each
+        self._path: list[Point] = []  # positions, metres, of this episode; none before the first reset
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -91,8 +94,12 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         room, position = self._chosen(options or {})  # refused before anything changes
         super().reset(seed=seed)
         drawn = self.np_random.integers(len(self.simulator.rooms))  # with a room that was asked for, in vain
-        self._room = np.array([drawn if room is None else room], dtype=np.int64)
-        self._path = [self.simulator.starts(self._room, self.np_random)[0] if position is None else position]
+        self._room = int(drawn if room is None else room)
+        if position is None:
+            position = self.simulator.starts(np.array([self._room]), self.np_random)[0]
+        self._path = [tuple(position.tolist())]
+        if self._room not in self._singles:
+            self._singles[self._room] = SingleSimulator(self.simulator, self._room)
         self._moves_made = 0
         return self._observation(), self._arrive() | {"illegal": False}
 
@@ -118,7 +125,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         self._check_begun()
         if self.render_mode != "rgb_array":
             return None
-        return story(self.simulator.rooms[self._room[0]], np.array(self._path))
+        return story(self.simulator.rooms[self._room], np.array(self._path))
 
     def _check_begun(self) -> None:
         if not self._path:
@@ -150,19 +157,13 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def _arrive(self) -> dict[str, Any]:
         """Reward and next moves at the present position, told as info."""
-        position = self._path[-1][None]
-        reached, legal = self.simulator.destinations(self._room, position)
-        terms = self.simulator.reward(self._room, position)
-        self._reached, self._legal, self._total = reached[0], legal[0], float(terms.total[0])
-        return {
-            "legal": self._legal.copy(),
-            "r1": float(terms.r1[0]),
-            "r2": float(terms.r2[0]),
-            "r3": float(terms.r3[0]),
-            "iou": float(terms.iou[0]),
-            "position": position[0].copy(),
-            "room": int(self._room[0]),
-        }
+        position = self._path[-1]
+        single = self._singles[self._room]
+        self._reached, legal = single.destinations(*position)
+        terms = single.reward(*position)
+        self._legal, self._total = np.array(legal), terms.total
+        told = {"legal": self._legal.copy(), "position": np.array(position), "room": self._room}
+        return terms._asdict() | told
 
     def _observation(self) -> np.ndarray:
-        return self._observe(torch.as_tensor(self._room), torch.as_tensor(self._path[-1][None]))[0].numpy()
+        return self._observe.single(self._room, self._path[-1])

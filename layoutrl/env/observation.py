@@ -21,7 +21,7 @@ from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.clearances import period
-from layoutrl.rooms.room import Item, Room, envelopes, polygons
+from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
@@ -73,6 +73,12 @@ class GeometryObservation:
         observation[:, 0, X : Y + 1] = position - self.origin.index_select(0, room)
         return observation
 
+    def single(self, room: int, position: Point) -> np.ndarray:
+        """Observe one pose, in metres: float32 (elements, columns). Without tensors it is several times as fast."""
+        observation = self._elements.numpy(force=True)[room].copy()  # on a CPU the table is not copied
+        observation[0, X : Y + 1] = position - self.origin.numpy(force=True)[room]
+        return observation
+
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same rooms look mirrored and turned. (An element at 45 degrees can come out as one at -45.)"""
         return elements_turned(observation, symmetry)
@@ -115,6 +121,12 @@ class ImageObservation:
         for block in zip(image.split(BLOCK), room.split(BLOCK), position.split(BLOCK), strict=True):
             self._paint(*block)
         return image
+
+    def single(self, room: int, position: Point) -> np.ndarray:
+        """Observe one pose, in metres: uint8 (128, 128, 3)."""
+        device = self._offset.device
+        at = torch.tensor([position], dtype=torch.float64, device=device)
+        return self(torch.tensor([room], device=device), at)[0].numpy(force=True)
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same rooms look mirrored and turned."""

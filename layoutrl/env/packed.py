@@ -41,6 +41,17 @@ class Footprints(NamedTuple):
         return sides.where(meets.flip(2).repeat(1, 2, 1), torch.inf).permute(2, 1, 0).contiguous()
 
 
+def crossings(segments: np.ndarray, axis: int, margin: float) -> np.ndarray:
+    """Segments x0, y0, x1, y1 (n, 4) as a move along the axis crosses them: (m, 7); those along it are left out.
+
+    Each has from where to where it stretches across the axis, `margin` metres longer at both ends; a place along the
+    axis, the place across it that this is at, the slope from there; the least and the most place along the axis.
+    """
+    u0, v0, u1, v1 = segments[segments[:, 1 - axis] != segments[:, 3 - axis]][:, [axis, 1 - axis, axis + 2, 3 - axis]].T
+    span = np.minimum(v0, v1) - margin, np.maximum(v0, v1) + margin
+    return np.stack([*span, u0, v0, (u1 - u0) / (v1 - v0), np.minimum(u0, u1), np.maximum(u0, u1)], 1)
+
+
 class Lines:
     """Segments that a move along an axis can cross, in each room."""
 
@@ -48,19 +59,15 @@ class Lines:
         """From segments x0, y0, x1, y1 (n, 4) and their rooms (n,); crossed up to `margin` metres beyond their ends."""
         columns, rows = [], []
         for axis in (0, 1):
-            u0, v0, u1, v1 = segments[:, [axis, 1 - axis, axis + 2, 3 - axis]].T
-            upright = v0 != v1
-            with np.errstate(divide="ignore", invalid="ignore"):
-                slope = (u1 - u0) / (v1 - v0)
-            span = np.minimum(v0, v1) - margin, np.maximum(v0, v1) + margin
-            columns.append(np.stack([*span, u0, v0, slope, np.minimum(u0, u1), np.maximum(u0, u1)], 1)[upright])
+            upright = segments[:, 1 - axis] != segments[:, 3 - axis]
+            columns.append(crossings(segments[upright], axis, margin))
             rows.append(2 * room[upright] + axis)
         row = np.concatenate(rows)
         order = np.argsort(row, kind="stable")
-        lines = padded(np.concatenate(columns)[order], row[order], 2 * rooms)
-        if not lines.shape[1]:  # in no room any: one nowhere, since a minimum over none is an error
-            lines = np.full((2 * rooms, 1, 7), np.nan)
-        table = np.moveaxis(lines.reshape(rooms, 2, -1, 7), 3, 1)  # (rooms, columns, axis, lines)
+        table = padded(np.concatenate(columns)[order], row[order], 2 * rooms)
+        if not table.shape[1]:  # in no room any: one nowhere, since a minimum over none is an error
+            table = np.full((2 * rooms, 1, 7), np.nan)
+        table = np.moveaxis(table.reshape(rooms, 2, -1, 7), 3, 1)  # (rooms, columns, axis, lines)
         # From where to where it stretches across the axis (NaN: nowhere), and its place along it.
         self._upright = _tensor(table[:, :3], like)
         self._slant = _tensor(table[:, 3:], like) if np.nan_to_num(table[:, 4]).any() else None

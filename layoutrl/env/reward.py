@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -11,21 +11,22 @@ if TYPE_CHECKING:  # the reference simulator does without torch, which takes sec
     from torch import Tensor
 
 Array = TypeVar("Array", np.ndarray, "Tensor")
+Values = TypeVar("Values", np.ndarray, "Tensor", float)  # of many poses, or of one
 REWARD_RANGE = (-200.0, 100.0)
 
 
-class RewardTerms(NamedTuple, Generic[Array]):
-    """The three terms for B poses, each of shape (B,), and the IoU that the first comes from."""
+class RewardTerms(NamedTuple, Generic[Values]):
+    """The three terms for B poses, each of shape (B,), or for one; and the IoU that the first comes from."""
 
-    r1: Array  # towards the designer's place
-    r2: Array  # off walls, doors, windows and other items
-    r3: Array  # inside the room
-    iou: Array  # with the designer's footprint, 0 to 1
+    r1: Values  # towards the designer's place
+    r2: Values  # off walls, doors, windows and other items
+    r3: Values  # inside the room
+    iou: Values  # with the designer's footprint, 0 to 1
 
     @property
-    def total(self) -> Array:
+    def total(self) -> Values:
         """r1 + r2 + r3, clipped to the paper's range."""
-        return (self.r1 + self.r2 + self.r3).clip(*REWARD_RANGE)
+        return _clipped(self.r1 + self.r2 + self.r3)
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,13 @@ class Reward:
             raise ValueError(f'inside: expected "share" or "iou"; got {self.inside!r}')
 
     def __call__(
-        self, target_iou: Array, element_ious: Array, indoor_share: Array, indoor_iou: Array
-    ) -> RewardTerms[Array]:
+        self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values
+    ) -> RewardTerms[Values]:
         """The terms from the IoU with the target, the summed IoU with all elements, and how much is indoors: (B,)."""
         inside = indoor_share if self.inside == "share" else indoor_iou
         return RewardTerms(self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - inside), target_iou)
+
+
+def _clipped(total: Any) -> Any:
+    low, high = REWARD_RANGE
+    return min(max(total, low), high) if isinstance(total, float) else total.clip(low, high)

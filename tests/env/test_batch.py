@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID, snap
 from layoutrl.env.observation import GeometryObservation, categories_of
-from layoutrl.env.reward import Reward
+from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, MAIN_ITEM, Item, Ring, Room
@@ -146,10 +146,18 @@ def tensors(room: np.ndarray, position: np.ndarray) -> tuple[torch.Tensor, torch
 
 
 def assert_rewards_agree(simulator: Simulator, dtype: torch.dtype, seed: int, rounding: float) -> None:
-    """Every term is the reference's, give or take rounding, and that the reference's discs are polygons."""
+    """Every term is the reference's; the total is of that precision."""
     room, position = visited(simulator, seed)
-    expected = simulator.reward(room, position)
     terms = BatchSimulator(simulator, dtype=dtype).reward(*tensors(room, position))
+    assert terms.total.dtype == dtype
+    assert_terms_agree(simulator, room, position, RewardTerms(*(term.numpy() for term in terms)), rounding)
+
+
+def assert_terms_agree(
+    simulator: Simulator, room: np.ndarray, position: np.ndarray, terms: RewardTerms[np.ndarray], rounding: float
+) -> None:
+    """Every term is the reference's, give or take rounding, and that the reference's discs are polygons."""
+    expected = simulator.reward(room, position)
     is_disc = np.array([r.moving.form == "circle" for r in simulator.rooms])
     others = np.array([len(r.others) for r in simulator.rooms])
     discs = np.array([sum(other.form == "circle" for other in r.others) for r in simulator.rooms])
@@ -161,11 +169,10 @@ def assert_rewards_agree(simulator: Simulator, dtype: torch.dtype, seed: int, ro
         ("r2", weights.theta2, is_disc * (1 + others) + discs),
         ("r3", weights.theta3, is_disc),
     ):
-        error = np.abs(getattr(terms, name).numpy() - getattr(expected, name))
+        error = np.abs(getattr(terms, name) - getattr(expected, name))
         assert (error <= rounding + abs(weight) * 1.001 * DEFICIT * lacking[room]).all(), name
-    total = sum(getattr(terms, name).numpy() for name in ("r1", "r2", "r3"))
-    assert terms.total.numpy() == pytest.approx(np.clip(total, -200, 100), abs=1e-4)
-    assert terms.total.dtype == dtype
+    total = terms.r1 + terms.r2 + terms.r3
+    assert terms.total == pytest.approx(np.clip(total, -200, 100), abs=1e-4)
 
 
 @given(seeds, kinds_of_reward)

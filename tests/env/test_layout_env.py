@@ -140,7 +140,7 @@ def test_a_legal_move_goes_one_step_and_tells_the_reward_of_where_it_arrives():
     for action, right in ((RIGHT, (2.5, 1.5)), (UP, (2.5, 2.0)), (LEFT, (2.0, 2.0)), (BELOW, (2.0, 1.5))):
         _, reward, terminated, truncated, info = env.step(action)
         np.testing.assert_allclose(info["position"], right, atol=1e-9)
-        assert reward == simulator.reward(np.array([0]), np.array([right])).total[0]
+        assert reward == pytest.approx(simulator.reward(np.array([0]), np.array([right])).total[0], abs=1e-9)
         assert [terminated, truncated, info["illegal"]] == [False] * 3
 
 
@@ -155,7 +155,8 @@ def test_an_illegal_move_is_dropped_and_changes_nothing():
     assert not truncated
     np.testing.assert_array_equal(after, before)
     assert same(start, info | {"illegal": False})
-    assert reward == Simulator([corner_room()], STEPS, Reward()).reward(np.array([0]), np.array([[3.5, 1.5]])).total[0]
+    simulator = Simulator([corner_room()], STEPS, Reward())
+    assert reward == pytest.approx(simulator.reward(np.array([0]), np.array([[3.5, 1.5]])).total[0], abs=1e-9)
     *_, info = env.step(LEFT)
     assert info["position"].tolist() == [3.0, 1.5]
     assert not info["illegal"]
