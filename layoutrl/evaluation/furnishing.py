@@ -27,7 +27,9 @@ from layoutrl.rooms.room import Item, Point, Room
 
 STARTS = 32  # places drawn for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
+LOOKED_AT = 24  # of poses, the most valued, that are looked at for one by which nothing is wrong
 SWEEPS = 1  # times that every item is lifted and placed again, among all others
+REPAIRS = 1  # times more, in rooms with a fault
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BLOCK = 128  # rooms furnished at once: memory, not speed
@@ -42,14 +44,29 @@ class Options(NamedTuple):
     value: np.ndarray  # (B, K), -inf for none
     way: list[list[np.ndarray]]  # to each: centers (moves + 1, 2)
 
+    def of(self, b: np.ndarray) -> Options:
+        """Those of some of the items."""
+        return Options(self.center[b], self.quarter[b], self.value[b], [self.way[n] for n in b])
+
+
+class Chosen(NamedTuple):
+    """One pose of each of B items."""
+
+    center: np.ndarray  # (B, 2), metres
+    quarter: np.ndarray  # (B,)
+    value: np.ndarray  # (B,), -inf where there is none
+    way: np.ndarray  # (B,) of arrays: to each, centers (moves + 1, 2)
+    faults: np.ndarray  # (B,): with how many items more something is wrong than without this one
+
 
 class Furnisher:
     """Furnishes rooms as an agent of scope=room says, which knows these furniture categories.
 
     The largest item comes first. Of each, places are drawn for every way that it can face; from those that the agent
-    values highest it moves greedily, and it stays at the pose of the highest value. A pose by which something is
-    wrong (`layoutrl.env.faults`, geometry alone) is taken only where there is none without. When all stand, each is
-    lifted once more, and moved if another pose is better. The designer's layout is not known here.
+    values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
+    (`layoutrl.env.faults`, geometry alone). Where there is none, it is put where one move more leads, or else where it
+    was drawn. When all stand, each is lifted once more, and moved if another pose is better; and again where something
+    is still wrong. The designer's layout is not known here.
     """
 
     def __init__(self, agent: DQN, method: Method, categories: Sequence[str]):
@@ -126,65 +143,117 @@ class Furnisher:
         rooms, paths = world.rooms, [list[Pose]() for _ in known]
         order, count = rooms.sequence().argsort(1, kind="stable"), rooms.count.copy()
         state = rooms.empty(np.arange(len(known)))
-        # The first item is not lifted again: it is what makes layouts different.
-        sweeps = [(sweep, step) for sweep in range(1 + SWEEPS) for step in range(sweep > 0, order.shape[1])]
-        for sweep, step in sweeps:
-            which = np.flatnonzero(count > step)
-            if not len(which):
-                continue
-            first = (sweep, step) == (0, 0)
-            uniform = np.random.default_rng([seed, sweep, step]).random((3, QUARTERS * STARTS))
-            item, every = order[which, step], np.arange(len(which))
-            now = State(*(values[which] for values in state))._replace(moving=item)
-            stands = now.stands[every, item]
-            now.stands[every, item] = False
-            options = self._options(world, now, uniform, first and any(known))
-            if first:
-                options = _others(rooms, now, options, [known[b] for b in which])
-                count[which[np.isneginf(options.value).all(1)]] = 0
-            elif stands.any():
-                options = self._or_stay(world, now, stands, options)
-            best = _best(rooms, now, options)
-            new = rooms.put(now, item, options.center[every, best], options.quarter[every, best])
-            for values, those in zip(state, new, strict=True):
-                values[which] = those
-            for n, b in enumerate(which):
-                k, degrees = missing(rooms.rooms[b])[item[n]], rooms.item(state, b, item[n]).degrees
-                paths[b] += [(k, (float(x), float(y)), degrees) for x, y in options.way[n][best[n]]]
+        left = count  # items of each room that this sweep places
+        for sweep in range(1 + SWEEPS + REPAIRS):
+            if sweep > SWEEPS:
+                left = np.where(wrong([rooms.layout(state, b) for b in range(len(known))]) > 0, count, 0)
+            for step in range(sweep > 0, order.shape[1]):  # the first item, lifted again, would make layouts alike
+                which = np.flatnonzero(left > step)
+                if not len(which):
+                    break
+                first = (sweep, step) == (0, 0)
+                uniform = np.random.default_rng([seed, sweep, step]).random((3, QUARTERS * STARTS))
+                item, every = order[which, step], np.arange(len(which))
+                now = _of(state, which)._replace(moving=item)
+                stood = now.stands[every, item]
+                now.stands[every, item] = False
+                chosen = self._chosen(world, now, stood, uniform, [known[b] if first else [] for b in which])
+                if first:
+                    count[which[np.isneginf(chosen.value)]] = 0
+                for values, those in zip(state, rooms.put(now, item, chosen.center, chosen.quarter), strict=True):
+                    values[which] = those
+                for n, b in enumerate(which):
+                    k, degrees = missing(rooms.rooms[b])[item[n]], rooms.item(state, b, item[n]).degrees
+                    paths[b] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
         value = self._mean_value(world, state)
         for b in np.flatnonzero(count):
             known[b].append(Furnished(rooms.layout(state, b), value[b], paths[b]))
 
-    def _options(self, world: _World, state: State[np.ndarray], uniform: np.ndarray, all_ways: bool) -> Options:
-        """Poses of the moving items, which do not stand, among what does: the best, or the best of each way to face.
+    def _chosen(
+        self,
+        world: _World,
+        state: State[np.ndarray],
+        stood: np.ndarray,
+        uniform: np.ndarray,
+        known: Sequence[Sequence[Furnished]],
+    ) -> Chosen:
+        """Where each moving item, which does not stand, or `stood` (B,) there until now, is put among what does.
 
-        They start from where random numbers (3, QUARTERS * STARTS) say, in every room from the same.
+        It starts from where random numbers (3, QUARTERS * STARTS) say, in every room from the same. It is put where it
+        stands in none of the layouts that are `known`.
         """
-        scenes, policy, batch = world.scenes, self._policy, len(state.room)
+        drawn = self._drawn(world, state, uniform)
+        ends = self._ends(world, state, drawn, any(known))
+        beside = self._beside(world, state, ends)
+        if stood.any():
+            ends = self._or_stay(world, state, stood, ends)
+        chosen = _best(world.rooms, state, _others(world.rooms, state, ends, known))
+        for options in (beside, drawn):
+            b = np.flatnonzero(chosen.faults > 0)
+            if not len(b):
+                break
+            some = _others(world.rooms, _of(state, b), options.of(b), [known[n] for n in b.tolist()])
+            chosen = _with(chosen, b, _best(world.rooms, _of(state, b), some))
+        return chosen
+
+    def _drawn(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
+        """Places that random numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
+
+        Of a way in which the item does not fit, they are at 0, 0, and of no value.
+        """
         b, quarter = np.nonzero(world.rooms.entry[state.room, state.moving] >= 0)
         scene = world.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
-        column = (quarter[:, None] * STARTS + np.arange(STARTS)).ravel()
-        start = scenes.starts_at(scene, torch.as_tensor(uniform[:, column], device=scene.device))
-        value = np.full((batch, QUARTERS * STARTS), -np.inf)
-        value[b.repeat(STARTS), column] = policy.best_value(scenes, world.observe, scene, start).cpu().numpy()
-        index = np.zeros(value.shape, dtype=int)
-        index[b.repeat(STARTS), column] = np.arange(len(column))
-        parts = np.split(np.arange(value.shape[1]), QUARTERS) if all_ways else [np.arange(value.shape[1])]
-        best = [part[np.argsort(-value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
-        tried = np.take_along_axis(index, np.concatenate(best, 1), 1).ravel()
-        count = TRIED * len(parts)
-        scene, start = scene[tried], start[tried]
-        run = policy.rollout(scenes, world.observe, scene, start.cpu().numpy())
-        there = torch.as_tensor(run.final, device=scene.device)
-        reached = policy.best_value(scenes, world.observe, scene, there).cpu().numpy()
+        b, column = b.repeat(STARTS), (quarter[:, None] * STARTS + np.arange(STARTS)).ravel()
+        start = world.scenes.starts_at(scene, torch.as_tensor(uniform[:, column], device=scene.device))
+        center, value = (
+            np.zeros((len(state.room), QUARTERS * STARTS, 2)),
+            np.full((len(state.room), QUARTERS * STARTS), -np.inf),
+        )
+        center[b, column] = start.cpu().numpy()
+        value[b, column] = self._policy.best_value(world.scenes, world.observe, scene, start).cpu().numpy()
+        quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
+        return Options(center, quarters, value, [list(those[:, None]) for those in center])
+
+    def _ends(self, world: _World, state: State[np.ndarray], drawn: Options, all_ways: bool) -> Options:
+        """Where items end that move from the TRIED best places that were drawn: of all, or of each way to face."""
+        parts = np.split(np.arange(drawn.value.shape[1]), QUARTERS) if all_ways else [np.arange(drawn.value.shape[1])]
+        best = [part[np.argsort(-drawn.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
+        tried = np.concatenate(best, 1)
+        started = np.take_along_axis(drawn.value, tried, 1) > -np.inf
+        # A way that does not fit has no start: the best of all stands in for it, and counts for nothing.
+        tried = np.where(started, tried, drawn.value.argmax(1)[:, None])
+        b = np.arange(len(tried)).repeat(tried.shape[1])
+        quarter, start = drawn.quarter[b, tried.ravel()], drawn.center[b, tried.ravel()]
+        scene = world.scenes_of(state, b, quarter)
+        run = self._policy.rollout(world.scenes, world.observe, scene, start)
+        value = self._value(world, state, b, quarter, run.final).reshape(tried.shape)
         ways = [run.path[: moves + 1, n] for n, moves in enumerate(run.moves)]
-        # A way that does not fit has no start: another item's stands in for it, and counts for nothing.
-        started = np.take_along_axis(value, np.concatenate(best, 1), 1).ravel() > -np.inf
         return Options(
-            run.final.reshape(batch, count, 2),
-            scenes.quarter(scene).cpu().numpy().reshape(batch, count),
-            np.where(started, reached, -np.inf).reshape(batch, count),
-            [ways[n : n + count] for n in range(0, len(ways), count)],
+            run.final.reshape(*tried.shape, 2),
+            quarter.reshape(tried.shape),
+            np.where(started, value, -np.inf),
+            [ways[n : n + tried.shape[1]] for n in range(0, len(ways), tried.shape[1])],
+        )
+
+    def _beside(self, world: _World, state: State[np.ndarray], ends: Options) -> Options:
+        """Where one move more leads from the best of the ends."""
+        scenes, every, best = world.scenes, np.arange(len(ends.value)), ends.value.argmax(1)
+        quarter = ends.quarter[every, best]
+        scene, here = world.scenes_of(state, every, quarter), torch.as_tensor(ends.center[every, best])
+        length, legal = scenes.reach(scene, here.to(scene.device))
+        actions = torch.arange(length.shape[1], device=scene.device).repeat(len(every))
+        whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (scene, here.to(scene.device)))
+        reached = scenes.moved(whose, start, actions, length.flatten())
+        value = self._policy.best_value(scenes, world.observe, whose, reached).view_as(legal)
+        center = reached.view(*legal.shape, 2).cpu().numpy()
+        return Options(
+            center,
+            quarter[:, None].repeat(legal.shape[1], 1),
+            value.masked_fill(~legal, -torch.inf).cpu().numpy(),
+            [
+                [np.concatenate([ways[k], place[None]]) for place in places]
+                for ways, k, places in zip(ends.way, best, center, strict=True)
+            ],
         )
 
     def _or_stay(self, world: _World, state: State[np.ndarray], stood: np.ndarray, options: Options) -> Options:
@@ -231,24 +300,40 @@ class _World:
         return self.scenes.of(turned._replace(quarter=turned.quarter.scatter(1, turned.moving[:, None], quarters)))
 
 
-def _best(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> np.ndarray:
-    """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least."""
+def _of(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
+    return State(*(values[b] for values in state))
+
+
+def _with(chosen: Chosen, b: np.ndarray, others: Chosen) -> Chosen:
+    """What is chosen, but of the items b (n,) the others (n,) by which less is wrong."""
+    better, new = others.faults < chosen.faults[b], Chosen(*(values.copy() for values in chosen))
+    for values, those in zip(new, others, strict=True):
+        values[b[better]] = those[better]
+    return new
+
+
+def _best(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
+    """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
+
+    The LOOKED_AT of the highest value are looked at.
+    """
     every = np.arange(len(state.room))
     before = wrong([rooms.layout(state, b) for b in every])
     order = np.argsort(-options.value, 1, kind="stable")
     best, fewest = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
-    for option in order.T:
+    for option in order.T[:LOOKED_AT]:
         b = np.flatnonzero((fewest > before) & np.isfinite(options.value[every, option]))
         if not len(b):
             break
         k = option[b]
-        there = rooms.put(
-            State(*(values[b] for values in state)), state.moving[b], options.center[b, k], options.quarter[b, k]
-        )
+        there = rooms.put(_of(state, b), state.moving[b], options.center[b, k], options.quarter[b, k])
         found = wrong([rooms.layout(there, n) for n in range(len(b))])
         better = found < fewest[b]
         best[b[better]], fewest[b[better]] = k[better], found[better]
-    return best
+    way = np.fromiter((options.way[b][k] for b, k in enumerate(best)), dtype=object)
+    return Chosen(
+        options.center[every, best], options.quarter[every, best], options.value[every, best], way, fewest - before
+    )
 
 
 def wrong(layouts: Sequence[Room]) -> np.ndarray:

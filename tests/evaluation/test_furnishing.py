@@ -10,11 +10,12 @@ import torch
 
 from layoutrl.agents.learner import untrained
 from layoutrl.agents.method import Method
+from layoutrl.env.faults import faults
 from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, wrong
+from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, _with, wrong
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room
@@ -104,19 +105,43 @@ def small_room() -> tuple[RoomsSimulator, Options]:
     room = rectangular_room(4, 3, Item("bed", (2.0, 1.5), None, 0.0), others=(case,), openings=(door,))
     rooms = RoomsSimulator([replace(room, target=None)], None, Moves(), Reward())
     centers = np.array([[(1.0, 0.75), (3.0, 2.0), (1.0, 2.25)]])
-    return rooms, Options(centers, np.zeros((1, 3), dtype=int), np.array([[3.0, 2.0, 1.0]]), [[]])
+    ways = [list(centers[0][:, None])]
+    return rooms, Options(centers, np.zeros((1, 3), dtype=int), np.array([[3.0, 2.0, 1.0]]), ways)
 
 
 def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_more() -> None:
     rooms, options = small_room()
     state = rooms.empty(np.zeros(1, dtype=int))
-    assert _best(rooms, state, options).tolist() == [2]
-    assert _best(rooms, state, options._replace(value=np.array([[3.0, 2.0, -np.inf]]))).tolist() != [2]
-    free = Options(options.center[:, 2:], options.quarter[:, 2:], options.value[:, 2:], [[]])
-    assert _best(rooms, state, free).tolist() == [0]
+    best = _best(rooms, state, options)
+    assert best.center.tolist() == best.way[0].tolist() == [[1.0, 2.25]]
+    assert (best.value.tolist(), best.faults.tolist()) == ([1.0], [0])
+    two = _best(rooms, state, options._replace(value=np.array([[3.0, 2.0, -np.inf]])))
+    assert two.center.tolist() != [[1.0, 2.25]]
+    assert two.faults.tolist() != [0]
+    free = Options(options.center[:, 2:], options.quarter[:, 2:], options.value[:, 2:], [options.way[0][2:]])
+    assert _best(rooms, state, free).center.tolist() == [[1.0, 2.25]]
+    assert _with(two, np.array([0]), best).center.tolist() == [[1.0, 2.25]]
+    assert _with(best, np.array([0]), two).center.tolist() == [[1.0, 2.25]]
     first = np.zeros(1, dtype=int)
     layouts = [rooms.layout(rooms.put(state, first, options.center[:, k], first), 0) for k in (0, 2)]
     assert (wrong(layouts) > 0).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_where_every_end_is_faulty_a_move_more_is_made_or_a_drawn_place_taken(
+    furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch, beside: bool
+) -> None:
+    rooms, _ = small_room()
+    way = np.array([(1.5, 1.2), (1.0, 0.75)])
+    ends = Options(way[None, 1:], np.zeros((1, 1), dtype=int), np.array([[9.0]]), [[way]])
+    monkeypatch.setattr(furnisher, "_ends", lambda *_: ends)
+    if not beside:
+        monkeypatch.setattr(furnisher, "_beside", lambda *_: ends)
+    ((best,),) = furnisher.furnish([rooms.rooms[0]], 1, 0)
+    assert faults(best.layout) == []
+    places = [center for _, center, _ in best.path]
+    assert best.layout.furniture[0].center == places[-1]
+    assert places[:-1] == ([tuple(place) for place in way.tolist()] if beside else [])
 
 
 def test_values_of_places_are_those_of_the_best_way_to_face_there(furnisher: Furnisher, designs: list[Room]) -> None:
