@@ -42,6 +42,7 @@ class RoomConfig:
     type: str = MISSING
     item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
     updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
+    whole_updates: int = 0  # the same with scope=room, which runs of before do not say
 
 
 @dataclass
