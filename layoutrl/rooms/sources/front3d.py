@@ -30,7 +30,12 @@ HIGHEST = 0.3  # metres: what hangs higher is decor
 SEAM = 0.005  # metres: floors are drawn in parts that all but touch
 MOST = 5000  # triangles of a floor, and corners of a door
 WIDTH = {"door": 0.8, "window": 1.5}  # metres, of those that are titled alone, before they are scaled
-OPENINGS: dict[str, Literal["door", "window"]] = {"Door": "door", "Window": "window", "BayWindow": "window"}
+OPENINGS: dict[str, Literal["door", "window"]] = {
+    "Door": "door",
+    "Window": "window",
+    "BayWindow": "window",
+    "Hole": "door",  # a passage without a leaf
+}
 
 # What the ids of categories mean, where a piece has no title: read off from files that have both.
 SOURCE_CATEGORIES = {
@@ -154,7 +159,10 @@ def _corners(mesh: Any) -> np.ndarray:
 
 def _gap(mesh: Any) -> Gap | None:
     shape = shapely.MultiPoint(_corners(mesh)).minimum_rotated_rectangle
-    return Gap(OPENINGS[mesh["type"]], shape) if isinstance(shape, Polygon) and shape.area > TOLERANCE**2 else None
+    if not isinstance(shape, Polygon) or shape.area < TOLERANCE**2:
+        return None
+    high = min(lengths(mesh["xyz"][1::3])) > HIGHEST  # a hatch
+    return Gap("window" if high else OPENINGS[mesh["type"]], shape)
 
 
 def _titled(child: Any, furniture: Mapping[str, Any]) -> Gap | None:
