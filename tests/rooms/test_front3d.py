@@ -76,8 +76,8 @@ def test_sizes_and_categories_are_looked_up_where_the_house_has_none(tmp_path: P
     (room,) = read(tmp_path, names_of()).rooms
     assert room.furniture == ()
     models = [
-        {"model_id": "a", "category": "King-size Bed", "boundingBox": {"xLen": 150, "yLen": 90, "zLen": 200}},
-        {"model_id": "b", "category": None, "boundingBox": {"xLen": 50, "yLen": 90, "zLen": 60}},
+        {"model_id": "a", "category": "King-size Bed", "boundingBox": {"xLen": 150, "yLen": 200, "zLen": 90}},
+        {"model_id": "b", "category": None, "boundingBox": {"xLen": 50, "yLen": 60, "zLen": 200}},
     ]
     write(tmp_path, models, "model_info.json")
     (room,) = read(tmp_path, names_of()).rooms
