@@ -186,7 +186,8 @@ def page_of(about: Mapping[str, Any]) -> str:
         "[weights.json](../layoutrl/weights/weights.json), which has every setting. With",
         "`runs=<folder> results=<folder>` it takes what is trained already. The measures are those of",
         "[whole_rooms.md](whole_rooms.md#measures): means over unseen designed briefs, furnished from nothing, with",
-        "the standard error over rooms. How good the agents are in real rooms was not measured.",
+        "the standard error over rooms. In real rooms they are worse:",
+        "[rooms.md](rooms.md#how-well-it-works-on-files-that-people-have).",
     ]
     for room_type, card in agents.items():
         lines += ["", *card_of(room_type, card)]

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
@@ -17,14 +18,16 @@ from itertools import chain, groupby, islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+import shapely
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.env.faults import MISSING, faults_of_all
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.files import check_new, room_files, with_layout
-from layoutrl.rooms.formats import Source, format_of, opened
+from layoutrl.rooms.formats import ALL, Source, format_of, names_in, opened
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig
@@ -49,39 +52,53 @@ NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
 
 @dataclass(frozen=True)
+class Asked:
+    """What is asked of a room. An item that stays where the file has it has its center there."""
+
+    can: Answerable  # what of it can be furnished
+    wanted: list[int]  # items that are to be placed
+    left: frozenset[int]  # of these, what nobody places, and stays
+    stays: frozenset[int]  # items that `move=all` could mean, and does not: who is asked does not place them
+
+
+@dataclass(frozen=True)
 class Answered:
     """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault)."""
 
     entry: Entry
-    asked: Answerable
-    wanted: list[int]  # items that are to be placed
+    asked: Asked
     layouts: list[Room]
     wrong: list[list[tuple[int, str]]]
 
     def placed(self, layout: Room) -> int:
         """How many items a layout places."""
-        return sum(layout.furniture[k].center is not None for k in self.wanted)
+        return sum(layout.furniture[k].center is not None for k in self.asked.wanted if k not in self.asked.left)
 
     def documents(self) -> Iterator[dict[str, Any]]:
         """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
-        if not self.wanted:
+        if not self.asked.wanted:
             yield self.entry.document
             return
         for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
-            written = with_layout(self.entry.document, self.asked.asked, layout, wrong, self.entry.unit)
+            written = with_layout(self.entry.document, self.asked.can.asked, layout, wrong, self.entry.unit)
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
         """What there is to say of each layout."""
         for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            told = [(k, fault) for k, fault in wrong if k not in self.asked.refused]  # of the others asked.lines tell
+            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
             said = [
                 f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in some)}"
                 for k, some in groupby(told, key=lambda entry: entry[0])
             ]
-            found = "; ".join([*self.asked.lines, *said]) or "nothing is wrong"
-            yield f"{name}: {self.placed(layout)} of {len(self.wanted)} placed; {found}"
+            found = "; ".join([*self.asked.can.lines, *said]) or "nothing is wrong"
+            yield f"{name}: {self.placed(layout)} of {len(self.asked.wanted)} placed; {found}{self._stays(layout)}"
+
+    def _stays(self, layout: Room) -> str:
+        items = Counter(layout.furniture[k].category for k in sorted(self.asked.stays))
+        names = ", ".join(name if n == 1 else f"{name} ({n})" for name, n in items.items())
+        return f"; nobody places these in a {layout.room_type}, and they stay: {names}" if names else ""
 
 
 @dataclass(frozen=True)
@@ -184,23 +201,24 @@ class Work:
 
     def _answered(self, entries: Sequence[Entry]) -> list[Answered]:
         asked = [asked_of(entry, self.config, self.who) for entry in entries]
-        briefs = [what.brief for what, _ in asked if missing(what.brief)]
+        briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
         rooms = []  # of each entry
-        for what, _ in asked:
-            found = [each.layout for each in next(layouts)] if missing(what.brief) else []
-            rooms.append([what.answer(layout) for layout in found] or [what.asked])
+        for what in asked:
+            found = [each.layout for each in next(layouts)] if missing(what.can.brief) else []
+            rooms.append([what.can.answer(layout) for layout in found] or [what.can.asked])
+        before = faults_of_all([what.can.asked for what in asked])
         wrong = iter(faults_of_all(list(chain.from_iterable(rooms))))
         return [
-            Answered(entry, what, wanted, some, [next(wrong) for _ in some])
-            for entry, (what, wanted), some in zip(entries, asked, rooms, strict=True)
+            Answered(entry, what, some, [_new(next(wrong), was) for _ in some])
+            for entry, what, some, was in zip(entries, asked, rooms, before, strict=True)
         ]
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
-        if not answer.wanted:
+        if not answer.asked.wanted:
             return
         self.tally.rooms += 1
-        self.tally.items += len(answer.wanted)
+        self.tally.items += len(answer.asked.wanted)
         self.tally.placed += answer.placed(answer.layouts[0])
         for fault in [fault for _, fault in answer.wrong[0] if fault != MISSING]:
             self.tally.faults[fault] = self.tally.faults.get(fault, 0) + 1
@@ -215,16 +233,59 @@ class Work:
                 draw(layout, wrong, picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}"))
 
 
-def asked_of(entry: Entry, config: PlaceConfig, who: Hired) -> tuple[Answerable, list[int]]:
-    """What of a room can be furnished, and the items that are to be: those of `item=`, or all that have no center."""
+def _new(wrong: list[tuple[int, str]], before: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """What is wrong with a layout, without what was wrong with what stood there before anything was placed."""
+    return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
+
+
+def asked_of(entry: Entry, config: PlaceConfig, who: Hired) -> Asked:
+    """What is asked of a room: to place the items of `item=`, or all that have no center.
+
+    What the file has in the room, and who is asked cannot place, stays there, and is in the way.
+    """
     assert entry.room is not None
-    room = entry.room
+    room, known = entry.room, who.known(entry.room.room_type)
+    inside = {
+        k
+        for k, item in enumerate(entry.stood)
+        if room.furniture[k].center is None and item.center and room.envelope.covers(shapely.Point(item.center))
+    }
+    stood = {k for k in inside if room.holds(entry.stood[k])}  # what reaches beyond the walls is in nobody's way
     wanted = [k for k in missing(room) if config.item in (None, room.furniture[k].category)]
+    stays = frozenset[int]()
+    if ALL in names_in(config.move):
+        stays = staying(entry, [k for k in wanted if k in inside], known)
+        wanted = [k for k in wanted if k not in stays]
     others = frozenset(missing(room)) - {*wanted}
+    room = put_back(room, entry, others & stood)
+    others -= stood
     kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
-    known = answerable(kept, who.known(room.room_type)) if wanted else Answerable(kept, frozenset(), [])
+    found = answerable(kept, known) if wanted else Answerable(kept, frozenset(), [])
     places = [k for k in range(len(room.furniture)) if k not in others]
-    return Answerable(room, others | {places[k] for k in known.refused}, known.lines), wanted
+    refused = frozenset(places[k] for k in found.refused)
+    left = refused & stood
+    return Asked(Answerable(put_back(room, entry, left), others | refused - left, found.lines), wanted, left, stays)
+
+
+def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:
+    """Which of `those` items that the file has in the room stay, where all is to move that is known.
+
+    What nobody knows stays, and chairs that stand under it.
+    """
+    items = entry.stood
+    stays = {k for k in those if items[k].category not in known}
+    hosts = [
+        item.footprint
+        for k, item in enumerate(items)
+        if item.category in HOSTS and item.center and (k in stays or k not in those)
+    ]
+    under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
+    return frozenset(stays | under)
+
+
+def put_back(room: Room, entry: Entry, those: Collection[int]) -> Room:
+    """The room with these items where the file has them."""
+    return replace(room, furniture=tuple(entry.stood[k] if k in those else i for k, i in enumerate(room.furniture)))
 
 
 def source_of(config: PlaceConfig) -> Source | None:

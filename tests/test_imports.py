@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 from pathlib import Path
 
 import layoutrl
@@ -54,3 +55,19 @@ for command, argument in (
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Override anything in the config") == 1
     assert done.stdout.count("ended error: ") == 4
+
+
+def test_an_agent_is_asked_without_torchs_compiler(tmp_path: Path) -> None:
+    """It takes longer to load than a room to furnish, and only an optimiser needs it."""
+    file = tmp_path / "room.jsonl"
+    room = {"id": "a", "room_type": "bedroom", "outline": [[0, 0], [4, 0], [4, 3], [0, 3]], "doors": [], "windows": []}
+    file.write_text(json.dumps(room | {"furniture": [{"category": "bed", "size": [2.0, 1.5]}]}))
+    code = (
+        "import sys, layoutrl.place\n"
+        f"sys.argv = ['place', 'rooms={file}', 'device=cpu']\n"
+        "layoutrl.place.main()\n"
+        "print(*{'torch._dynamo', 'matplotlib'} & sys.modules.keys())"
+    )
+    done = fresh("-c", code, cwd=tmp_path)
+    assert "1 of 1 placed" in done.stdout, done.stderr
+    assert done.stdout.splitlines()[-1] == ""

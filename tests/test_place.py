@@ -304,7 +304,11 @@ def test_an_agent_of_whole_rooms_furnishes_those_of_its_type(
 class Middle:
     """Puts everything into the middle of its room, at once."""
 
+    def __init__(self) -> None:
+        self.seen: list[list[bool]] = []  # of each brief, which items stand in it
+
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+        self.seen += [[item.center is not None for item in brief.furniture] for brief in briefs]
         return [[Furnished(self.layout(brief), 0.0)] for brief in briefs]
 
     def layout(self, brief: Room) -> Room:
@@ -344,6 +348,65 @@ def test_what_moves_is_placed_anew(middle: Middle, tmp_path: Path) -> None:
     moved = [k for k, item in enumerate(room["furniture"]) if item["category"] == "bed"]
     for k, (item, before) in enumerate(zip(room["furniture"], DOCUMENTS[0]["furniture"], strict=True)):
         assert (item["center"] != before["center"]) == (k in moved)
+
+
+def furnished_room(**changed: Any) -> dict[str, Any]:
+    """A bedroom of 6 m by 5 m: a bed, a table with a chair under it and one beside, and two plants at one place."""
+    items = [
+        ("bed", 1.0, 1.0, (2.0, 1.5)), ("table", 4.0, 3.0, (1.2, 0.8)), ("chair", 4.0, 2.5, (0.4, 0.4)),
+        ("chair", 5.0, 1.0, (0.4, 0.4)), ("plant", 0.5, 4.5, (0.4, 0.4)), ("plant", 0.5, 4.4, (0.4, 0.4)),
+    ]  # fmt: skip
+    return {
+        "id": "flat",
+        "room_type": "bedroom",
+        "outline": [[0, 0], [6, 0], [6, 5], [0, 5]],
+        "windows": [],
+        "doors": [{"polygon": [[5, -0.2], [5.8, -0.2], [5.8, 0], [5, 0]]}],
+        "furniture": [
+            {"category": name, "center": [x, y], "size": [*size], "rotation": 90, "tucked": k == 2}
+            for k, (name, x, y, size) in enumerate(items)
+        ],
+    } | changed
+
+
+def test_all_is_what_somebody_places_and_the_rest_stays_with_the_chairs_under_it(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, [furnished_room(), furnished_room(id="kitchen", room_type="kitchen")])
+    rooms = run(PlaceConfig(by="search", rooms=str(file), move="all"))
+    before = furnished_room()["furniture"]
+    for room in rooms:
+        moved = [k for k in range(6) if room["furniture"][k]["center"] != before[k]["center"]]
+        assert moved == [0, 3]  # the bed, and the chair that stands under nothing
+    assert middle.seen[0] == [k not in (0, 3) for k in range(6)]  # all else stands, and is in the way
+    said = capsys.readouterr().out
+    assert "flat: 2 of 2 placed; the plant and the plant stand at one place" in said
+    assert "; nobody places these in a bedroom, and they stay: table, chair, plant (2)" in said
+    assert "placed 4 of 4 items in 2 rooms" in said
+
+
+def test_what_is_named_and_nobody_places_stays_where_it_was(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = furnished_room()
+    document["furniture"][0] |= {"size": [6.2, 1.5], "center": [3.0, 1.0], "rotation": 0}  # it stands in the walls
+    (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [document])), move="table,bed,chair"))
+    assert [item["center"] for item in room["furniture"][:2]] == [[3.0, 1.0], [4.0, 3.0]]
+    said = capsys.readouterr().out
+    assert "flat: 2 of 4 placed; the bed of 6.2 by 1.5 m is not placed" in said
+    assert "the table is not placed: nobody knows it" in said
+    assert "they stay" not in said
+
+
+def test_what_was_wrong_before_is_not_told(middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = furnished_room()
+    del document["furniture"][3]["center"]
+    document["furniture"][3]["rotation"] = 0
+    (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [document]))))
+    assert not any("faults" in item for item in room["furniture"][4:])  # the plants, one in the other
+    said = capsys.readouterr().out
+    assert "the plant: overlaps" not in said
+    assert "the plant and the plant stand at one place" in said
 
 
 def test_an_interrupted_run_goes_on_where_it_was(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import torch
@@ -51,12 +52,22 @@ class DQN:
     ):
         self.network = network
         self.target = copy.deepcopy(network).requires_grad_(False).eval()
-        self.optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
-        self.schedule = torch.optim.lr_scheduler.LinearLR(self.optimizer, 1.0, 0.0, total_updates)
+        self.learning_rate = learning_rate
+        self.total_updates = total_updates
         self.target_period = target_period
         self.double = double
         self.updates = 0
         self.target_copies = 0
+
+    @cached_property
+    def optimizer(self) -> torch.optim.Adam:
+        """Made when it is first used: it loads torch's compiler, which takes a second or two, and values need none."""
+        return torch.optim.Adam(self.network.parameters(), lr=self.learning_rate, fused=True)
+
+    @cached_property
+    def schedule(self) -> torch.optim.lr_scheduler.LinearLR:
+        """Of the optimiser's learning rate; it has to be there before the optimiser's first step."""
+        return torch.optim.lr_scheduler.LinearLR(self.optimizer, 1.0, 0.0, self.total_updates)
 
     @torch.no_grad()
     def values(self, observation: Tensor) -> Tensor:
@@ -69,10 +80,11 @@ class DQN:
         target = self.td_target(batch, next_observation)
         assert q.shape == target.shape == batch.reward.shape
         loss = smooth_l1_loss(q, target)
+        schedule = self.schedule
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         self.optimizer.step()
-        self.schedule.step()
+        schedule.step()
         self.updates += 1
         if self.updates % self.target_period == 0:
             self.target.load_state_dict(self.network.state_dict())

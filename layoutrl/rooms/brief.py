@@ -7,11 +7,11 @@ chooses, along its walls. A layout is the same room, with the same items in the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from layoutrl.rooms.clearances import off, period
+from layoutrl.rooms.clearances import HOSTS, off, period
 from layoutrl.rooms.room import Item, Point, Room
 
 LEVEL = 1e-3  # degrees by which a wall may lean from the axes and be upright: a millimetre in 57 m
@@ -26,6 +26,20 @@ def brief_of(room: Room) -> Room:
     """
     items = sorted(room.furniture, key=lambda item: (item.category, item.size, item.form, item.tucked))
     return replace(room, furniture=tuple(replace(item, center=None, rotation=None) for item in items), target=None)
+
+
+def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
+    """The items, of which `those`, by their indices, are to be placed anew.
+
+    A chair may then stand under what one sits at, wherever it stood: designs have it there.
+    """
+    hosted = any(item.category in HOSTS for item in items)
+    return tuple(
+        replace(item, center=None, rotation=None, tucked=item.tucked or (hosted and item.category == "chair"))
+        if k in those
+        else item
+        for k, item in enumerate(items)
+    )
 
 
 def missing(room: Room) -> list[int]:

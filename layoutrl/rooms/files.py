@@ -139,6 +139,8 @@ def with_layout(
             entry["center"] = [round(metres * UNITS[unit], 6) for metres in item.center]
             if item.rotation is not None:
                 entry["rotation"] = item.rotation
+            if item.tucked:
+                entry["tucked"] = True
     for k, fault in wrong:
         written["furniture"][k].setdefault(FAULTS, []).append(fault)
     return written

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Protocol
 
 from layoutrl import InputError
+from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below, write_rooms
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
 from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.front3d import MODELS
@@ -26,6 +27,7 @@ from layoutrl.rooms.sources.sweethome3d import read_home
 FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
 SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
 LOOK = 2**20  # bytes, at the start of a file, that tell its format
+ALL = "all"  # of `move`: whatever who places can place
 
 
 class Source(Protocol):
@@ -33,6 +35,11 @@ class Source(Protocol):
 
     collection: Collection  # what is to be placed has no center
     suffix: str  # of the files that it writes, such as ".jsonl"
+
+    @property
+    def stood(self) -> list[tuple[Item, ...]]:
+        """The furniture of each room as the file has it, what is to be placed, too."""
+        ...
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
         """Write layouts to a new file: rooms of the collection, by their ids, with the same items in the same order.
@@ -48,6 +55,7 @@ class RoomsSource:
     """Rooms of a format that layouts are not written in: they are written as JSON, a room a line."""
 
     collection: Collection
+    stood: list[tuple[Item, ...]]
     suffix: str = ".jsonl"
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
@@ -91,8 +99,9 @@ def opened(
         if value is not None:
             raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
     collection = read_homes(kind, path, strict, unit, categories)
+    stood = [read.furniture for read in collection.rooms]
     collection.rooms = [to_place(read, move) for read in collection.rooms]
-    return RoomsSource(collection)
+    return RoomsSource(collection, stood)
 
 
 def format_of(path: Path) -> str:
@@ -123,9 +132,11 @@ def to_place(room: Room, move: str | None) -> Room:
     """The room in which what `move` names, all or categories with commas between them, has no center or rotation."""
     if move is None:
         return room
-    named = {name.strip() for name in move.split(",")}
-    items = tuple(
-        replace(item, center=None, rotation=None) if item.category in named or "all" in named else item
-        for item in room.furniture
-    )
-    return replace(room, furniture=items)
+    named = names_in(move)
+    those = {k for k, item in enumerate(room.furniture) if item.category in named or ALL in named}
+    return replace(room, furniture=lifted(room.furniture, those))
+
+
+def names_in(move: str | None) -> set[str]:
+    """What `move` names."""
+    return set() if move is None else {name.strip() for name in move.split(",")}

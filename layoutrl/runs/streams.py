@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -24,7 +24,7 @@ from layoutrl.rooms.files import (
     unit_of,
 )
 from layoutrl.rooms.formats import Source, to_place
-from layoutrl.rooms.room import Room, RoomError
+from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.runs.config import PlaceConfig
 
 STANDARD = "-"  # the name of standard input and output
@@ -41,6 +41,7 @@ class Entry:
     document: dict[str, Any]
     problem: str = ""
     unit: str = "m"  # of the document
+    stood: tuple[Item, ...] = ()  # its furniture as the file has it, what is to be placed, too
 
 
 def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator[Entry]:
@@ -50,8 +51,8 @@ def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator
         try:
             if isinstance(document, RoomError):
                 raise document
-            room = to_place(room_from_dict(in_metres(document, UNITS[unit])), config.move)
-            yield Entry(where, room, document, unit=unit)
+            room = room_from_dict(in_metres(document, UNITS[unit]))
+            yield Entry(where, to_place(room, config.move), document, unit=unit, stood=room.furniture)
         except RoomError as error:
             name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
             yield Entry(where, None, {}, f"{name}{error}")
@@ -74,7 +75,8 @@ def standard_input() -> Iterator[tuple[str, bytes]]:
 
 def source_entries(source: Source) -> Iterator[Entry]:
     """The rooms of a file of another format. Which are left out, its collection says."""
-    yield from (Entry(room.id, room, room_to_dict(room)) for room in source.collection.rooms)
+    for room, stood in zip(source.collection.rooms, source.stood, strict=True):
+        yield Entry(room.id, room, room_to_dict(replace(room, furniture=stood)), stood=stood)
 
 
 def count(path: str) -> int | None:

@@ -30,6 +30,9 @@ ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
         ("Bookcase / jewelry Armoire", "bookcase"),
         ("Fauteuil", "armchair"),
         ("Évier", "sink"),
+        ("Blue loft bed", "bed"),
+        ("eTeks#filledBookcase", "bookcase"),
+        ("Cabinet with basin", "vanity"),
     ],
 )
 def test_names_of_other_programs_are_known(name: str, category: str) -> None:
@@ -54,6 +57,9 @@ def test_obstacles_are_called_as_they_are_and_decor_is_nothing() -> None:
     assert names.category("Piano") == ("piano", False)
     assert names.category("pendant lamp") is None
     assert not names.knows("Piano", "pendant lamp", None)
+    assert names.category("bed reading lamp") == ("lamp", False)
+    assert names.category("Shower curtain") is None
+    assert names.category("Lampe", "bed") == ("bed", True)  # a whole name comes before the end of another
 
 
 @given(st.text(max_size=30), st.text(max_size=30))
@@ -73,6 +79,8 @@ def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
     assert names.room_type("Corridor", ["bed"]) == NO_ROOM
     assert names.room_type("Otto", ["chair", "toilet", "bed"]) == "bathroom"
     assert names.room_type(None, ["chair"]) is None
+    assert names.room_type("", ["sink"]) == "kitchen"
+    assert names.room_type("Utility 2", []) == NO_ROOM
 
 
 def test_a_users_file_adds_names(tmp_path: Path) -> None:

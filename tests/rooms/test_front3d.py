@@ -76,12 +76,25 @@ def test_sizes_and_categories_are_looked_up_where_the_house_has_none(tmp_path: P
     (room,) = read(tmp_path, names_of()).rooms
     assert room.furniture == ()
     models = [
-        {"model_id": "a", "category": "King-size Bed", "boundingBox": {"xLen": 150, "yLen": 90, "zLen": 200}},
-        {"model_id": "b", "category": None, "boundingBox": {"xLen": 50, "yLen": 90, "zLen": 60}},
+        {"model_id": "a", "category": "King-size Bed", "boundingBox": {"xLen": 150, "yLen": 200, "zLen": 90}},
+        {"model_id": "b", "category": None, "boundingBox": {"xLen": 50, "yLen": 60, "zLen": 200}},
     ]
     write(tmp_path, models, "model_info.json")
     (room,) = read(tmp_path, names_of()).rooms
     assert [(item.category, item.size) for item in room.furniture] == [("bed", (2.0, 1.5)), ("wardrobe", (0.6, 1.0))]
+
+
+def test_a_hole_down_to_the_floor_is_a_door_and_a_hatch_is_none(tmp_path: Path) -> None:
+    document = house()
+    document["mesh"] += [slab("hole", "Hole", -0.24, 1, 0, 2), slab("hatch", "Hole", 1, 3, 2, 3.24)]
+    document["mesh"][-1]["xyz"][1::3] = [1.0] * 4
+    document["scene"]["room"][0]["children"] += [child("hole"), child("hatch")]
+    write(tmp_path, document)
+    openings = read(tmp_path, names_of()).rooms[0].openings
+    (passage,) = [o.shape for o in openings if o.kind == "door" and o.shape.centroid.x < 2]
+    assert passage.symmetric_difference(box(-0.2, -2, 0, -1)).area < 1e-3
+    (hatch,) = [o.shape for o in openings if o.kind == "window" and o.shape.centroid.y < -1]
+    assert hatch.symmetric_difference(box(1, -3.2, 2, -3)).area < 1e-3
 
 
 def test_doors_that_are_titled_alone_are_as_wide_as_most(tmp_path: Path) -> None:

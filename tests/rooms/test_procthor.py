@@ -95,6 +95,17 @@ def test_houses_are_opened_and_layouts_are_written_as_rooms(tmp_path: Path) -> N
     assert opened(tmp_path / "out.jsonl").collection.rooms == source.collection.rooms
 
 
+def test_a_counter_round_a_corner_is_not_moved_as_the_box_that_it_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(SIZES, "Countertop_L_6x6", ("CounterTop", 1.8, 0.9, 1.8))
+    monkeypatch.setitem(SIZES, "Countertop_I_6x2", ("CounterTop", 1.8, 0.9, 0.6))
+    counters = [thing("Countertop_L_6x6", 5, 0.45, 2, 0), thing("Countertop_I_6x2", 5, 0.45, 0.5, 0)]
+    write(tmp_path, house(objects=counters))
+    _, kitchen = read(tmp_path, names_of()).rooms
+    assert [item.category for item in kitchen.furniture] == ["corner_counter", "counter"]
+
+
 def change(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     def changed(document: Any) -> None:
         for key in path[:-1]:

@@ -284,6 +284,22 @@ def assert_only_moved(before: Path, after: Path, moved: Iterable[str]) -> None:
     assert changed == set(moved)
 
 
+def test_a_chair_that_is_lifted_may_stand_under_a_table_and_what_stood_is_known(tmp_path: Path) -> None:
+    table = piece("table", 200, 150, 120, 80, id="table")
+    chairs = piece("chair", 200, 195, 40, 40, id="under") + piece("chair", 50, 270, 40, 40, id="aside")
+    parked = piece("chair", 900, 900, 40, 40, id="parked")
+    body = table + chairs + parked + piece("sofa", 100, 40, 180, 80) + WALLS + room_tag(0, 0, 400, 300, name="Salon")
+    home = flat(tmp_path, body, move="chair")
+    (room,) = home.rooms
+    standing = [(item.category, item.center is not None, item.tucked) for item in room.furniture]
+    lifted = ("chair", False, True)
+    assert sorted(standing) == [lifted, lifted, lifted, ("sofa", True, False), ("table", True, False)]
+    stood = {item.center: item.tucked for item in home.stood[0] if item.category == "chair"}
+    assert stood == {(2.0, -1.95): True, (0.5, -2.7): False, (9.0, -9.0): False}
+    (alone,) = flat(tmp_path, chairs + WALLS + ROOMS, move="chair").rooms
+    assert not any(item.tucked for item in alone.furniture)
+
+
 def test_a_home_in_which_nothing_moved_is_written_byte_for_byte(tmp_path: Path) -> None:
     read_whole = flat(tmp_path, move="")
     home = flat(tmp_path, move="all")

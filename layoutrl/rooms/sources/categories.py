@@ -26,7 +26,7 @@ LARGEST_FILE = 2**20  # bytes, of a user's own
 TELLING = {
     "bathroom": {"toilet", "bathtub", "shower"},
     "bedroom": {"bed"},
-    "kitchen": {"cooktop", "fridge", "counter"},
+    "kitchen": {"cooktop", "fridge", "counter", "sink"},
     "living_room": {"sofa", "loveseat", "tv_unit"},
     "study": {"desk"},
     "dining_room": {"table"},
@@ -78,18 +78,27 @@ class Names:
         What is not known is an obstacle, called as it is there.
         """
         given = [name for name in names if name and name.strip()]
-        for part in chain.from_iterable(map(_parts, given)):
-            if found := self._furniture.get(part):
-                called = part.replace(" ", "_") if found == OBSTACLE else found
-                return None if found == DECOR else (called, found != OBSTACLE)
+        if part := self._known(given):
+            found = self._furniture[part]
+            called = part.replace(" ", "_") if found == OBSTACLE else found
+            return None if found == DECOR else (called, found != OBSTACLE)
         called = (plain(given[0]) if given else "").replace(" ", "_")[:40] or OBSTACLE
         self.unknown[given[-1][:40] if given else "without a name", called] += 1
         return called, False
 
     def knows(self, *names: str | None) -> bool:
         """Whether a name is that of a category."""
-        parts = chain.from_iterable(_parts(name) for name in names if name)
-        return next((self._furniture[p] for p in parts if p in self._furniture), OBSTACLE) not in (OBSTACLE, DECOR)
+        part = self._known([name for name in names if name])
+        return part is not None and self._furniture[part] not in (OBSTACLE, DECOR)
+
+    def _known(self, names: list[str]) -> str | None:
+        """The first part of these names that the table has; else the longest words of it that one ends with.
+
+        In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
+        """
+        parts = [*chain.from_iterable(map(_parts, names))]
+        words = [part.split()[first:] for part in parts for first in range(1, len(part.split()))]
+        return next((p for p in (*parts, *map(" ".join, words)) if p in self._furniture), None)
 
     def room_type(self, name: str | None, furniture: Iterable[str]) -> str | None:
         """The type of a room by its name, else by what stands in it; NO_ROOM for one that nobody furnishes."""

@@ -17,6 +17,7 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import Polygon, box
 from shapely.geometry.polygon import orient
 
+from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.files import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import FILM, TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, rings
@@ -133,10 +134,9 @@ class Storey(Generic[P]):
                 unknown = "nothing tells its type; expected a name or furniture that does, or room_type=<type>"
                 self.left_out.append((room_id, "nobody furnishes such a room" if kind else unknown))
                 continue
-            items = [
-                replace(piece.item, center=None, rotation=None) if moves(piece) else piece.item
-                for piece in drawn.pieces
-            ]
+            standing = _tucked([piece.item for piece in drawn.pieces])
+            pieces = [replace(piece, item=item) for piece, item in zip(drawn.pieces, standing, strict=True)]
+            items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
             gaps = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))[:MOST_OPENINGS]]
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
@@ -147,7 +147,7 @@ class Storey(Generic[P]):
                 continue
             if beyond := sorted({items[k].category for k in {*range(len(items))} - {*held}}):
                 self.notes.append(f"{room_id}: left out, since it reaches beyond the walls: {', '.join(beyond)}")
-            yield room, [drawn.pieces[k] for k in held]
+            yield room, [pieces[k] for k in held]
 
 
 def oblong(x: float, y: float, width: float, depth: float, degrees: float) -> Polygon:
@@ -218,7 +218,7 @@ def room_of(
     floor: Polygon,
     walls: Sequence[Wall] | None,
     gaps: Iterable[Gap],
-    furniture: Iterable[Item],
+    furniture: Sequence[Item],
     group: str,
 ) -> tuple[Room, list[int]]:
     """A room around a tidy floor, and which of `furniture` it holds: what reaches beyond its walls is left out.
@@ -249,9 +249,9 @@ def room_of(
         "furniture": [],
         "group": group,
     }
-    bare, items = room_from_dict(document), _tucked(list(furniture))
-    held = [k for k, item in enumerate(items) if item.center is None or bare.holds(item)]
-    return room_from_dict(document | {"furniture": [_document(items[k]) for k in held]}), held
+    bare = room_from_dict(document)
+    held = [k for k, item in enumerate(furniture) if item.center is None or bare.holds(item)]
+    return room_from_dict(document | {"furniture": [_document(furniture[k]) for k in held]}), held
 
 
 def _strips(outline: Ring, walls: Sequence[Wall] | None) -> list[Polygon]:

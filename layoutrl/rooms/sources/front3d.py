@@ -30,7 +30,12 @@ HIGHEST = 0.3  # metres: what hangs higher is decor
 SEAM = 0.005  # metres: floors are drawn in parts that all but touch
 MOST = 5000  # triangles of a floor, and corners of a door
 WIDTH = {"door": 0.8, "window": 1.5}  # metres, of those that are titled alone, before they are scaled
-OPENINGS: dict[str, Literal["door", "window"]] = {"Door": "door", "Window": "window", "BayWindow": "window"}
+OPENINGS: dict[str, Literal["door", "window"]] = {
+    "Door": "door",
+    "Window": "window",
+    "BayWindow": "window",
+    "Hole": "door",  # a passage without a leaf
+}
 
 # What the ids of categories mean, where a piece has no title: read off from files that have both.
 SOURCE_CATEGORIES = {
@@ -43,7 +48,7 @@ SOURCE_CATEGORIES = {
     "41ac92b5-5f88-46d0-a59a-e1ed31739154": "king-size bed",
     "5ad47fd2-b143-4af2-9961-e88a57b4a337": "side table",
     "5b4dc4ea-d84e-4b21-8cec-f2d090c61275": "ottoman",
-    "5c76d84c-aa8c-4bb8-88fc-cbf8da81be71": "console table",
+    "5c76d84c-aa8c-4bb8-88fc-cbf8da81be71": "table",
     "81780f40-fa53-41c3-8579-65706f4ad50d": "multi seat sofa",
     "89404b8a-5bb6-42cf-95fa-73c9bfba4c97": "night table",
     "9161c9e8-49e8-48bd-9ee8-0c75dd267413": "dining table",
@@ -154,7 +159,10 @@ def _corners(mesh: Any) -> np.ndarray:
 
 def _gap(mesh: Any) -> Gap | None:
     shape = shapely.MultiPoint(_corners(mesh)).minimum_rotated_rectangle
-    return Gap(OPENINGS[mesh["type"]], shape) if isinstance(shape, Polygon) and shape.area > TOLERANCE**2 else None
+    if not isinstance(shape, Polygon) or shape.area < TOLERANCE**2:
+        return None
+    high = min(lengths(mesh["xyz"][1::3])) > HIGHEST  # a hatch
+    return Gap("window" if high else OPENINGS[mesh["type"]], shape)
 
 
 def _titled(child: Any, furniture: Mapping[str, Any]) -> Gap | None:
@@ -194,7 +202,10 @@ def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names) -> P
 
 
 def _size(piece: Any, model: Any) -> tuple[float, float, float] | None:
-    """Width, height and depth: `size` has them as width, depth, height, `bbox` in order, a model in centimetres."""
+    """Width, height and depth: `size` and models have width, depth, height, `bbox` has them in order.
+
+    Lengths are metres, and those of models centimetres.
+    """
     if piece.get("size"):
         width, depth, height = lengths(piece["size"])
         return width, height, depth
@@ -203,6 +214,6 @@ def _size(piece: Any, model: Any) -> tuple[float, float, float] | None:
         width, height, depth = lengths(inner[0] if isinstance(inner[0], list) else inner)
         return width, height, depth
     if model and model.get("boundingBox"):
-        width, height, depth = lengths(float(model["boundingBox"][axis]) / 100 for axis in ("xLen", "yLen", "zLen"))
+        width, depth, height = lengths(float(model["boundingBox"][axis]) / 100 for axis in ("xLen", "yLen", "zLen"))
         return width, height, depth
     return None

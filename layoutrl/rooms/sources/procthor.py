@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -29,6 +30,7 @@ SUFFIXES = (".json", ".jsonl", ".gz")
 HIGHEST = 0.3  # metres: what hangs higher is decor
 MOST = 200_000  # houses in a file
 LARGEST_LINE = 2**23  # bytes; a house of ten rooms takes a tenth
+BENT = re.compile(r"Countertop_[CL]_")  # the box of such a counter is mostly floor: it is not moved as one
 RATIO = 100  # by which a file may unpack; houses do by ten to twenty
 
 Size = tuple[float, float, float]  # metres along x, y (up) and z
@@ -143,5 +145,5 @@ def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names) -> P
     degrees = length(thing["rotation"]["y"])
     if y - height / 2 > HIGHEST or height < FLATTEST or min(along, across) < TOLERANCE:
         return None
-    found = names.category(kind)
+    found = names.category("corner counter" if BENT.match(thing["assetId"]) else kind)
     return found and Piece(Item(found[0], (across, along), (x, z), (90 - degrees) % 360), found[1])

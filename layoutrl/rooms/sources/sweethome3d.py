@@ -26,6 +26,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 from layoutrl import InputError
+from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
@@ -106,6 +107,11 @@ class Home:
     def rooms(self) -> list[Room]:
         """The rooms; what is to be placed has no center."""
         return self.collection.rooms
+
+    @property
+    def stood(self) -> list[tuple[Item, ...]]:
+        """The furniture of each room as the home has it; what was outside all rooms stands there still."""
+        return [tuple(piece.item for piece in self.pieces[room.id]) for room in self.rooms]
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
         """Write the whole home with what was placed in these layouts where they have it.
@@ -410,7 +416,7 @@ def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> 
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}
     given: dict[str, list[Item]] = defaultdict(list)
     for prefix, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
-        item = replace(piece.item, center=None, rotation=None)
+        item = piece.item
         fitting = [k for k, r in rooms.items() if item.category in HOLDS[r.room_type] and free[k] > item.area]
         if into is not None:
             chosen = into
@@ -424,7 +430,9 @@ def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> 
         held[chosen].add(item.category)
         free[chosen] -= item.area
         home.pieces[chosen].append(piece)
-    home.collection.rooms = [replace(r, furniture=(*r.furniture, *given[r.id])) for r in home.rooms]
+    for k, room in enumerate(home.rooms):
+        items = (*room.furniture, *given[room.id])
+        home.rooms[k] = replace(room, furniture=lifted(items, range(len(room.furniture), len(items))))
 
 
 # From layouts to the file --------------------------------------------------------------------------------------------
