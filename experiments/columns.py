@@ -426,7 +426,7 @@ def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
 def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
     agent, categories, _ = trained_agent(config, rooms.training, rooms.designs, rooms.device)
     furnisher = Furnisher(agent, config.method, categories)
-    return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1, config.seed)]
+    return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1)]
 
 
 Furnish = Callable[[], list[Room]]  # layouts; what comes before it is called is no time of furnishing

@@ -106,7 +106,7 @@ def train(
         rng = np.random.default_rng(seed)
         few = [rooms[k] for k in sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])]
         if method.scope == "room":
-            probes[name] = RoomsProbe(few, int(seed.generate_state(1)[0]))
+            probes[name] = RoomsProbe(few)
         else:
             observe = observation_of(method.observation, few, device, learner.categories)
             probes[name] = Probe(Simulator(few, method.moves, reward), observe, rng, device)

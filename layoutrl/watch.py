@@ -44,7 +44,7 @@ def run(config: WatchConfig) -> list[Path]:
     rng = np.random.default_rng(config.seed)
     chosen = rng.permutation(len(shown.rooms))[: config.rooms]
     if shown.furnishes:
-        episodes = rooms_filling_up(shown.furnisher, [shown.rooms[k] for k in chosen], config.seed)
+        episodes = rooms_filling_up(shown.furnisher, [shown.rooms[k] for k in chosen])
     else:
         simulator = shown.simulator
         starts = simulator.starts(chosen, rng)
@@ -82,9 +82,9 @@ def one_item(room: Room, path: np.ndarray, iou: float) -> Episode:
     return Episode(replace(room, furniture=tuple(room.others), target=None), way, [room.moving], iou)
 
 
-def rooms_filling_up(furnisher: Furnisher, designs: Sequence[Room], seed: int) -> list[Episode]:
+def rooms_filling_up(furnisher: Furnisher, designs: Sequence[Room]) -> list[Episode]:
     """Rooms that an agent furnishes from nothing."""
-    found = [best for best, *_ in furnisher.furnish([brief_of(room) for room in designs], 1, seed)]
+    found = [best for best, *_ in furnisher.furnish([brief_of(room) for room in designs], 1)]
     ious = measured([best.layout for best in found], designs).iou
     episodes = []
     for best, design, iou in zip(found, designs, ious, strict=True):

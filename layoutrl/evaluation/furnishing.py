@@ -25,7 +25,7 @@ from layoutrl.rooms.brief import missing
 from layoutrl.rooms.furnished import Furnished, Pose
 from layoutrl.rooms.room import Item, Point, Room
 
-STARTS = 32  # places drawn for each way that an item can face, and valued
+STARTS = 32  # places spread for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
 LOOKED_AT = 24  # of poses, the most valued, that are looked at for one by which nothing is wrong
 SWEEPS = 1  # times that every item is lifted and placed again, among all others
@@ -33,6 +33,7 @@ REPAIRS = 1  # times more, in rooms with a fault
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BLOCK = 128  # rooms furnished at once: memory, not speed
+GOLDEN = 1.2207440846057596  # of three dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
 APART = 0.5  # metres: layouts are different whose largest item stands so far away, or faces another way
 
 
@@ -62,22 +63,22 @@ class Chosen(NamedTuple):
 class Furnisher:
     """Furnishes rooms as an agent of scope=room says, which knows these furniture categories.
 
-    The largest item comes first. Of each, places are drawn for every way that it can face; from those that the agent
+    The largest item comes first. Of each, places are spread for every way that it can face; from those that the agent
     values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
-    (`layoutrl.env.faults`, geometry alone). Where there is none, it is put where one move more leads, or else where it
-    was drawn. When all stand, each is lifted once more, and moved if another pose is better; and again where something
-    is still wrong. The designer's layout is not known here.
+    (`layoutrl.env.faults`, geometry alone). Where there is none, it is put where one move more leads, or else at one of
+    the places that were spread. When all stand, each is lifted once more, and moved if another pose is better; and
+    again where something is still wrong. The designer's layout is not known here. Nothing is left to chance: the same
+    brief always gets the same layouts.
     """
 
     def __init__(self, agent: DQN, method: Method, categories: Sequence[str]):
         self._policy = greedy(agent, method)
         self._moves, self._categories = method.moves, list(categories)
 
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """Of each brief up to so many different layouts, the most valued first.
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002
+        """Of each brief up to so many different layouts, the most valued first; the seed is for who draws something.
 
-        What is drawn hangs on the seed alone, and not on what else is furnished. Raises InputError where an item fits
-        in no way.
+        Raises InputError where an item fits in no way.
         """
         found = {k: [Furnished(brief, 0.0)] for k, brief in enumerate(briefs) if not missing(brief)}
         asked = [k for k in range(len(briefs)) if k not in found]
@@ -86,7 +87,7 @@ class Furnisher:
             world = _World([briefs[k] for k in block], self._moves, self._categories, self._policy.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
             for _ in range(choices):
-                self._add_another(world, seed, layouts)
+                self._add_another(world, layouts)
             for k, those in zip(block, layouts, strict=True):
                 found[k] = sorted(those, key=lambda one: -one.value)
         return [found[k] for k in range(len(briefs))]
@@ -138,13 +139,14 @@ class Furnisher:
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n
 
-    def _add_another(self, world: _World, seed: int, known: list[list[Furnished]]) -> None:
+    def _add_another(self, world: _World, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
         rooms, paths = world.rooms, [list[Pose]() for _ in known]
         order, count = rooms.sequence().argsort(1, kind="stable"), rooms.count.copy()
         state = rooms.empty(np.arange(len(known)))
         left = count  # items of each room that this sweep places
         for sweep in range(1 + SWEEPS + REPAIRS):
+            uniform = spread(sweep * QUARTERS * STARTS, QUARTERS * STARTS)  # each sweep looks elsewhere
             if sweep > SWEEPS:
                 left = np.where(wrong([rooms.layout(state, b) for b in range(len(known))]) > 0, count, 0)
             for step in range(sweep > 0, order.shape[1]):  # the first item, lifted again, would make layouts alike
@@ -152,7 +154,6 @@ class Furnisher:
                 if not len(which):
                     break
                 first = (sweep, step) == (0, 0)
-                uniform = np.random.default_rng([seed, sweep, step]).random((3, QUARTERS * STARTS))
                 item, every = order[which, step], np.arange(len(which))
                 now = _of(state, which)._replace(moving=item)
                 stood = now.stands[every, item]
@@ -179,16 +180,16 @@ class Furnisher:
     ) -> Chosen:
         """Where each moving item, which does not stand, or `stood` (B,) there until now, is put among what does.
 
-        It starts from where random numbers (3, QUARTERS * STARTS) say, in every room from the same. It is put where it
-        stands in none of the layouts that are `known`.
+        It starts from where numbers (3, QUARTERS * STARTS) from 0 to 1 say, in every room from the same. It is put
+        where it stands in none of the layouts that are `known`.
         """
-        drawn = self._drawn(world, state, uniform)
-        ends = self._ends(world, state, drawn, any(known))
+        starts = self._starts(world, state, uniform)
+        ends = self._ends(world, state, starts, any(known))
         beside = self._beside(world, state, ends)
         if stood.any():
             ends = self._or_stay(world, state, stood, ends)
         chosen = _best(world.rooms, state, _others(world.rooms, state, ends, known))
-        for options in (beside, drawn):
+        for options in (beside, starts):
             b = np.flatnonzero(chosen.faults > 0)
             if not len(b):
                 break
@@ -196,8 +197,8 @@ class Furnisher:
             chosen = _with(chosen, b, _best(world.rooms, _of(state, b), some))
         return chosen
 
-    def _drawn(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
-        """Places that random numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
+    def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
+        """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
 
         Of a way in which the item does not fit, they are at 0, 0, and of no value.
         """
@@ -205,25 +206,23 @@ class Furnisher:
         scene = world.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
         b, column = b.repeat(STARTS), (quarter[:, None] * STARTS + np.arange(STARTS)).ravel()
         start = world.scenes.starts_at(scene, torch.as_tensor(uniform[:, column], device=scene.device))
-        center, value = (
-            np.zeros((len(state.room), QUARTERS * STARTS, 2)),
-            np.full((len(state.room), QUARTERS * STARTS), -np.inf),
-        )
+        value = np.full((len(state.room), QUARTERS * STARTS), -np.inf)
+        center = np.zeros((*value.shape, 2))
         center[b, column] = start.cpu().numpy()
         value[b, column] = self._policy.best_value(world.scenes, world.observe, scene, start).cpu().numpy()
         quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
         return Options(center, quarters, value, [list(those[:, None]) for those in center])
 
-    def _ends(self, world: _World, state: State[np.ndarray], drawn: Options, all_ways: bool) -> Options:
-        """Where items end that move from the TRIED best places that were drawn: of all, or of each way to face."""
-        parts = np.split(np.arange(drawn.value.shape[1]), QUARTERS) if all_ways else [np.arange(drawn.value.shape[1])]
-        best = [part[np.argsort(-drawn.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
+    def _ends(self, world: _World, state: State[np.ndarray], starts: Options, all_ways: bool) -> Options:
+        """Where items end that move from the TRIED best starts: of all, or of each way to face."""
+        parts = np.split(np.arange(starts.value.shape[1]), QUARTERS) if all_ways else [np.arange(starts.value.shape[1])]
+        best = [part[np.argsort(-starts.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
         tried = np.concatenate(best, 1)
-        started = np.take_along_axis(drawn.value, tried, 1) > -np.inf
+        started = np.take_along_axis(starts.value, tried, 1) > -np.inf
         # A way that does not fit has no start: the best of all stands in for it, and counts for nothing.
-        tried = np.where(started, tried, drawn.value.argmax(1)[:, None])
+        tried = np.where(started, tried, starts.value.argmax(1)[:, None])
         b = np.arange(len(tried)).repeat(tried.shape[1])
-        quarter, start = drawn.quarter[b, tried.ravel()], drawn.center[b, tried.ravel()]
+        quarter, start = starts.quarter[b, tried.ravel()], starts.center[b, tried.ravel()]
         scene = world.scenes_of(state, b, quarter)
         run = self._policy.rollout(world.scenes, world.observe, scene, start)
         value = self._value(world, state, b, quarter, run.final).reshape(tried.shape)
@@ -298,6 +297,11 @@ class _World:
         turned = State(*(torch.as_tensor(values[b], device=self.scenes.device) for values in state))
         quarters = torch.as_tensor(quarter, device=self.scenes.device)[:, None]
         return self.scenes.of(turned._replace(quarter=turned.quarter.scatter(1, turned.moving[:, None], quarters)))
+
+
+def spread(first: int, count: int) -> np.ndarray:
+    """Numbers from 0 to 1 (3, count) that fill the cube evenly, from the `first` of their sequence on."""
+    return np.arange(first + 1, first + count + 1) * GOLDEN ** -np.arange(1.0, 4.0)[:, None] % 1
 
 
 def _of(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:

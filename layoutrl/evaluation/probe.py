@@ -51,15 +51,15 @@ class Probe:
 
 
 class RoomsProbe:
-    """Whole rooms, furnished always from the same draws. Nothing is chosen by what they score."""
+    """Whole rooms, furnished. Nothing is chosen by what they score."""
 
-    def __init__(self, designs: Sequence[Room], seed: int):
-        self._designs, self._seed = list(designs), seed
+    def __init__(self, designs: Sequence[Room]):
+        self._designs = list(designs)
         self._briefs = [brief_of(room) for room in designs]
 
     def __call__(self, furnisher: Furnisher) -> tuple[dict[str, float], list[np.ndarray]]:
         """The means of all measures, and pictures of the first rooms."""
-        layouts = [best.layout for best, *_ in furnisher.furnish(self._briefs, 1, self._seed)]
+        layouts = [best.layout for best, *_ in furnisher.furnish(self._briefs, 1)]
         found = {name: value["mean"] for name, value in summary(measured(layouts, self._designs)).items()}
         return {name: value for name, value in found.items() if value is not None}, [
             furnished(layout) for layout in layouts[:PICTURES]

@@ -15,7 +15,7 @@ from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, _with, wrong
+from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, _with, spread, wrong
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room
@@ -62,12 +62,14 @@ def test_the_way_ends_where_the_items_stand(furnisher: Furnisher, designs: list[
         assert ends[k][1] == item.rotation
 
 
-def test_the_same_seed_gives_the_same_layouts_wherever_the_designer_has_the_items(furnisher, designs) -> None:
+def test_layouts_are_the_same_wherever_the_designer_has_the_items_and_whatever_the_seed(furnisher, designs) -> None:
     moved = [
         replace(room, furniture=tuple(replace(item, center=(1.0, 1.0), rotation=0.0) for item in room.furniture))
         for room in designs
     ]
-    ours, theirs = (furnisher.furnish([brief_of(room) for room in rooms], 1, 5) for rooms in (designs, moved))
+    ours, theirs = (
+        furnisher.furnish([brief_of(room) for room in rooms], 1, seed) for rooms, seed in ((designs, 5), (moved, 6))
+    )
     assert ours == theirs
 
 
@@ -174,3 +176,15 @@ def test_moves_are_legal_lead_where_they_say_and_come_by_value(furnisher: Furnis
             assert off @ side == pytest.approx(np.hypot(*off), abs=1e-6)
         if name[0].isdigit():
             assert np.hypot(*off) == pytest.approx(float(name.split()[0]) / 100, abs=1e-5)
+
+
+@pytest.mark.parametrize("first", [0, 128, 12_800])
+def test_starts_are_spread_evenly_and_each_sweep_looks_elsewhere(first: int) -> None:
+    numbers = spread(first, 128)
+    assert numbers.shape == (3, 128)
+    assert ((numbers >= 0) & (numbers < 1)).all()
+    quarter = np.digitize(numbers[1:], [0.25, 0.5, 0.75])  # of the square, sixteen cells of eight each
+    counts = np.bincount(4 * quarter[0] + quarter[1], minlength=16)
+    assert counts.min() >= 6
+    assert counts.max() <= 10
+    assert not np.isin(numbers, spread(first + 128, 128)).any()
