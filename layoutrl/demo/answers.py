@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -184,10 +183,7 @@ class Answers:
         """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from."""
         line, _, content = body.partition(b"\n")
         room = room_in(question(line))
-        try:
-            return written_back(room, content) if content else new_home(room)
-        except InputError as error:
-            raise InputError(re.sub(r"/\S*/", "", str(error))) from None
+        return written_back(room, content) if content else new_home(room)
 
     def _thinker(self, room: Room) -> Thinker:
         thinker = self.staff.of(room.room_type)

@@ -38,7 +38,10 @@ def written_back(room: Room, content: bytes) -> bytes:
     with TemporaryDirectory(prefix="layoutrl-") as folder:
         path, out = Path(folder) / NAME, Path(folder) / f"out-{NAME}"
         path.write_bytes(content)
-        home = opened(path, move="all")
+        try:
+            home = opened(path, move="all")
+        except InputError as error:  # which names the file, of which the page knows nothing
+            raise InputError(str(error).replace(str(path), NAME)) from None
         before = next((read for read in home.collection.rooms if read.id == room.id), None)
         pieces = [] if before is None else [*before.furniture]
         if [(i.category, i.size) for i in pieces] != [(i.category, i.size) for i in room.furniture]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -171,6 +172,23 @@ def test_a_room_is_furnished_by_the_agent_of_its_type():
     assert said["choices"]
     assert all("center" in item for choice in said["choices"] for item in choice["furniture"])
     assert len(said["choices"][0]["path"]) > len(room.furniture)  # of an agent's moves
+
+
+def test_an_agent_of_the_package_says_what_it_thinks_of_places():
+    from layoutrl.demo.answers import Answers
+
+    room = next(room for room in ROOMS if room.room_type == "bathroom")
+    thinker = Answers(staff_of(composed("demo")))
+    said = thinker.answer("values", body(room, item=0, step=0.4))
+    places = [
+        replace(room.furniture[0], center=tuple(c), rotation=d)
+        for c, d in zip(said["centers"], said["degrees"], strict=True)
+    ]
+    assert len(said["values"]) == len(places) > 10
+    assert all(room.envelope.buffer(1e-5).covers(place.footprint) for place in places)
+    moves = thinker.answer("moves", body(room, item=0))["moves"]
+    assert [move["value"] for move in moves] == sorted((move["value"] for move in moves), reverse=True)
+    assert len({tuple(move["to"]) for move in moves}) > 4
 
 
 def test_thoughts_are_answered_by_who_thinks(answers):

@@ -72,6 +72,12 @@ def test_other_furniture_than_the_homes_is_refused(tmp_path):
             written_back(other, content)
 
 
+def test_a_home_that_cannot_be_read_is_said_without_a_place_of_the_servers():
+    with pytest.raises(InputError, match=r"file\.sh3d") as said:
+        written_back(ROOMS[0], b"PK\x03\x04nonsense")
+    assert "/" not in str(said.value)
+
+
 def test_what_a_home_does_not_let_move_stays(tmp_path):
     content = BytesIO()
     with zipfile.ZipFile(BytesIO(new_home(ROOMS[0]))) as archive:
