@@ -29,7 +29,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import box
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
-from layoutrl.runs.furnishers import Hired, hired
+from layoutrl.runs.furnishers import STARTS, Hired, hired
 from layoutrl.runs.streams import growing
 from layoutrl.train import run as train
 from tests.runs.test_resume import SHORT
@@ -109,7 +109,7 @@ def test_an_agent_places_all_that_it_was_trained_to_move_in_rooms_of_its_type(
     assert placed == {"bed"}
 
 
-def test_an_item_without_rotation_faces_where_its_value_is_highest(
+def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
     agent: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     document = without_place(DOCUMENTS[0])
@@ -117,12 +117,16 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
     given = without_place(DOCUMENTS[1], rotation=180)
     written(tmp_path, [document, given])
 
+    chosen: list[np.ndarray] = []
+
     def rotations(facing: int) -> list[float]:
         class Best(Greedy):
             def rollout(self, *args: Any) -> Rollout:
                 found = super().rollout(*args)
-                assert len(found.room) == 5  # four ways, and the one that is given
-                found.value[found.moves, np.arange(5)] = np.arange(5) == facing
+                way, start = np.divmod(np.arange(len(found.room)), STARTS)
+                assert way.max() == 4  # four ways, and the one that is given
+                found.value[found.moves, np.arange(len(way))] = (way == facing) + (start == 2) / 2
+                chosen.append(found.final[STARTS * facing + 2])
                 return found
 
         monkeypatch.setattr(
@@ -130,7 +134,9 @@ def test_an_item_without_rotation_faces_where_its_value_is_highest(
         )
         out = tmp_path / f"{facing}.jsonl"
         rooms = run(PlaceConfig(run=str(agent), rooms=str(tmp_path / "rooms.jsonl"), out=str(out), device="cpu"))
-        return [room["furniture"][room["target"]]["rotation"] for room in rooms]
+        placed = [room["furniture"][room["target"]] for room in rooms]
+        assert placed[0]["center"] == pytest.approx(chosen[-1], abs=1e-3)  # of the starts the one that is valued most
+        return [item["rotation"] for item in placed]
 
     assert [rotations(facing) for facing in range(4)] == [[90.0 * facing, 180.0] for facing in range(4)]
 

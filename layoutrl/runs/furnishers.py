@@ -19,7 +19,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.furnishing import Furnisher, spread
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, several
 from layoutrl.rooms.brief import furnished, ways
@@ -34,6 +34,7 @@ from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
 AT_ONCE = 256  # briefs that an agent furnishes in one batch
+STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: no layout hangs on chance
 
 
 @dataclass(frozen=True)
@@ -101,17 +102,20 @@ class Mover:
         return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
-        """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,)."""
-        method, index = self.trained.method, np.arange(len(rooms))
-        simulator = Simulator(rooms, method.moves, self.trained.reward.weights)
-        starts = [simulator.starts(index[k : k + 1], rng) for k, rng in enumerate(rngs)]
-        episodes = greedy(self.agent, method).rollout(
-            BatchSimulator(simulator, self.device),
+        """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of STARTS."""
+        method, index = self.trained.method, np.arange(len(rooms)).repeat(STARTS)
+        simulator = BatchSimulator(Simulator(rooms, method.moves, self.trained.reward.weights), self.device)
+        moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS, 1)
+        numbers = torch.as_tensor((np.tile(spread(0, STARTS), len(rooms)) + moved_on) % 1, device=self.device)
+        run = greedy(self.agent, method).rollout(
+            simulator,
             observation_of(method.observation, rooms, self.device, self.categories),
             index,
-            np.concatenate(starts),
+            simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
         )
-        return episodes.final, episodes.value[episodes.moves, index]
+        value = run.value[run.moves, np.arange(len(index))].reshape(-1, STARTS)
+        best = np.arange(len(rooms)), value.argmax(1)
+        return run.final.reshape(-1, STARTS, 2)[best], value[best]
 
 
 def facing_all_ways(room: Room, item: int) -> list[Room]:
