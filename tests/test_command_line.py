@@ -22,11 +22,12 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import spread
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_from_dict, room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
 from layoutrl.runs.folder import checkpoints, load_config
-from layoutrl.runs.furnishers import dice
+from layoutrl.runs.furnishers import STARTS, dice
 from layoutrl.runs.trained import trained_agent, trained_run
 from tests.commands import PROJECT, fresh, layoutrl
 
@@ -187,10 +188,13 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     method = kept.method
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
-    index = np.arange(3)
-    starts = np.concatenate([simulator.starts(index[k : k + 1], dice(room, [0, 0])) for k, room in enumerate(rooms)])
+    batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS)
+    drawn = np.stack([dice(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS, 1)
+    starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS), 3) + drawn) % 1))
     observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, kept, CPU)[1])
-    expected = policy.rollout(BatchSimulator(simulator, CPU), observe, index, starts).final
+    went = policy.rollout(batch, observe, index, starts.numpy())
+    value = went.value[went.moves, np.arange(len(index))].reshape(3, STARTS)
+    expected = went.final.reshape(3, STARTS, 2)[np.arange(3), value.argmax(1)]
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
     for before, after, bed in zip(documents[:3], written, beds, strict=False):
         assert f"{after['id']}: 1 of 1 placed; " in done.stdout
