@@ -37,7 +37,8 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
     if lacking := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
         raise InputError(f"parts: demo needs {' and '.join(lacking)}; install them: pip install 'layoutrl[demo]'")
     looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
-    furnishing = [look | {"movable": list(range(len(look["room"]["furniture"])))} for look in looks]
+    # As the page asks first: for one layout, which it plays while the others are found.
+    furnishing = [look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1} for look in looks]
     with served() as (process, port):
         with Client(port) as client:
             client.seconds("furnish", furnishing[0])  # which waits until it knows rooms of this type

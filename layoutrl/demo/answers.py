@@ -117,7 +117,7 @@ class Answers:
         return self.look({"room": room_to_dict(room)})
 
     def furnish(self, asked: Any) -> Answer:
-        """Different layouts of the room with the items of `movable` placed anew, best first, and the way to each."""
+        """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each."""
         room = room_in(asked)
         chosen = asked.get("movable")
         if not isinstance(chosen, list):
@@ -130,8 +130,9 @@ class Answers:
         if not missing(brief):
             raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
+        choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
         held = answerable(brief, self.staff.known(room.room_type))
-        (found,) = self.staff.of(room.room_type).furnish([held.brief], CHOICES, seed) if missing(held.brief) else [[]]
+        (found,) = self.staff.of(room.room_type).furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
         return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
     def values(self, asked: Any) -> Answer:

@@ -131,6 +131,14 @@ def test_furnishing_places_what_is_not_locked_and_leaves_the_rest(answers, room)
     assert values == sorted(values, reverse=True)
 
 
+def test_as_many_layouts_are_found_as_are_asked_for(answers):
+    room = ROOMS[0]
+    movable = [*range(len(room.furniture))]
+    assert len(answers.answer("furnish", body(room, movable=movable, choices=1))["choices"]) == 1
+    with pytest.raises(InputError, match="choices: expected a number from 1 to 3"):
+        answers.answer("furnish", body(room, movable=movable, choices=4))
+
+
 def test_the_same_seed_gives_the_same_first_restart(answers):
     room = ROOMS[0]
     furnisher = Rival(composed("demo").search, 1e-9)  # one restart

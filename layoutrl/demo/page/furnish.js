@@ -6,6 +6,7 @@ import { item, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
 const ALL = 9000; // milliseconds, of all moves at most
+const CHOICES = 3;
 const STEP = 0.15; // metres between the places of a heat map
 let asked = 0; // how often: each time others may be found
 let skip = null;
@@ -18,11 +19,17 @@ async function furnish(movable) {
   say("");
   $("verdict").textContent = "Looking for places …";
   try {
-    const { lines, choices } = await ask("furnish", { room: state.room, movable, seed: asked++ });
+    const about = { room: structuredClone(state.room), movable, seed: asked++ };
+    const { lines, choices } = await ask("furnish", { ...about, choices: 1 });
     $("lines").replaceChildren(...lines.map((textContent) => element("li", { textContent })));
     state.choices = choices;
-    if (choices.length) await play(0, movable);
-    else say("No place was found.");
+    if (choices.length) {
+      const more = ask("furnish", about).catch(() => ({ choices: [] })); // found while the first is played
+      await play(0, movable);
+      const first = JSON.stringify(choices[0].furniture);
+      const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
+      state.choices = [choices[0], ...others].slice(0, CHOICES);
+    } else say("No place was found.");
   } catch (error) {
     state.choices = [];
     say(error.message);
