@@ -223,6 +223,13 @@ def test_a_port_that_is_taken_is_said_in_a_line():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent as POSIX has it")
+def test_no_part_of_an_answer_waits_for_word_of_another():
+    with listening(0) as listener, socket.create_connection(listener.getsockname()):
+        connection, _ = listener.accept()
+        with connection:
+            assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
 def test_the_command_serves_until_it_is_interrupted():
     command = [sys.executable, "-m", "layoutrl.demo", "port=0"]
     with subprocess.Popen(command, cwd=PROJECT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
