@@ -116,7 +116,8 @@ def take(page: Page, name: str, number: int = 0) -> Any:
 
 
 def middle(target: Any) -> tuple[float, float]:
-    box = target.bounding_box()
+    while (box := target.bounding_box()) is None:  # it is being drawn anew
+        pass
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
