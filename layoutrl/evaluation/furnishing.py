@@ -20,7 +20,7 @@ from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.protocols import greedy
+from layoutrl.evaluation.protocols import greedy, led_to
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.furnished import Furnished, Pose
 from layoutrl.rooms.room import Item, Point, Room
@@ -185,16 +185,16 @@ class Furnisher:
         """
         starts = self._starts(world, state, uniform)
         ends = self._ends(world, state, starts, any(known))
-        beside = self._beside(world, state, ends)
-        if stood.any():
-            ends = self._or_stay(world, state, stood, ends)
-        chosen = _best(world.rooms, state, _others(world.rooms, state, ends, known))
-        for options in (beside, starts):
+        or_stay = self._or_stay(world, state, stood, ends) if stood.any() else ends
+        chosen = _best(world.rooms, state, _others(world.rooms, state, or_stay, known))
+        for beside in (True, False):
             b = np.flatnonzero(chosen.faults > 0)
             if not len(b):
                 break
-            some = _others(world.rooms, _of(state, b), options.of(b), [known[n] for n in b.tolist()])
-            chosen = _with(chosen, b, _best(world.rooms, _of(state, b), some))
+            some = _of(state, b)
+            options = self._beside(world, some, ends.of(b)) if beside else starts.of(b)
+            options = _others(world.rooms, some, options, [known[n] for n in b.tolist()])
+            chosen = _with(chosen, b, _best(world.rooms, some, options))
         return chosen
 
     def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
@@ -238,13 +238,13 @@ class Furnisher:
         """Where one move more leads from the best of the ends."""
         scenes, every, best = world.scenes, np.arange(len(ends.value)), ends.value.argmax(1)
         quarter = ends.quarter[every, best]
-        scene, here = world.scenes_of(state, every, quarter), torch.as_tensor(ends.center[every, best])
-        length, legal = scenes.reach(scene, here.to(scene.device))
-        actions = torch.arange(length.shape[1], device=scene.device).repeat(len(every))
-        whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (scene, here.to(scene.device)))
-        reached = scenes.moved(whose, start, actions, length.flatten())
-        value = self._policy.best_value(scenes, world.observe, whose, reached).view_as(legal)
-        center = reached.view(*legal.shape, 2).cpu().numpy()
+        scene = world.scenes_of(state, every, quarter)
+        here = torch.as_tensor(ends.center[every, best], device=scene.device)
+        length, legal = scenes.reach(scene, here)
+        reached = led_to(scenes, scene, here, length)
+        whose = scene.repeat_interleave(length.shape[1], 0)
+        value = self._policy.best_value(scenes, world.observe, whose, reached.flatten(0, 1)).view_as(legal)
+        center = reached.cpu().numpy()
         return Options(
             center,
             quarter[:, None].repeat(legal.shape[1], 1),

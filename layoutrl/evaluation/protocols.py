@@ -91,10 +91,7 @@ class Greedy:
         for t in range(self.max_moves):
             here = path[t, active]
             length, legal = simulator.reach(rooms[active], here)
-            actions = torch.arange(length.shape[1], device=device).repeat(len(active))
-            whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (rooms[active], here))
-            reached = simulator.moved(whose, start, actions, length.flatten())
-            reached = reached.unflatten(0, length.shape)  # (active, A, 2)
+            reached = led_to(simulator, rooms[active], here, length)
             been_there = (path[: t + 1, active, None] == reached).all(-1).any(0)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
             q = self.values(observe, rooms[active], here).masked_fill(closed, -torch.inf)
@@ -155,6 +152,13 @@ class Greedy:
         seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
         views = zip(self.agent.values(seen).split(len(observation)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
+
+
+def led_to(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor, length: Tensor) -> Tensor:
+    """Where each action leads, by lengths (B, A) in metres, from positions (B, 2): (B, A, 2)."""
+    actions = torch.arange(length.shape[1], device=length.device).repeat(len(here))
+    whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (room, here))
+    return simulator.moved(whose, start, actions, length.flatten()).unflatten(0, length.shape)
 
 
 def greedy(agent: DQN, method: Method) -> Greedy:

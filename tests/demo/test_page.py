@@ -117,7 +117,7 @@ def take(page: Page, name: str, number: int = 0) -> Any:
 
 def middle(target: Any) -> tuple[float, float]:
     while (box := target.bounding_box()) is None:  # it is being drawn anew
-        pass
+        expect(target).to_be_visible()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
