@@ -9,7 +9,8 @@ DATA ?= data
 REAL = $(foreach source,floorplans designer_rooms,$(if $(wildcard $(DATA)/$(source)),$(source)=$(DATA)/$(source)))
 OPTIONS = $(if $(budget),budget=$(budget)) $(ARGS)
 TYPES = $(if $(filter file,$(origin ROOM)),,room=$(ROOM))
-PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=worksteal
+# What Python and pytest compile is kept, whatever the shell says: compiling the tests takes a worker longer than importing.
+PYTEST = PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses=4 --dist=worksteal
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'

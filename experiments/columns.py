@@ -17,7 +17,6 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
 
 from layoutrl import InputError
-from layoutrl import train as training_entry
 from layoutrl.agents.dqn import DQN
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
@@ -25,7 +24,6 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.oracle import perfect_places
 from layoutrl.evaluation.protocols import greedy
-from layoutrl.planit import train as planit_entry
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.placement import Placer
@@ -49,7 +47,8 @@ from layoutrl.rivals.supervised import (
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts, whole_parts
-from layoutrl.runs import resume
+from layoutrl.runs import planit_training, resume
+from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, check_furnishing, one_of, part
 from layoutrl.runs.folder import differences, folders_of, load_config, locked, wanted_folder, write_json
 from layoutrl.runs.machine import device_of, keep_freed_memory, machine
@@ -192,7 +191,7 @@ def trained_agent(
     how = [asdict(part) for part in (config.room, config.method, config.reward)]
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
-        trained = training_entry.train(training, rooms, held_out, device, begun)
+        trained = agent_training.train(training, rooms, held_out, device, begun)
         if trained.learner.agent.updates < trained.learner.updates:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
@@ -317,7 +316,7 @@ def trained_planit(
     config: CellConfig, training_rooms: list[Room], rooms: list[Room], device: torch.device, seconds: float | None
 ) -> tuple[Placer, dict[str, Any]]:
     """PlanIT, trained on rooms for so long or for its own updates, in the rooms to be scored in; and about that."""
-    training, held_out = planit_entry.usable(training_rooms, rooms)
+    training, held_out = planit_training.usable(training_rooms, rooms)
     if len(held_out.rooms) < len(rooms):
         raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
     updates = config.planit.updates[config.budget.name]
@@ -327,13 +326,13 @@ def trained_planit(
 
     def train(rival: PlanitConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         spent = seconds_budget(seconds, clock_of(device)) if seconds else updates_budget(updates)
-        trained = planit_entry.train(rival, training, held_out, spent, device, begun)
+        trained = planit_training.train(rival, training, held_out, spent, device, begun)
         if trained.stopped:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
 
     folder, about = trained_once(config, rival, what, train)
-    return planit_entry.load(folder, training, held_out, device), about
+    return planit_training.load(folder, training, held_out, device), about
 
 
 def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:

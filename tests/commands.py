@@ -20,6 +20,10 @@ PROJECT = Path(__file__).resolve().parents[1]
 COMMANDS = ("train", "planit.train", "evaluate", "place", "watch", "gallery", "bench", "demo")
 IMPORTED = (
     *(f"layoutrl.{command}" for command in COMMANDS),
+    *(
+        f"layoutrl.{what}"
+        for what in ("runs.training", "runs.planit_training", "runs.rooms_report", "benchmarks.parts")
+    ),
     *("cells", "real_rooms", "table1", "table2"),
     *("tests.commands", "tests.runs.test_resume"),
     *("torch._inductor", "tensorboard.compat.tensorflow_stub.io"),  # which a training imports as it begins

@@ -19,6 +19,7 @@ from PIL import Image
 from layoutrl import InputError, bench
 from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
 from layoutrl.benchmarks.learning import bare_passes, fill, untrained
+from layoutrl.benchmarks.parts import ROWS
 from layoutrl.benchmarks.simulation import with_items
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import read_parts
@@ -63,7 +64,7 @@ def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
 def test_the_command_prints_its_table(tmp_path: Path) -> None:
     done = layoutrl("bench", *LITTLE, "parts=[growth]", "device=cpu", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert bench.ROWS["growth"]["moves_a_second_by_items"][0] in done.stdout
+    assert ROWS["growth"]["moves_a_second_by_items"][0] in done.stdout
     assert done.stdout.splitlines()[-1] == f"wrote {Path('runs') / 'bench' / 'little'}"
 
 
@@ -71,7 +72,7 @@ def test_every_row_of_the_table_is_measured(benched: tuple[str, Path]) -> None:
     printed, folder = benched
     measured = json.loads((folder / "bench.json").read_text())
     for part in measured.keys() - {"machine", "config"}:
-        for key, (what, _) in bench.ROWS[part].items():
+        for key, (what, _) in ROWS[part].items():
             if key not in ("peak_device_gigabytes", "picture_seconds", "megabytes"):  # not on every machine
                 assert numbers(measured[part][key]), key
                 assert what in printed

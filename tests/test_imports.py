@@ -42,7 +42,8 @@ import sys
 from runpy import run_module
 
 for command, argument in (
-    ("place", "--help"), ("place", "sed=1"), ("evaluate", "sed=1"), ("watch", "sed=1"), ("gallery", "data.seed=-1")
+    ("place", "--help"), ("place", "sed=1"), ("evaluate", "sed=1"), ("watch", "sed=1"), ("gallery", "data.seed=-1"),
+    ("train", "sed=1"), ("planit.train", "sed=1"), ("bench", "sed=1"), ("demo", "sed=1"),
 ):
     sys.argv = [command, argument]
     try:
@@ -54,7 +55,7 @@ for command, argument in (
     done = fresh("-c", code, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Override anything in the config") == 1
-    assert done.stdout.count("ended error: ") == 4
+    assert done.stdout.count("ended error: ") == 8
 
 
 def test_an_agent_is_asked_without_torchs_compiler(tmp_path: Path) -> None:

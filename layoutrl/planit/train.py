@@ -5,52 +5,22 @@ or resume=<folder of a run>, which goes on as if it had never stopped.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import torch
-
-from layoutrl import InputError
-from layoutrl.rivals.budgets import Spent, updates_budget
-from layoutrl.rivals.planit.graph import ARCHITECTURE, Scene, scene_of
-from layoutrl.rivals.planit.model import PlanIT, counted
-from layoutrl.rivals.planit.placement import Placer, Search
-from layoutrl.rivals.planit.scoring import evaluated, given_query, scored, table
-from layoutrl.rivals.planit.training import LOSSES, Training
-from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import Stopped, command
 from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
-from layoutrl.runs.folder import load_checkpoint, load_config, taken
-from layoutrl.runs.machine import device_of, keep_freed_memory, refuse_chance
-from layoutrl.runs.monitor import reported
-from layoutrl.runs.resume import carried_out, ending, finish, seeds, session, stated
-
-
-@dataclass(frozen=True)
-class Usable:
-    """Rooms that PlanIT can draw, and their scenes."""
-
-    rooms: Sequence[Room]
-    scenes: Sequence[Scene]
-
-
-@dataclass(frozen=True)
-class Trained:
-    """What a training leaves behind."""
-
-    folder: Path
-    placer: Placer  # in the held-out rooms
-    updates: int
-    seconds: float
-    stopped: bool  # before the budget was spent
 
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
+    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    from layoutrl.rivals.budgets import updates_budget
+    from layoutrl.rivals.planit.scoring import evaluated, table
+    from layoutrl.runs.machine import device_of
+    from layoutrl.runs.planit_training import train, usable
+    from layoutrl.runs.resume import ending, finish, seeds
+
     device = device_of(config.device)  # said before the rooms are made, which takes a while
     training, held_out = usable(*two_parts(config.room.type, config.room.item, config.data, config.fold))
     spent = updates_budget(config.method.updates[config.budget.name])
@@ -75,104 +45,10 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     return folder
 
 
-def train(
-    config: PlanitConfig,
-    training_rooms: Usable,
-    held_out: Usable,
-    spent: Spent,
-    device: torch.device,
-    folder: Path | None = None,
-) -> Trained:
-    """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
-
-    An interrupt ends it early, with all that it needs to go on.
-    """
-    budget = config.budget
-    keep_freed_memory()
-    refuse_chance(device)
-    print(f"training on {len(training_rooms.rooms)} rooms, {len(held_out.rooms)} held out")
-    network_seed, training_seed, probe_seed, _ = seeds(config)
-    model = PlanIT(counted(training_rooms.rooms, training_rooms.scenes), network_seed, device)
-    placer = Placer(model, held_out.rooms, held_out.scenes)
-    updates = config.method.updates[budget.name]
-    training = Training(
-        model,
-        training_rooms.rooms,
-        training_rooms.scenes,
-        spent,
-        batch=config.method.batch,
-        learning_rate=config.method.learning_rate,
-        report_every=max(1, updates // budget.reports),
-        seed=training_seed,
-    )
-    placers = {}
-    parts = {"train": training_rooms, "held_out": held_out}
-    for (name, own), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
-        few = sorted(np.random.default_rng(seed).permutation(len(own.rooms))[: budget.evaluation_rooms])
-        placers[name] = Placer(model, [own.rooms[k] for k in few], [own.scenes[k] for k in few])
-
-    def look(*_: Any) -> dict[str, float]:
-        model.networks.eval()
-        found = {f"iou/{name}": probed(placer) for name, placer in placers.items()}
-        model.networks.train()
-        return found
-
-    curves = ("updates", *(f"loss/{name}" for name in LOSSES))
-    with session(training, config, training_rooms.rooms, folder, device, "layoutrl.planit.train") as kept:
-        every = max(1, updates // budget.evaluations)
-        for iou in reported(training, curves, look, kept.folder, updates, every):
-            kept.save(iou)
-    stopped = training.stopping and training.share < 1
-    return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)
-
-
-def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:
-    """PlanIT as a training on these rooms left it in its folder, in the held-out rooms."""
-    model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
-    state = load_checkpoint(folder, device, config=stated(load_config(folder, PlanitConfig)))
-    with taken(folder):
-        model.networks.load_state_dict(state["training"]["networks"])
-    return Placer(model, held_out.rooms, held_out.scenes)
-
-
-def usable(training: Sequence[Room], held_out: Sequence[Room]) -> tuple[Usable, Usable]:
-    """The rooms that stand upright and, of those held out, have no other furniture than training rooms.
-
-    Says what is left out. Raises InputError where nothing is left.
-    """
-    learnt = _usable(training, "training")
-    known = {*ARCHITECTURE} | {name for scene in learnt.scenes for name in scene.category}
-    return learnt, _usable(held_out, "held-out", known)
-
-
-def _usable(rooms: Sequence[Room], which: str, known: set[str] | None = None) -> Usable:
-    kept, refused = [], []
-    for room in rooms:
-        try:
-            scene = scene_of(room)
-            if unknown := sorted({*scene.category} - (known or {*scene.category})):
-                raise InputError(f"planit: room {room.id} has a {unknown[0]}; expected what training rooms have")
-        except InputError as problem:
-            refused.append(str(problem))
-        else:
-            kept.append((room, scene))
-    if refused:
-        print(f"left out {len(refused)} of {len(rooms)} {which} rooms, first {refused[0]}")
-    if not kept:
-        raise InputError(refused[0])
-    return Usable([room for room, _ in kept], [scene for _, scene in kept])
-
-
-def probed(placer: Placer) -> float:
-    """Mean IoU of the moving items, by the designer's graphs, at the likeliest places."""
-    queries = [given_query(placer, room) for room in range(len(placer.rooms))]
-    heats = placer.heat(queries)
-    items = [placer.target(query, heat, Search()) for query, heat in zip(queries, heats, strict=True)]
-    return scored(placer.rooms, items).score.mean_iou
-
-
 def carry_out(command_line: PlanitCommand) -> None:
     """Train as configured, or go on with a run."""
+    from layoutrl.runs.resume import carried_out
+
     carried_out(part(command_line, PlanitConfig), command_line.resume, run)
 
 

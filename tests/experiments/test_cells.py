@@ -18,8 +18,8 @@ from cells import fill, packed, unpacked
 from columns import folder_of, name_of
 from hydra import compose, initialize_config_dir
 
-from layoutrl.planit import train as planit_entry
 from layoutrl.rivals.planit.training import Training
+from layoutrl.runs import planit_training
 from layoutrl.runs.config import config_directory
 from layoutrl.runs.folder import checkpoints
 from layoutrl.runs.monitor import watched
@@ -32,7 +32,7 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     fill(config)
     file = folder_of(config) / f"{name_of(config)}.json"
     before = file.read_text()
-    monkeypatch.setattr(columns.training_entry, "train", None)  # would fail
+    monkeypatch.setattr(columns.agent_training, "train", None)  # would fail
     fill(config)
     assert file.read_text() == before
     assert "begins" in capsys.readouterr().out.split("done")[0]
@@ -63,7 +63,7 @@ def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypat
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr("layoutrl.train.watched", interrupted)
+    monkeypatch.setattr("layoutrl.runs.training.watched", interrupted)
     with pytest.raises(KeyboardInterrupt):
         fill(config)
     monkeypatch.undo()
@@ -83,14 +83,14 @@ def test_a_training_that_is_killed_goes_on(tmp_path, designed, monkeypatch):
         raise KeyboardInterrupt
 
     again = replace(config, results=str(tmp_path / "again"), runs=str(tmp_path / "again"))
-    monkeypatch.setattr("layoutrl.train.watched", killed)
+    monkeypatch.setattr("layoutrl.runs.training.watched", killed)
     with pytest.raises(KeyboardInterrupt):
         fill(again)
     monkeypatch.undo()
     (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
     begun = []
-    train = columns.training_entry.train
-    monkeypatch.setattr(columns.training_entry, "train", lambda *a: begun.append(a[-1]) or train(*a))
+    train = columns.agent_training.train
+    monkeypatch.setattr(columns.agent_training, "train", lambda *a: begun.append(a[-1]) or train(*a))
     fill(again)
     assert begun == [unfinished]
     assert cell(again)["rows"] == whole["rows"]
@@ -124,7 +124,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
     few = ("planit.updates={smoke: 4}", "budget.evaluations=2", "budget.reports=4", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami", *few)
     fill(config)
-    whole, train_on = cell(config), planit_entry.reported
+    whole, train_on = cell(config), planit_training.reported
 
     def killed(*arguments: Any) -> Any:
         yield from itertools.islice(train_on(*arguments), 1)
@@ -132,7 +132,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
 
     again = replace(config, results=str(tmp_path / "again"), runs=str(tmp_path / "again"))
     with monkeypatch.context() as patch:
-        patch.setattr(planit_entry, "reported", killed)
+        patch.setattr(planit_training, "reported", killed)
         with pytest.raises(KeyboardInterrupt):
             fill(again)
     (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
@@ -146,7 +146,7 @@ def test_planit_goes_on_where_its_updates_are_told(tmp_path, designed, monkeypat
 def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
     few = ("planit.updates={smoke: 6}", "budget.evaluations=3", "budget.reports=6", "budget.evaluation_rooms=1")
     config = configured(tmp_path, designed, "column=planit", "room=tatami", *few)
-    now, update, train_on = [0.0], Training._update, planit_entry.reported
+    now, update, train_on = [0.0], Training._update, planit_training.reported
 
     def a_second(training: Training) -> None:
         update(training)
@@ -160,7 +160,7 @@ def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
     monkeypatch.setattr(columns, "agent_seconds", lambda *_: 10.0)
     monkeypatch.setattr(columns, "clock_of", lambda _: lambda: now[0])
     with monkeypatch.context() as patch:
-        patch.setattr(planit_entry, "reported", killed)
+        patch.setattr(planit_training, "reported", killed)
         with pytest.raises(KeyboardInterrupt):
             fill(config)
     (unfinished,) = (tmp_path / "runs" / "tatami").glob("*unfinished")

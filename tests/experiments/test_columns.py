@@ -120,9 +120,9 @@ def test_the_regressor_is_refused_without_the_agent_whose_time_it_gets(agent_fol
 
 def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch):
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami")
-    usable = columns.planit_entry.usable
-    monkeypatch.setattr(columns.planit_entry, "usable", lambda training, held_out: usable(training, held_out[1:]))
-    monkeypatch.setattr(columns.planit_entry, "train", None)
+    usable = columns.planit_training.usable
+    monkeypatch.setattr(columns.planit_training, "usable", lambda training, held_out: usable(training, held_out[1:]))
+    monkeypatch.setattr(columns.planit_training, "train", None)
     fill(config)
     assert "scored in all rooms or none" in (folder_of(config) / f"{name_of(config)}.error").read_text()
 

@@ -164,13 +164,14 @@ def test_make_tables_takes_a_type_where_one_is_given():
 
 
 def configurations(table: str, sweep: dict[str, str]) -> Iterator[CellConfig]:
-    """Of all cells of a sweep. To compose one takes long: of another type of room only conf/room/ is read."""
+    """Of all cells of a sweep. To compose one takes long, and only groups need it; of types only conf/room/ is read."""
     types = sweep.get("room", "").split(",")
-    names = [name for name in sweep if name != "room"]
-    for values in itertools.product(*(sweep[name].split(",") for name in names)):
+    groups = [name for name in sweep if name != "room" and (config_directory() / name).is_dir()]
+    plain = [name for name in sweep if name not in (*groups, "room")]
+    for values in itertools.product(*(sweep[name].split(",") for name in groups)):
         chosen = [
             f"table={table}",
-            *map("=".join, zip(names, values, strict=True)),
+            *map("=".join, zip(groups, values, strict=True)),
             *(f"room={t}" for t in types[:1] if t),
         ]
         with initialize_config_dir(str(config_directory()), version_base="1.3"):
@@ -178,12 +179,16 @@ def configurations(table: str, sweep: dict[str, str]) -> Iterator[CellConfig]:
         for room_type in types:
             if room_type:
                 OmegaConf.update(config, "room", OmegaConf.load(config_directory() / "room" / f"{room_type}.yaml"))
-            yield OmegaConf.to_object(config)
+            for said in itertools.product(*(sweep[name].split(",") for name in plain)):
+                for name, value in zip(plain, said, strict=True):
+                    OmegaConf.update(config, name, value)
+                yield OmegaConf.to_object(config)
 
 
-def test_another_type_of_room_is_composed_as_hydra_does() -> None:
-    sweep = {"column": "geometric", "room": "bedroom,kitchen"}
-    assert [*configurations("table1", sweep)][1] == composed("cell", "table=table1", "column=geometric", "room=kitchen")
+def test_cells_are_composed_as_hydra_does() -> None:
+    sweep = {"column": "geometric", "seed": "0,1", "trained_on": "own,both", "room": "bedroom,kitchen"}
+    *_, last = configurations("table1", sweep)
+    assert last == composed("cell", "table=table1", "column=geometric", "seed=1", "trained_on=both", "room=kitchen")
 
 
 def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from layoutrl import InputError
-from layoutrl.planit.train import load, main, run, usable
+from layoutrl.planit.train import main, run
 from layoutrl.rivals.planit.training import Training
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.rooms.room import Room
@@ -20,6 +20,7 @@ from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import PlanitConfig, composed, part
 from layoutrl.runs.folder import load_checkpoint
+from layoutrl.runs.planit_training import load, usable
 from layoutrl.runs.resume import resumed
 from tests.commands import layoutrl
 from tests.rivals.planit.rooms import designed
@@ -90,7 +91,7 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
         with pytest.raises(Stopped, match="stopped after 4 of 6 updates"):
             resumed(folder, run, PlanitConfig)
         patch.setattr(Training, "_update", update)
-        patch.setattr("layoutrl.planit.train.evaluated", interrupted)
+        patch.setattr("layoutrl.rivals.planit.scoring.evaluated", interrupted)
         with pytest.raises(Stopped, match=f"stopped in its evaluation; go on with: .*resume={folder}"):
             resumed(folder, run, PlanitConfig)
     assert resumed(folder, run, PlanitConfig) == folder

@@ -380,7 +380,7 @@ def test_an_evaluation_that_is_stopped_is_done_later(stop, said, whole, tmp_path
         raise stop
 
     with monkeypatch.context() as patch:
-        patch.setattr("layoutrl.train.evaluate", stopped)
+        patch.setattr("layoutrl.runs.report.evaluate", stopped)
         with pytest.raises(InputError, match=said):
             resumed(folder, run, TrainConfig)
     assert outcome(resumed(folder, run, TrainConfig)) == outcome(whole)

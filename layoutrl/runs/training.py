@@ -1,0 +1,72 @@
+"""The training of an agent in the folder of its run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from layoutrl.agents.learner import Learner
+from layoutrl.env.observation import observation_of
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.probe import Probe, RoomsProbe
+from layoutrl.evaluation.protocols import greedy
+from layoutrl.rooms.room import Room
+from layoutrl.runs.config import TrainConfig
+from layoutrl.runs.machine import keep_freed_memory, refuse_chance
+from layoutrl.runs.monitor import watched
+from layoutrl.runs.resume import seeds, session
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training leaves behind."""
+
+    folder: Path
+    learner: Learner
+    seconds: float
+
+
+def train(
+    config: TrainConfig,
+    training_rooms: Sequence[Room],
+    held_out: Sequence[Room],
+    device: torch.device,
+    folder: Path | None = None,
+) -> Trained:
+    """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
+
+    An interrupt ends it early, with all that it needs to go on.
+    """
+    method, budget, reward = config.method, config.budget, config.reward.weights
+    updates = method.updates[budget.name]
+    keep_freed_memory()
+    refuse_chance(device)
+    print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
+    network_seed, training_seed, probe_seed, _ = seeds(config)
+    learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
+    training = learner.training(max(1, updates // budget.reports))
+    policy: Any = greedy(learner.agent, method)
+    if method.scope == "room":
+        policy = Furnisher(learner.agent, method, learner.categories)
+    probes: dict[str, Any] = {}
+    parts = {"train": training_rooms, "held_out": held_out}
+    for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
+        rng = np.random.default_rng(seed)
+        few = [rooms[k] for k in sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])]
+        if method.scope == "room":
+            probes[name] = RoomsProbe(few)
+        else:
+            observe = observation_of(method.observation, few, device, learner.categories)
+            probes[name] = Probe(Simulator(few, method.moves, reward), observe, rng, device)
+    about = {"categories": learner.categories}
+    with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
+        every = max(1, updates // budget.evaluations)
+        for iou in watched(training, policy, probes, kept.folder, updates, every):
+            kept.save(iou)
+    return Trained(kept.folder, learner, kept.seconds)
