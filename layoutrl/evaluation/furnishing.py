@@ -22,7 +22,7 @@ from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.protocols import greedy, led_to
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.furnished import Furnished, Pose
+from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.room import Item, Point, Room
 
 STARTS = 32  # places spread for each way that an item can face, and valued
@@ -141,7 +141,7 @@ class Furnisher:
 
     def _add_another(self, world: _World, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
-        rooms, paths = world.rooms, [list[Pose]() for _ in known]
+        rooms, paths = world.rooms, [list[Placement]() for _ in known]
         order, count = rooms.sequence().argsort(1, kind="stable"), rooms.count.copy()
         state = rooms.empty(np.arange(len(known)))
         left = count  # items of each room that this sweep places

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from layoutrl.rooms.room import Point, Room
 
-Pose = tuple[int, Point, float]  # index of an item in the room's furniture, its centre in metres, degrees
+Placement = tuple[int, Point, float]  # index of an item in the room's furniture, its centre in metres, degrees
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Furnished:
 
     layout: Room
     value: float  # what who made it thinks of it: the higher, the better
-    path: list[Pose] = field(default_factory=list)  # every pose of the items on their way, in order
+    path: list[Placement] = field(default_factory=list)  # all of the items on their way, in order
 
 
 class Furnishes(Protocol):
