@@ -20,10 +20,8 @@ PROJECT = Path(__file__).resolve().parents[1]
 COMMANDS = ("train", "planit.train", "evaluate", "place", "watch", "gallery", "bench", "demo")
 IMPORTED = (
     *(f"layoutrl.{command}" for command in COMMANDS),
-    *(
-        f"layoutrl.{what}"
-        for what in ("runs.training", "runs.planit_training", "runs.rooms_report", "benchmarks.parts")
-    ),
+    "layoutrl.benchmarks.parts",
+    *(f"layoutrl.runs.{run}" for run in ("training", "planit_training", "rooms_report")),
     *("cells", "real_rooms", "table1", "table2"),
     *("tests.commands", "tests.runs.test_resume"),
     *("torch._inductor", "tensorboard.compat.tensorflow_stub.io"),  # which a training imports as it begins

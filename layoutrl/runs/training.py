@@ -51,15 +51,14 @@ def train(
     network_seed, training_seed, probe_seed, _ = seeds(config)
     learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
     training = learner.training(max(1, updates // budget.reports))
-    policy: Any = greedy(learner.agent, method)
-    if method.scope == "room":
-        policy = Furnisher(learner.agent, method, learner.categories)
+    whole = method.scope == "room"
+    policy: Any = Furnisher(learner.agent, method, learner.categories) if whole else greedy(learner.agent, method)
     probes: dict[str, Any] = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
         few = [rooms[k] for k in sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])]
-        if method.scope == "room":
+        if whole:
             probes[name] = RoomsProbe(few)
         else:
             observe = observation_of(method.observation, few, device, learner.categories)
