@@ -1,9 +1,11 @@
 """What each part of the method is worth: one row a change, several seeds, on designed rooms.
 
     python experiments/ablation.py bedroom [--updates 4000] [--seeds 0 1 2] [--jobs 2] [--runs runs/ablation]
+    python experiments/ablation.py bedroom --scope room --seeds 0
 
 Trains with every change alone, on rooms of the data seed that the project tunes on (1: no figure in the README is
-measured there), scores on 1,000 rooms never seen, writes experiments/results/ablation/<type>.json and prints its table.
+measured there), scores on rooms never seen (1,000; 300 whole ones), writes experiments/results/ablation/<type>.json or
+<type>-rooms.json and prints its table.
 Runs that are there already are not trained again: after an interruption, the same command goes on. Results of other
 updates or seeds are not overwritten.
 """
@@ -31,7 +33,7 @@ from layoutrl.runs.resume import EVALUATION
 
 RESULTS = Path(__file__).parent / "results" / "ablation"
 DATA_SEED = 1
-CHANGES = {
+ITEM = {
     "the method": [],
     "no mirrored and turned views": ["method.symmetries=false"],
     "no slides": ["method.slide=false"],
@@ -40,6 +42,20 @@ CHANGES = {
     "no dueling head": ["method.dueling=false"],
     "discount 0.9": ["method.discount=0.9"],
     "episodes end at the goal": ["method.goal_terminates=true"],
+}
+ROOM = {
+    "the method": [],
+    "a fourth term of the reward": ["reward=usable"],
+    "no starts near the designer's place": ["method.near_share=0"],
+    "no rooms with its own mistakes": ["method.own_share=0"],
+    "no mirrored views": ["method.symmetries=false"],
+    "no slides": ["method.slide=false"],
+}
+CHANGES = {"item": ITEM, "room": ROOM}
+ALWAYS = {"item": [], "room": ["scope=room", "data.test_rooms=300"]}
+COLUMNS = {
+    "item": {">= 0.9": "{share_090:.1%}", "lattice ceiling": "{ceiling:.3f}", "moves": "{moves:.1f}"},
+    "room": {"facing": "{facing:.3f}", "faultless": "{faultless:.3f}", "fronts free": "{fronts:.3f}"},
 }
 
 
@@ -70,14 +86,16 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
     """Mean and spread over seeds."""
     agents = [evaluation["rows"]["agent"] for evaluation in evaluations]
     ious = [agent["mean_iou"] for agent in agents]
+    one_item = {
+        "ceiling": [evaluation.get("lattice_ceiling") for evaluation in evaluations],
+        "moves": [evaluation.get("moves") for evaluation in evaluations],
+    }
+    means = {name: [agent.get(name) for agent in agents] for name in ("share_090", "facing", "faultless", "fronts")}
     return {
         "mean_iou": statistics.mean(ious),
         "std_over_seeds": statistics.stdev(ious) if len(ious) > 1 else None,
-        "share_090": statistics.mean(agent["share_090"] for agent in agents),
-        "ceiling": statistics.mean(evaluation["lattice_ceiling"] for evaluation in evaluations),
-        "moves": statistics.mean(evaluation["moves"] for evaluation in evaluations),
         "iou_by_seed": ious,
-    }
+    } | {name: statistics.mean(values) for name, values in (means | one_item).items() if None not in values}
 
 
 def table(result: dict[str, Any]) -> Table:
@@ -86,9 +104,7 @@ def table(result: dict[str, Any]) -> Table:
     columns = {
         "": "{change}",
         "mean IoU ± over seeds": "{mean_iou:.3f} ± {std_over_seeds:.3f}",
-        ">= 0.9": "{share_090:.1%}",
-        "lattice ceiling": "{ceiling:.3f}",
-        "moves": "{moves:.1f}",
+        **COLUMNS[result["scope"]],
     }
     title = f"What each part is worth: {result['room_type']}, {result['updates']} updates, seeds {seeds}"
     records = [{"change": change, **found} for change, found in result["rows"].items()]
@@ -99,14 +115,23 @@ def table(result: dict[str, Any]) -> Table:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))
+    parser.add_argument("--scope", choices=list(CHANGES), default="item", help="item: one of a room; room: all")
     parser.add_argument("--updates", type=int, help="as many as the type has, if not given")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once, on one core each")
     parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
     arguments = parser.parse_args()
-    updates = arguments.updates or composed("train", f"room={arguments.room_type}").room.updates
-    about = {"room_type": arguments.room_type, "data_seed": DATA_SEED, "updates": updates, "seeds": arguments.seeds}
-    file = RESULTS / f"{arguments.room_type}.json"
+    scope, changes = arguments.scope, CHANGES[arguments.scope]
+    room = composed("train", f"room={arguments.room_type}").room
+    updates = arguments.updates or (room.updates if scope == "item" else room.whole_updates)
+    about = {
+        "room_type": arguments.room_type,
+        "scope": scope,
+        "data_seed": DATA_SEED,
+        "updates": updates,
+        "seeds": arguments.seeds,
+    }
+    file = RESULTS / f"{arguments.room_type}{'' if scope == 'item' else '-rooms'}.json"
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept[name] != value]:
@@ -116,13 +141,13 @@ def main() -> None:
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:
         name = f"{change.replace(' ', '-').replace(',', '')}-{updates}-seed{seed}"
-        budget = [f"seed={seed}", f"method.updates.default={updates}"]
-        found = trained(arguments.room_type, name, [*budget, *CHANGES[change]], arguments.runs)
+        budget = [*ALWAYS[scope], f"seed={seed}", f"method.updates.default={updates}"]
+        found = trained(arguments.room_type, name, [*budget, *changes[change]], arguments.runs)
         print(f"{change}, seed {seed}: {found['rows']['agent']['mean_iou']:.3f}", flush=True)
         return found
 
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        pending = {change: [pool.submit(evaluation, change, seed) for seed in arguments.seeds] for change in CHANGES}
+        pending = {change: [pool.submit(evaluation, change, seed) for seed in arguments.seeds] for change in changes}
         found = {change: [future.result() for future in futures] for change, futures in pending.items()}
     machine = next(iter(found.values()))[0]["machine"]
     result = about | {"machine": machine, "rows": {change: row(each) for change, each in found.items()}}

@@ -1,4 +1,4 @@
-"""The reward of Di & Yu 2021, section 4.3: r = r1 + r2 + r3, clipped to [-200, 100]."""
+"""The reward of Di & Yu 2021, section 4.3: r = r1 + r2 + r3, clipped to [-200, 100]; r4 is ours, of whole rooms."""
 
 from __future__ import annotations
 
@@ -16,25 +16,27 @@ REWARD_RANGE = (-200.0, 100.0)
 
 
 class RewardTerms(NamedTuple, Generic[Values]):
-    """The three terms for B poses, each of shape (B,), or for one; and the IoU that the first comes from."""
+    """The terms for B poses, each of shape (B,), or for one; and the IoU that the first comes from."""
 
     r1: Values  # towards the designer's place
     r2: Values  # off walls, doors, windows and other items
     r3: Values  # inside the room
+    r4: Values  # floor free before items: 0 but in whole rooms
     iou: Values  # with the designer's footprint, 0 to 1
 
     @property
     def total(self) -> Values:
-        """r1 + r2 + r3, clipped to the paper's range."""
-        return _clipped(self.r1 + self.r2 + self.r3)
+        """r1 + r2 + r3 + r4, clipped to the paper's range."""
+        return _clipped(self.r1 + self.r2 + self.r3 + self.r4)
 
 
 @dataclass(frozen=True)
 class Reward:
-    """Weights of the three terms.
+    """Weights of the terms.
 
     In whole rooms an item can be turned: where it faces another way than the designer's, its IoU counts `faces_away`
-    times what it is. `inside="share"` reads the indoor term as the share of the item that is indoors;
+    times what it is. There, too, `theta4` weighs what is taken of the floor before the item, and by it before others:
+    `RoomsSimulator.floor_taken`. `inside="share"` reads the indoor term as the share of the item that is indoors;
     `"iou"` is the paper's literal IoU with the whole room, far below 1 at the best of places.
     """
 
@@ -43,6 +45,7 @@ class Reward:
     theta3: float = -100.0
     inside: Literal["share", "iou"] = "share"
     faces_away: float = 0.5
+    theta4: float = 0.0
 
     def __post_init__(self) -> None:
         if self.inside not in ("share", "iou"):
@@ -53,7 +56,8 @@ class Reward:
     ) -> RewardTerms[Values]:
         """The terms from the IoU with the target, the summed IoU with all elements, and how much is indoors: (B,)."""
         inside = indoor_share if self.inside == "share" else indoor_iou
-        return RewardTerms(self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - inside), target_iou)
+        r1, r2, r3 = self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - inside)
+        return RewardTerms(r1, r2, r3, 0 * target_iou, target_iou)
 
 
 def _clipped(total: Any) -> Any:

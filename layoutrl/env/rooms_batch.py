@@ -41,6 +41,15 @@ class BatchRoomsSimulator:
         rows, most = simulator.entry.shape[:2]
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
+        # The floor that is to be free before each, where there is any.
+        self._floors = BatchSimulator(simulator.floors, device, dtype) if simulator.floors else None
+        floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
+        self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
+        self._floor_entry, self._ahead, self._welcome = (
+            torch.tensor(table, device=device) for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
+        )
+        self._theta4 = simulator.weights.theta4
+
         # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
         places = [there for targets in simulator.targets for there in targets]
         longest = max(map(len, places), default=0)
@@ -119,8 +128,23 @@ class BatchRoomsSimulator:
         else:
             iou = torch.zeros(len(entry), device=self.device, dtype=self._target_counts.dtype)
         terms = self.simulator.reward(entry, center, self._others(state), iou)
+        if self._floors is not None:
+            terms = terms._replace(r4=self._theta4 * self._floor_taken(self._floors, state))
         stands = state.stands.gather(1, state.moving[:, None])[:, 0]
         return RewardTerms(*(term * stands for term in terms))
+
+    def _floor_taken(self, floors: BatchSimulator, state: State[Tensor]) -> Tensor:
+        """As the reference has it: (B,)."""
+        entry, center, quarter = self._moving(state)
+        floor = self._floor_entry[state.room, state.moving, quarter]
+        middle = center + self._ahead[state.room, state.moving, quarter]
+        item, stand = torch.arange(state.stands.shape[1], device=self.device), _others_stand(state)
+        others = self._items.some(state, state.center, stand & ~self._welcome[state.room, state.moving])
+        terms = floors.reward(floor.clamp(min=0), middle, others, self._target_counts.new_zeros(len(entry)))
+        in_the_way = stand & ~self._welcome[state.room[:, None], item, state.moving[:, None]]
+        middles = state.center + self._ahead[state.room[:, None], item, state.quarter]
+        theirs = self._floor_table.some(state, middles, in_the_way)
+        return (terms.r2 + terms.r3).where(floor >= 0, 0.0) + self.simulator.ious(entry, center, theirs).sum(1)
 
     def _moving(self, state: State[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Of what moves its room of `simulator` (B,), center (B, 2) and quarter (B,)."""
@@ -131,8 +155,12 @@ class BatchRoomsSimulator:
 
     def _others(self, state: State[Tensor]) -> Footprints:
         """What stands and does not move."""
-        there = state.stands.scatter(1, state.moving[:, None], False)
-        return self._items.footprints(state.room, state.center.masked_fill(~there[..., None], FAR), state.quarter)
+        return self._items.some(state, state.center, _others_stand(state))
+
+
+def _others_stand(state: State[Tensor]) -> Tensor:
+    """Which items stand and do not move: bool (B, N)."""
+    return state.stands.scatter(1, state.moving[:, None], False)
 
 
 NOTHING = Item("", (0.0, 0.0), (FAR, FAR))  # fills up tables
@@ -161,6 +189,10 @@ class _Table:
         self._half, self._bounds = (torch.tensor(values).to(like) for values in (half, bounds))
         self._disc = torch.tensor(disc, device=like.device) if disc.any() else None
         self._turn = torch.tensor(turn).to(like) if slanted.any() else None
+
+    def some(self, state: State[Tensor], center: Tensor, these: Tensor) -> Footprints:
+        """Those of a state's items, at centers (B, K, 2); of nothing but `these` (B, K)."""
+        return self.footprints(state.room, center.where(these[..., None], FAR), state.quarter)
 
     def footprints(self, row: Tensor, center: Tensor, quarter: Tensor) -> Footprints:
         """Those of rows (B,) at centers (B, K, 2), turned further by quarters (B, K)."""

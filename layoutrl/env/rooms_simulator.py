@@ -7,8 +7,9 @@ nothing else can move.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import Generic, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.reward import Array, Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.brief import missing, ways
-from layoutrl.rooms.clearances import off, period
+from layoutrl.rooms.clearances import ahead, floor_before, may_stand_before, off, period
 from layoutrl.rooms.room import Item, Room, envelopes
 
 TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions that turn
@@ -50,6 +51,10 @@ class RoomsSimulator:
     that look different, `degrees` (rooms, N, 4) its rotation in each, and `entry` (rooms, N, 4) the room of `simulator`
     in which it moves so turned, -1 where it does not fit. Raises InputError where an item fits in no way, and where no
     room has anything to place.
+
+    Where the reward has a fourth term, the floor that is to be free before an item moves with it: in a room of
+    `floors`, `floor_entry`, its middle `ahead` (rooms, N, 4, 2) metres of the item's. `welcome` (rooms, N, N) says of
+    every item whether it may stand there.
     """
 
     def __init__(self, briefs: Sequence[Room], designs: Sequence[Room | None] | None, moves: Moves, reward: Reward):
@@ -63,8 +68,25 @@ class RoomsSimulator:
         shape = len(briefs), int(self.count.max())
         self.ways = np.ones(shape, dtype=int)
         self.degrees = np.zeros((*shape, 4))
-        self.entry = np.full((*shape, 4), -1)
-        self.simulator = Simulator(self._entries(), moves, reward)
+        for r, (room, items) in enumerate(zip(briefs, self.items, strict=True)):
+            for n, item in enumerate(items):
+                first, *others = ways(room, item)
+                self.ways[r, n] = 1 + len(others)
+                self.degrees[r, n] = first + 90 * np.arange(4)
+        entries, self.entry = self._entries(self.items, lambda *_: True)
+        for r, items in enumerate(self.items):
+            for n, item in enumerate(items):
+                if (self.entry[r, n] < 0).all():
+                    raise InputError(f"room {briefs[r].id}: the {item.category} does not fit into it")
+        self.simulator = Simulator(entries, moves, reward)
+        self.floor = [[floor_before(item) if reward.theta4 else None for item in items] for items in self.items]
+        entries, self.floor_entry = self._entries(self.floor, _takes_floor)
+        self.floors = Simulator(entries, moves, Reward(0.0, 1.0, 1.0)) if entries else None
+        self.ahead, self.welcome = np.zeros((*shape, 4, 2)), np.zeros((*shape, shape[1]), dtype=bool)
+        for r, n, floor in self._all_floors():
+            item, turn = self.items[r][n], np.radians(self.degrees[r, n])
+            self.ahead[r, n] = ahead(item, floor) * np.stack([np.cos(turn), np.sin(turn)], -1)
+            self.welcome[r, n, : self.count[r]] = [not _takes_floor(floor, other) for other in self.items[r]]
         self.targets: list[list[list[Item]]] = [[[] for _ in range(shape[1])] for _ in briefs]
         for targets, design, items in zip(self.targets, designs or [None] * len(briefs), self.items, strict=True):
             for n, item in enumerate(items):
@@ -76,36 +98,44 @@ class RoomsSimulator:
         N items."""
         return self.moves.count + len(TURNS) + self.entry.shape[1]
 
-    def _entries(self) -> list[Room]:
-        """A room for each item and way to face, with what never moves; where poses have one footprint, one room."""
+    def _entries(
+        self, things: Sequence[Sequence[Item | None]], meets: Callable[[Item, Item], bool]
+    ) -> tuple[list[Room], np.ndarray]:
+        """A room for each thing (rooms, N) and way to face, with what it `meets` of what never moves.
+
+        Where poses have one footprint, it is one room. And which it is, (rooms, N, 4): -1 where there is no such thing,
+        and where it does not fit.
+        """
         entries: list[Room] = []
         index: dict[tuple[object, ...], int] = {}
-        users: list[tuple[int, int, int, int]] = []  # room, item, quarter, entry
-        for r, (room, items) in enumerate(zip(self.rooms, self.items, strict=True)):
-            shell = replace(room, furniture=tuple(item for item in room.furniture if item.center), target=None)
+        entry = np.full(self.degrees.shape, -1)
+        for r, (room, row) in enumerate(zip(self.rooms, things, strict=True)):
+            stands = [item for item in room.furniture if item.center]
             inside = envelopes([room])[0].representative_point().coords[0]
-            for n, item in enumerate(items):
-                first, *others = ways(room, item)
-                self.ways[r, n] = 1 + len(others)
-                self.degrees[r, n] = first + 90 * np.arange(4)
+            for n, thing in enumerate(row):
+                if thing is None:
+                    continue
+                first, met = self.degrees[r, n, 0], tuple(meets(thing, other) for other in stands)
+                shell = replace(room, furniture=tuple(compress(stands, met)), target=None)
                 for q in range(self.ways[r, n]):
-                    lies = item.size if (first // 90 + q) % 2 == 0 else item.size[::-1]
-                    key = r, item.form, lies, first % 90
+                    lies = thing.size if (first // 90 + q) % 2 == 0 else thing.size[::-1]
+                    key = r, thing.form, lies, first % 90, met
                     if key not in index:
                         index[key] = len(entries)
-                        turned = replace(item, center=inside, rotation=float(self.degrees[r, n, q]))
+                        turned = replace(thing, center=inside, rotation=float(self.degrees[r, n, q]))
                         entries.append(_with(shell, turned, room.envelope))
-                    users.append((r, n, q, index[key]))
-        regions = fitting_positions(envelopes(entries), np.array([entry.moving.template for entry in entries]))
+                    entry[r, n, q] = index[key]
+        regions = fitting_positions(envelopes(entries), np.array([room.moving.template for room in entries]))
         fits = ~shapely.is_empty(regions)
-        number = np.where(fits, np.cumsum(fits) - 1, -1)
-        for r, n, q, k in users:
-            self.entry[r, n, q] = number[k]
-        for r, items in enumerate(self.items):
-            for n, item in enumerate(items):
-                if (self.entry[r, n] < 0).all():
-                    raise InputError(f"room {self.rooms[r].id}: the {item.category} does not fit into it")
-        return [entry for entry, fit in zip(entries, fits, strict=True) if fit]
+        number = np.append(np.where(fits, np.cumsum(fits) - 1, -1), -1)
+        return [room for room, fit in zip(entries, fits, strict=True) if fit], number[entry]
+
+    def _all_floors(self) -> Iterator[tuple[int, int, Item]]:
+        """Room, item, and the floor before it, of all that have one."""
+        for r, floors in enumerate(self.floor):
+            for n, floor in enumerate(floors):
+                if floor is not None:
+                    yield r, n, floor
 
     def designed(self) -> tuple[np.ndarray, np.ndarray]:
         """Where the designer has each item: centers (rooms, N, 2) and quarters (rooms, N).
@@ -191,7 +221,30 @@ class RoomsSimulator:
                 found = self.simulator.ious(entry[[b]], center[[b]], np.array([[target.footprint]])).item()
                 iou[b] = max(iou[b], found * (1 if faces_alike(target, degrees) else self.weights.faces_away))
         terms = self.simulator.reward(entry, center, self._others(state), iou)
+        terms = terms._replace(r4=self.weights.theta4 * self.floor_taken(state))
         return RewardTerms(*(term * state.stands[np.arange(len(iou)), state.moving] for term in terms))
+
+    def floor_taken(self, state: State[np.ndarray]) -> np.ndarray:
+        """How much is taken of the floor before the moving item, and by it of that before what else was placed: (B,).
+
+        Of the one it is what the paper's r2 and r3 are of an item: the IoU, summed, with what stands, walls and
+        openings, and the share that is not indoors. Of the others it is the IoU, summed, with the item.
+        """
+        every, moving = np.arange(len(state.room)), state.moving
+        entry, center, quarter = self._moving(state)
+        taken = np.zeros(len(every))
+        if self.floors is None:
+            return taken
+        floor, middle = self.floor_entry[state.room, moving, quarter], self.ahead[state.room, moving, quarter] + center
+        b = np.flatnonzero(floor >= 0)  # what fits nowhere is not asked for
+        others = self._others(state)
+        others[self.welcome[state.room, moving]] = None
+        if len(b):
+            terms = self.floors.reward(floor[b], middle[b], others[b], np.zeros(len(b)))
+            taken[b] = terms.r2 + terms.r3
+        floors = self._others(state, floors=True)
+        floors[self.welcome[state.room[:, None], np.arange(floors.shape[1]), moving[:, None]]] = None
+        return taken + self.simulator.ious(entry, center, floors).sum(1)
 
     def _moving(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of what moves its room of `simulator` (B,), center (B, 2) and quarter (B,)."""
@@ -199,12 +252,18 @@ class RoomsSimulator:
         quarter = state.quarter[every, state.moving]
         return self.entry[state.room, state.moving, quarter], state.center[every, state.moving], quarter
 
-    def _others(self, state: State[np.ndarray]) -> np.ndarray:
-        """The footprints (B, N) of what stands and does not move; None for what does not stand."""
+    def _others(self, state: State[np.ndarray], floors: bool = False) -> np.ndarray:
+        """The footprints (B, N) of what stands and does not move, or the floor before it; None for none."""
         footprints = np.full(state.stands.shape, None)
         for b, n in zip(*np.nonzero(state.stands), strict=True):
-            if n != state.moving[b]:
-                footprints[b, n] = self.item(state, b, n).footprint
+            if n == state.moving[b]:
+                continue
+            item, floor = self.item(state, b, n), self.floor[state.room[b]][n]
+            if not floors:
+                footprints[b, n] = item.footprint
+            elif floor is not None:
+                x, y = state.center[b, n] + self.ahead[state.room[b], n, state.quarter[b, n]]
+                footprints[b, n] = replace(floor, center=(float(x), float(y)), rotation=item.rotation).footprint
         return footprints
 
     def item(self, state: State[np.ndarray], b: int | np.integer, n: int | np.integer) -> Item:
@@ -229,6 +288,11 @@ class RoomsSimulator:
 def faces_alike(item: Item, degrees: float) -> bool:
     """Whether an item of this kind, turned to `degrees`, looks as `item` does."""
     return off(item.degrees - degrees, period(item)) <= 45
+
+
+def _takes_floor(floor: Item, other: Item) -> bool:
+    """Whether another item where it stands on the floor before one takes something of it."""
+    return not may_stand_before(floor.category, other.category)
 
 
 def _same(item: Item, other: Item) -> bool:

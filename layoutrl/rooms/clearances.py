@@ -59,6 +59,22 @@ MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset
 PASSAGE = 0.6  # to every item, in rooms of which the designer knows nothing
 
 
+def floor_before(item: Item) -> Item | None:
+    """The floor that is to be free before an item, as an item that faces as this one does; its centre is `ahead`."""
+    depth = 0.0 if item.form == "circle" else FRONT_DEPTH.get(item.category, 0.0)
+    return Item(item.category, (depth, item.size[1])) if depth else None
+
+
+def ahead(item: Item, floor: Item) -> float:
+    """How many metres before the middle of an item that of the floor before it is."""
+    return (item.size[0] + floor.size[0]) / 2
+
+
+def may_stand_before(category: str, other: str) -> bool:
+    """Whether what is of the other category takes nothing of the floor before one of the first."""
+    return other in RAISED or other in MAY_STAND_BEFORE.get(category, ())
+
+
 def passage(room_type: str) -> float:
     """How wide the way to every item is at least: 0.6, in kitchens and bathrooms 0.5."""
     return ROOM_TYPES[room_type].passage / 100 if room_type in ROOM_TYPES else PASSAGE

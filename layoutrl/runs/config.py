@@ -47,18 +47,19 @@ class RoomConfig:
 
 @dataclass
 class RewardConfig:
-    """The weights of the reward's terms: the designer's place, all else, and what is outside."""
+    """The weights of the reward's terms: the designer's place, all else, what is outside, the floor before items."""
 
     theta1: float = 100.0
     theta2: float = -100.0
     theta3: float = -100.0
     inside: Any = "share"
     faces_away: float = 0.5
+    theta4: float = 0.0
 
     @property
     def weights(self) -> Reward:
         """The reward itself."""
-        return Reward(self.theta1, self.theta2, self.theta3, self.inside, self.faces_away)
+        return Reward(self.theta1, self.theta2, self.theta3, self.inside, self.faces_away, self.theta4)
 
 
 @dataclass

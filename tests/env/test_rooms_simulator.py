@@ -65,7 +65,7 @@ def test_one_item_that_moves_is_the_simulator_of_the_room_as_it_stands(seed: int
 @pytest.mark.parametrize("room_type", MAIN_ITEM)
 def test_where_the_designer_put_everything_every_item_has_the_whole_first_term(room_type: str) -> None:
     room = design_rooms(room_type, "test", 0, 1).rooms[0]
-    simulator = simulator_of(room)
+    simulator = simulator_of(room, theta4=-100.0)
     items = simulator.items[0]
     state = simulator.begin(np.zeros(len(items), dtype=int), np.random.default_rng(0))
     free = list(room.furniture)
@@ -76,13 +76,61 @@ def test_where_the_designer_put_everything_every_item_has_the_whole_first_term(r
         state.center[:, n], state.quarter[:, n], state.stands[:, n] = there.center, quarter, True
     state = state._replace(moving=np.arange(len(items)))
     assert simulator.reward(state).iou == pytest.approx(1)
+    assert simulator.floor_taken(state) == pytest.approx(0, abs=1e-3)  # the designer keeps what is to be free
+
+
+def test_what_is_taken_of_the_floor_before_items_counts() -> None:
+    wardrobe, desk, chair, box = (
+        Item("wardrobe", (0.6, 1.0), (0.3, 1.5), 0.0),
+        Item("desk", (0.6, 1.2), (2.0, 2.7), 270.0),
+        Item("chair", (0.4, 0.4), (2.0, 2.2), 90.0),
+        Item("box", (0.3, 0.3), (3.8, 0.2), 0.0),
+    )
+    simulator = simulator_of(rectangular_room(4, 3, wardrobe, others=(desk, chair, box)), theta4=-100.0)
+    names = [item.category for item in simulator.items[0]]
+    state = simulator.empty(np.zeros(1, dtype=int))
+
+    def put(state: State[np.ndarray], name: str, center: tuple[float, float], degrees: float) -> State[np.ndarray]:
+        n = names.index(name)
+        quarter = [faces_alike(replace(simulator.items[0][n], rotation=degrees), d) for d in simulator.degrees[0, n]]
+        return simulator.put(state, np.array([n]), np.array([center]), np.array([quarter.index(True)]))
+
+    def taken(state: State[np.ndarray]) -> float:
+        assert simulator.reward(state).r4 == pytest.approx(-100 * simulator.floor_taken(state))
+        return simulator.floor_taken(state).item()
+
+    alone = put(state, "wardrobe", (0.3, 1.5), 0.0)  # 60 cm before it are free: x from 0.6 to 1.2, y from 1 to 2
+    assert taken(alone) == pytest.approx(0)
+    boxed = put(alone, "box", (1.05, 1.15), 0.0)  # wholly on that floor: 0.09 of 0.6 square metres
+    assert taken(boxed) == pytest.approx(0.15)
+    assert taken(boxed._replace(moving=alone.moving)) == pytest.approx(0.15)  # of the wardrobe, it is the same
+    assert taken(put(alone, "box", (1.35, 1.15), 0.0)) == pytest.approx(0)  # beside it
+    # None of the floor before it is indoors where it faces the wall, and a third of that lies in it.
+    facing_the_wall = taken(put(state, "wardrobe", (0.3, 1.5), 180.0))
+    assert 1 < facing_the_wall < 1.4
+    # Who sits at a desk is welcome there; a wardrobe is not.
+    at_desk = put(put(state, "desk", (2.0, 2.7), 270.0), "chair", (2.0, 2.2), 90.0)
+    assert taken(at_desk) == pytest.approx(0)
+    assert taken(at_desk._replace(moving=np.array([names.index("desk")]))) == pytest.approx(0)
+    assert taken(put(at_desk, "wardrobe", (2.0, 2.0), 0.0)) > 0.1
+
+
+def test_what_stands_for_good_takes_floor_but_for_what_is_welcome() -> None:
+    desk = Item("desk", (0.6, 1.2), None, None)
+    for category, is_taken in (("chair", False), ("box", True)):
+        fixed = Item(category, (0.4, 0.4), (2.0, 2.2), 90.0)
+        brief = rectangular_room(4, 3, desk, others=(fixed,), target=None)
+        simulator = RoomsSimulator([brief], None, Moves(), Reward(theta4=-1.0))
+        quarter = np.flatnonzero(simulator.degrees[0, 0] % 360 == 270)
+        state = simulator.put(simulator.empty(np.zeros(1, int)), np.zeros(1, int), np.array([[2.0, 2.7]]), quarter)
+        assert (simulator.floor_taken(state).item() > 0.1) == is_taken
 
 
 def test_the_reward_knows_what_stands_now_and_nothing_else() -> None:
     desk = Item("desk", (0.6, 1.2), (3.0, 1.0), 180.0)
     simulator = simulator_of(rectangular_room(4, 3, BED, others=(desk,)))
     begun = simulator.begin(np.array([0]), np.random.default_rng(0))
-    assert [term.item() for term in simulator.reward(begun)] == [0, 0, 0, 0]  # nothing is taken yet
+    assert not any(term.item() for term in simulator.reward(begun))  # nothing is taken yet
     bed = simulator.put(begun, np.array([0]), np.array([[2.9, 1.5]]), np.array([0]))
     assert simulator.reward(bed).r2.item() == 0
     both = simulator.put(bed, np.array([1]), np.array([[3.0, 1.0]]), np.array([2]))

@@ -18,7 +18,9 @@ def test_ablation_trains_every_change_on_every_seed_once(
 ) -> None:
     monkeypatch.setattr(ablation, "RESULTS", tmp_path / "results")
     monkeypatch.setattr("subprocess.run", commands.run)
-    monkeypatch.setattr(ablation, "CHANGES", {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]})
+    changes = {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]}
+    monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"usable": [*LITTLE, "reward=usable"]}})
+    monkeypatch.setattr(ablation, "ALWAYS", {"item": [], "room": ["scope=room"]})
     arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
     monkeypatch.setattr("sys.argv", arguments)
     ablation.main()
@@ -47,6 +49,13 @@ def test_ablation_trains_every_change_on_every_seed_once(
     assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows
     assert (tmp_path / "tatami" / "no-slides-5-seed1-2" / "evaluation.json").exists()
 
+    monkeypatch.setattr("sys.argv", [*arguments[:2], "--scope=room", *arguments[2:4], "0", arguments[-1]])
+    ablation.main()
+    whole = json.loads((tmp_path / "results" / "tatami-rooms.json").read_text())
+    assert "faultless" in ablation.table(whole).markdown()
+    assert 0 <= whole["rows"]["usable"]["faultless"] <= 1
+    assert "theta4: -100" in (tmp_path / "tatami" / "usable-5-seed0" / "config.yaml").read_text()
+
     monkeypatch.setattr("sys.argv", [*arguments[:2], "--updates=6", *arguments[3:]])
     with pytest.raises(
         SystemExit, match=r"error: .*tatami\.json is of other updates; expected the same, or to be moved"
@@ -54,6 +63,7 @@ def test_ablation_trains_every_change_on_every_seed_once(
         ablation.main()
 
     monkeypatch.setattr("sys.argv", arguments)
-    monkeypatch.setattr(ablation, "CHANGES", {"nothing to learn": ["budget=smoke", "data.train_rooms=0"]})
+    nothing = {"nothing to learn": ["budget=smoke", "data.train_rooms=0"]}
+    monkeypatch.setattr(ablation, "CHANGES", {"item": nothing})
     with pytest.raises(SystemExit, match=r"error: .*: was not trained; .*nothing-to-learn-5-seed0\.log says why"):
         ablation.main()
