@@ -12,7 +12,7 @@ from torch import Tensor
 
 from layoutrl.agents.dqn import DQN
 from layoutrl.agents.method import Method
-from layoutrl.env.faults import Items, item_faults
+from layoutrl.env.faults import Items, faults, item_faults
 from layoutrl.env.geometry import snap
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
@@ -21,15 +21,16 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.protocols import greedy, led_to
-from layoutrl.rooms.brief import missing
+from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.furnished import Furnished, Placement
-from layoutrl.rooms.room import Item, Point, Room
+from layoutrl.rooms.room import Item, Point, Room, rotation
 
 STARTS = 32  # places spread for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
 LOOKED_AT = 24  # of poses, the most valued, that are looked at for one by which nothing is wrong
 SWEEPS = 1  # times that every item is lifted and placed again, among all others
 REPAIRS = 1  # times more, in rooms with a fault
+AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BLOCK = 128  # rooms furnished at once: memory, not speed
@@ -67,8 +68,9 @@ class Furnisher:
     values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
     (`layoutrl.env.faults`, geometry alone). Where there is none, it is put where one move more leads, or else at one of
     the places that were spread. When all stand, each is lifted once more, and moved if another pose is better; and
-    again where something is still wrong. The designer's layout is not known here. Nothing is left to chance: the same
-    brief always gets the same layouts.
+    again where something is still wrong. Where that does not help, the room is furnished anew, what had a fault first.
+    A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back.
+    The designer's layout is not known here. Nothing is left to chance: the same brief always gets the same layouts.
     """
 
     def __init__(self, agent: DQN, method: Method, categories: Sequence[str]):
@@ -76,20 +78,24 @@ class Furnisher:
         self._moves, self._categories = method.moves, list(categories)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002
-        """Of each brief up to so many different layouts, the most valued first; the seed is for who draws something.
+        """Of each brief up to so many different layouts; the seed is for who draws something.
 
-        Raises InputError where an item fits in no way.
+        Those in which the fewest items have a fault come first, and of these the most valued. Raises InputError where
+        an item fits in no way.
         """
         found = {k: [Furnished(brief, 0.0)] for k, brief in enumerate(briefs) if not missing(brief)}
         asked = [k for k in range(len(briefs)) if k not in found]
         for first in range(0, len(asked), BLOCK):
             block = asked[first : first + BLOCK]
-            world = _World([briefs[k] for k in block], self._moves, self._categories, self._policy.device)
+            upright = [_upright(briefs[k])[0] for k in block]
+            world = _World(upright, self._moves, self._categories, self._policy.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
             for _ in range(choices):
                 self._add_another(world, layouts)
             for k, those in zip(block, layouts, strict=True):
-                found[k] = sorted(those, key=lambda one: -one.value)
+                faulty = wrong([one.layout for one in those])
+                in_order = sorted(range(len(those)), key=lambda n: (faulty[n], -those[n].value))
+                found[k] = [_turned_back(those[n], briefs[k]) for n in in_order]
         return [found[k] for k in range(len(briefs))]
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -97,18 +103,19 @@ class Furnisher:
 
         Of centers (n, 2), `step` metres apart, the value (n,) of the best way to face there, and its degrees (n,).
         """
-        world, state, n = self._one(replace(room.furniture[item], center=None, rotation=None), room, item)
+        world, state, n, lean = self._one(replace(room.furniture[item], center=None, rotation=None), room, item)
         x0, y0, x1, y1 = room.envelope.bounds
         grid = np.stack(np.meshgrid(np.arange(x0, x1, step) + step / 2, np.arange(y0, y1, step) + step / 2), -1)
-        centers = grid.reshape(-1, 2)
+        centers, turn = grid.reshape(-1, 2), rotation(lean)  # from the right, it turns points back
         value = np.full((4, len(centers)), -np.inf)
         for quarter in np.flatnonzero(world.rooms.entry[0, n] >= 0):
-            fits = world.rooms.simulator.is_legal(np.repeat(world.rooms.entry[0, n, quarter], len(centers)), centers)
-            here = centers[fits]
+            entry = np.repeat(world.rooms.entry[0, n, quarter], len(centers))
+            fits = world.rooms.simulator.is_legal(entry, centers @ turn)
+            here = centers[fits] @ turn
             only = np.zeros(len(here), dtype=int)
             value[quarter, fits] = self._value(world, state, only, only + quarter, here)
         known = np.isfinite(value).any(0)
-        return centers[known], value.max(0)[known], world.rooms.degrees[0, n, value.argmax(0)][known]
+        return centers[known], value.max(0)[known], world.rooms.degrees[0, n, value.argmax(0)][known] + lean
 
     def moves(self, room: Room, item: int) -> list[tuple[str, Point, float]]:
         """The legal moves of an item from where it stands, in words, where each leads in metres, and its value.
@@ -117,58 +124,89 @@ class Furnisher:
         """
         center = room.furniture[item].center
         assert center is not None
-        world, state, _ = self._one(replace(room.furniture[item], center=None), room, item)
+        world, state, _, lean = self._one(replace(room.furniture[item], center=None), room, item)
+        turn = rotation(lean)
         scene = world.scenes_of(state, np.zeros(1, int), np.zeros(1, int))
-        here = snap(torch.tensor([center], dtype=torch.float64, device=scene.device))
+        here = snap(torch.tensor(np.array([center]) @ turn, dtype=torch.float64, device=scene.device))
         length, legal = world.scenes.reach(scene, here)
         action = legal[0].nonzero()[:, 0]
         if not len(action):
             return []
         every = scene.expand(len(action), -1), here.expand(len(action), -1)
-        reached = world.scenes.moved(*every, action, length[0, action]).tolist()
+        reached = (world.scenes.moved(*every, action, length[0, action]).cpu().numpy() @ turn.T).tolist()
         value = self._policy.values(world.observe, scene, here)[0, action].tolist()
         names = [f"{100 * s:g} cm {way}" for s in self._moves.lengths(room) for way in WAYS]
         names += [f"slide {way}" for way in WAYS]
         found = [(names[a], (x, y), q) for a, (x, y), q in zip(action.tolist(), reached, value, strict=True)]
         return sorted(found, key=lambda move: -move[2])
 
-    def _one(self, item: Item, room: Room, k: int) -> tuple[_World, State[np.ndarray], int]:
-        """A room in which item k is to be placed, as the agent has it, and which of what is to be placed that is."""
+    def _one(self, item: Item, room: Room, k: int) -> tuple[_World, State[np.ndarray], int, float]:
+        """A room in which item k is to be placed, as the agent has it, which of what is to be placed that is, and by
+        how many degrees the room leans."""
         brief = replace(room, furniture=(*room.furniture[:k], item, *room.furniture[k + 1 :]), target=None)
+        brief, lean = _upright(brief)
         world = _World([brief], self._moves, self._categories, self._policy.device)
         n = missing(brief).index(k)
-        return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n
+        return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
 
     def _add_another(self, world: _World, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
-        rooms, paths = world.rooms, [list[Placement]() for _ in known]
-        order, count = rooms.sequence().argsort(1, kind="stable"), rooms.count.copy()
-        state = rooms.empty(np.arange(len(known)))
+        rank = world.rooms.sequence()
+        best = dict(enumerate(self._furnished(world, np.arange(len(known)), rank, known)))
+        faulty = {b: _faulty(one.layout, world.rooms.rooms[b]) for b, one in best.items() if one}
+        latest = faulty
+        for _ in range(AFRESH):
+            which = [b for b, items in faulty.items() if items]
+            if not which:
+                break
+            for b in which:
+                rank[b, latest[b]] -= rank.shape[1]
+            anew = dict(zip(which, self._furnished(world, np.array(which), rank, known), strict=True))
+            latest = {b: _faulty(one.layout, world.rooms.rooms[b]) if one else [] for b, one in anew.items()}
+            for b, one in anew.items():
+                if one and len(latest[b]) < len(faulty[b]):
+                    best[b], faulty[b] = one, latest[b]
+        for b, one in best.items():
+            if one:
+                known[b].append(one)
+
+    def _furnished(
+        self, world: _World, which: np.ndarray, rank: np.ndarray, known: Sequence[Sequence[Furnished]]
+    ) -> list[Furnished | None]:
+        """A layout of each of these rooms (R,), the items of each in the order of `rank` (rooms, N).
+
+        Its largest item stands where it does in none of those that are known of the room; None where that is nowhere.
+        """
+        rooms, paths = world.rooms, [list[Placement]() for _ in which]
+        order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
+        largest = rooms.sequence()[which].argmin(1)
+        state = rooms.empty(which)
         left = count  # items of each room that this sweep places
         for sweep in range(1 + SWEEPS + REPAIRS):
             uniform = spread(sweep * QUARTERS * STARTS, QUARTERS * STARTS)  # each sweep looks elsewhere
             if sweep > SWEEPS:
-                left = np.where(wrong([rooms.layout(state, b) for b in range(len(known))]) > 0, count, 0)
-            for step in range(sweep > 0, order.shape[1]):  # the first item, lifted again, would make layouts alike
-                which = np.flatnonzero(left > step)
-                if not len(which):
-                    break
-                first = (sweep, step) == (0, 0)
-                item, every = order[which, step], np.arange(len(which))
-                now = _of(state, which)._replace(moving=item)
+                left = np.where(wrong([rooms.layout(state, b) for b in range(len(which))]) > 0, count, 0)
+            for step in range(order.shape[1]):
+                is_largest = order[:, step] == largest
+                # The largest item is not lifted again: layouts would become alike.
+                b = np.flatnonzero((left > step) & ~(is_largest & (sweep > 0)))
+                if not len(b):
+                    continue
+                item, every = order[b, step], np.arange(len(b))
+                now = _of(state, b)._replace(moving=item)
                 stood = now.stands[every, item]
                 now.stands[every, item] = False
-                chosen = self._chosen(world, now, stood, uniform, [known[b] if first else [] for b in which])
-                if first:
-                    count[which[np.isneginf(chosen.value)]] = 0
+                others = [known[which[n]] if is_largest[n] else [] for n in b]
+                chosen = self._chosen(world, now, stood, uniform, others)
+                nowhere = b[np.isneginf(chosen.value)]
+                count[nowhere] = left[nowhere] = 0
                 for values, those in zip(state, rooms.put(now, item, chosen.center, chosen.quarter), strict=True):
-                    values[which] = those
-                for n, b in enumerate(which):
-                    k, degrees = missing(rooms.rooms[b])[item[n]], rooms.item(state, b, item[n]).degrees
-                    paths[b] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
+                    values[b] = those
+                for n, r in enumerate(b):
+                    k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
+                    paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
         value = self._mean_value(world, state)
-        for b in np.flatnonzero(count):
-            known[b].append(Furnished(rooms.layout(state, b), value[b], paths[b]))
+        return [Furnished(rooms.layout(state, r), value[r], paths[r]) if count[r] else None for r in range(len(which))]
 
     def _chosen(
         self,
@@ -299,6 +337,31 @@ class _World:
         return self.scenes.of(turned._replace(quarter=turned.quarter.scatter(1, turned.moving[:, None], quarters)))
 
 
+def _upright(room: Room) -> tuple[Room, float]:
+    """The room turned until most of its walls are upright, and by how many degrees it leaned."""
+    lean, *_ = facings(room)
+    return (room.rotated(-lean) if lean else room), lean
+
+
+def _turned_back(found: Furnished, brief: Room) -> Furnished:
+    """A layout of the upright brief as one of the brief itself: what stood there stays as it was, exactly."""
+    _, lean = _upright(brief)
+    if not lean:
+        return found
+    turn = rotation(lean)
+
+    def back(k: int, center: Point | None, degrees: float) -> Pose:
+        assert center is not None
+        x, y = (turn @ center).tolist()
+        given = brief.furniture[k].rotation
+        return (x, y), (degrees + lean) % 360 if given is None else given
+
+    path = [(k, *back(k, center, degrees)) for k, center, degrees in found.path]
+    items = found.layout.furniture
+    poses = {k: back(k, items[k].center, items[k].degrees) for k in missing(brief)}
+    return Furnished(furnished(brief, poses), found.value, path)
+
+
 def spread(first: int, count: int) -> np.ndarray:
     """Numbers from 0 to 1 (3, count) that fill the cube evenly, from the `first` of their sequence on."""
     return np.arange(first + 1, first + count + 1) * GOLDEN ** -np.arange(1.0, 4.0)[:, None] % 1
@@ -348,6 +411,12 @@ def wrong(layouts: Sequence[Room]) -> np.ndarray:
     items = Items.of(standing)
     found, _, _ = item_faults(standing, items)
     return np.bincount(items.room, np.any(list(found.values()), axis=0), len(layouts)).astype(int)
+
+
+def _faulty(layout: Room, brief: Room) -> list[int]:
+    """Which of the items that were to be placed have a fault: 0 for the first of them."""
+    at_fault = {k for k, _ in faults(layout)}
+    return [n for n, k in enumerate(missing(brief)) if k in at_fault]
 
 
 def _others(

@@ -189,14 +189,23 @@ class Room:
 
         The eight results are the symmetries of the square: designs are as good in each.
         """
-        (a, b), (c, d) = symmetry(quarters, mirror).tolist()
+        turned = self._mapped(symmetry(quarters, mirror), 90 * quarters, mirror)
+        return replace(turned, id=f"{self.id}~{quarters % 4}{'m' if mirror else ''}")
+
+    def rotated(self, degrees: float) -> Room:
+        """The same room, turned around the origin by any angle."""
+        return self._mapped(rotation(degrees), degrees, False)
+
+    def _mapped(self, matrix: np.ndarray, degrees: float, mirror: bool) -> Room:
+        """The room with its points multiplied by a matrix (2, 2), which turns by degrees, after mirroring or not."""
+        (a, b), (c, d) = matrix.tolist()
 
         def move(point: Point) -> Point:
             x, y = point
             return (a * x + b * y, c * x + d * y)
 
         def turn(rotation: float) -> float:
-            return ((180 - rotation if mirror else rotation) + 90 * quarters) % 360
+            return ((180 - rotation if mirror else rotation) + degrees) % 360
 
         def ring(points: Ring) -> Ring:
             moved = tuple(move(p) for p in points)
@@ -204,7 +213,6 @@ class Room:
 
         return replace(
             self,
-            id=f"{self.id}~{quarters % 4}{'m' if mirror else ''}",
             outline=ring(self.outline),
             holes=tuple(ring(h) for h in self.holes),
             walls=tuple(ring(w) for w in self.walls),
@@ -228,6 +236,12 @@ def symmetry(quarters: int, mirror: bool) -> np.ndarray:
     """The matrix (2, 2) that mirrors points in the y axis if asked, then turns them by quarters of a circle."""
     cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
     return np.array([[-cosine if mirror else cosine, -sine], [-sine if mirror else sine, cosine]])
+
+
+def rotation(degrees: float) -> np.ndarray:
+    """The matrix (2, 2) that turns points counter-clockwise."""
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.array([[cosine, -sine], [sine, cosine]])
 
 
 def wall_band(

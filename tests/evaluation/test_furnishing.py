@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from shapely.geometry import MultiPoint
 
 from layoutrl.agents.learner import untrained
 from layoutrl.agents.method import Method
@@ -15,10 +16,11 @@ from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
+from layoutrl.evaluation import furnishing
 from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, _with, spread, wrong
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.room import Item, Room, rotation
 from layoutrl.runs.config import composed
 from tests.builders import opening, rectangular_room
 
@@ -83,14 +85,58 @@ def test_a_layout_does_not_hang_on_what_else_is_furnished(furnisher, designs) ->
             assert one.rotation == other.rotation
 
 
-def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_value(furnisher, designs) -> None:
+def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_faults_then_value(furnisher, designs) -> None:
     for layouts in furnisher.furnish([brief_of(room) for room in designs], 3, 0):
         assert 1 < len(layouts) <= 3
-        assert [one.value for one in layouts] == sorted((one.value for one in layouts), reverse=True)
+        rank = list(zip(wrong([one.layout for one in layouts]), [-one.value for one in layouts], strict=True))
+        assert rank == sorted(rank)
         largest = [max(one.layout.furniture, key=lambda item: item.area) for one in layouts]
         for k, one in enumerate(largest):
             for other in largest[:k]:
                 assert np.hypot(*np.subtract(one.center, other.center)) >= APART or one.rotation != other.rotation
+
+
+@pytest.mark.parametrize("lean", [12.0, 30.0, 60.0])
+def test_a_room_that_leans_is_furnished_as_if_it_stood_upright(furnisher, designs, lean) -> None:
+    room = replace(designs[0], target=None)
+    first, *others = brief_of(room).furniture
+    brief = replace(room, furniture=(*others, replace(first, center=room.furniture[0].center, rotation=0.0)))
+    (upright,), (leaning,) = (furnisher.furnish([one], 1, 0)[0] for one in (brief, brief.rotated(lean)))
+    assert leaning.layout.outline == brief.rotated(lean).outline
+    assert leaning.layout.furniture[-1] == brief.rotated(lean).furniture[-1]  # it stood there: as it was, exactly
+    turned = upright.layout.rotated(lean)
+    for one, other in zip(leaning.layout.furniture, turned.furniture, strict=True):
+        np.testing.assert_allclose(one.center, other.center, atol=1e-3)
+        assert one.degrees % 360 == pytest.approx(other.degrees % 360)
+    (_, center, degrees), item = leaning.path[-1], leaning.layout.furniture[leaning.path[-1][0]]
+    assert item.center == pytest.approx(center)
+    assert item.degrees == pytest.approx(degrees)
+
+
+@pytest.mark.parametrize("lean", [30.0])
+def test_values_and_moves_of_a_room_that_leans_are_those_of_the_upright_one(furnisher, designs, lean) -> None:
+    room = replace(designs[0], target=None)
+    for (name, to, value), (other_name, other_to, other_value) in zip(
+        furnisher.moves(room, 0), furnisher.moves(room.rotated(lean), 0), strict=True
+    ):
+        assert name == other_name
+        assert other_to == pytest.approx(tuple(rotation(lean) @ to), abs=1e-4)
+        assert value == pytest.approx(other_value, abs=1e-3)
+    centers, _, degrees = furnisher.values(room.rotated(lean), 0, 0.4)
+    assert room.rotated(lean).envelope.buffer(1e-6).covers(MultiPoint(centers))
+    assert set(np.round(degrees % 90, 6)) == {lean}
+
+
+def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatch) -> None:
+    briefs = [brief_of(room) for room in design_rooms("kitchen", "test", 0, 8).rooms]
+    tried = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
+    monkeypatch.setattr(furnishing, "AFRESH", 0)
+    once = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
+    before, after = wrong(once), wrong(tried)
+    assert (after <= before).all()
+    assert (after < before).any()
+    for k in np.flatnonzero(before == 0):
+        assert tried[k] == once[k]
 
 
 def test_a_room_in_which_nothing_is_to_be_placed_is_its_own_layout(furnisher: Furnisher, designs: list[Room]) -> None:
