@@ -79,7 +79,23 @@ class DQN:
         q = self.network(observation).gather(1, batch.action.long()[:, None]).squeeze(1)
         target = self.td_target(batch, next_observation)
         assert q.shape == target.shape == batch.reward.shape
-        loss = smooth_l1_loss(q, target)
+        return self._descend(smooth_l1_loss(q, target), q)
+
+    def update_every_move(self, legal: Tensor, target: Tensor, observation: Tensor, mean_weight: float) -> UpdateStats:
+        """One step on the values of all legal moves (B, A) at once: on how they differ, and on their mean, apart.
+
+        The values of neighbouring moves of a pixel differ by one or two percent of what they have in common. In one
+        loss the common part drowns the difference, which is all that a choice hangs on.
+        """
+        q = self.network(observation)
+        count = legal.sum(1, keepdim=True).clamp(min=1)
+        error = (q - target).where(legal, 0.0)
+        mean = error.sum(1, keepdim=True) / count
+        difference = (error - mean).where(legal, 0.0)
+        return self._descend(difference.abs().mean() + mean_weight * mean.abs().mean(), q)
+
+    def _descend(self, loss: Tensor, q: Tensor) -> UpdateStats:
+        """One step of gradient descent, and what is told of it and of values q."""
         schedule = self.schedule
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()

@@ -14,7 +14,7 @@ from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.method import Method
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork, weights_of
 from layoutrl.agents.replay import Replay
-from layoutrl.agents.training import Begin, Training
+from layoutrl.agents.training import Begin, EveryMove, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import COLUMNS, categories_of, observation_of
@@ -80,8 +80,9 @@ class Learner:
             self.observe = observation_of(method.observation, rooms, device, self.categories)
             self.replay = Replay(method.replay_capacity, method.moves.count, device)
             goal_iou = method.goal_iou if method.goal_terminates else None
-            self._begin = lambda generator: Episodes(simulator, ages, most, generator, goal_iou)
             designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
+            near = (method.starts_near, designed) if method.starts_near else None
+            self._begin = lambda generator: Episodes(simulator, ages, most, generator, goal_iou, near)
             if not simulator.reach(torch.arange(len(rooms), device=device), designed)[1].any():
                 raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
 
@@ -101,4 +102,11 @@ class Learner:
             report_every=report_every,
             symmetries=method.views(self.replay.device),
             seed=self._seed,
+            every_move=EveryMove(self.simulator, self._horizon(), method.mean_weight) if method.every_move else None,
         )
+
+    def _horizon(self) -> LinearSchedule:
+        """Moves that values look ahead, by updates."""
+        last = self.method.discount
+        first = last if self.method.discount_start is None else self.method.discount_start
+        return LinearSchedule(1 / (1 - first), 1 / (1 - last), self.updates // 2)

@@ -15,7 +15,9 @@ from torch import Tensor
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.replay import Replay, Transitions
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
+from layoutrl.env.scenes import Scenes, led_to
 from layoutrl.env.symmetry import Symmetry, shares
 
 Begin = Callable[[torch.Generator], Episodes]  # episodes that draw by the generator
@@ -56,6 +58,32 @@ class Stopwatch:
         return seconds
 
 
+@dataclass(frozen=True)
+class EveryMove:
+    """How values of all legal moves are learned at once, of every pose that is sampled.
+
+    Values are then (1 - discount) times what they are else, so that they stay as large while the discount rises.
+    """
+
+    simulator: BatchSimulator | Scenes
+    horizon: LinearSchedule  # of updates: moves that values look ahead, 1 / (1 - discount)
+    mean_weight: float  # of the loss of the moves' mean, beside that of how they differ
+
+    def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
+        """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
+        simulator = self.simulator
+        length, legal = simulator.reach(room, position)
+        reached = torch.where(legal[..., None], led_to(simulator, room, position, length), position[:, None])
+        count = legal.shape[1]
+        room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
+        after = reached.flatten(0, 1)
+        discount = 1 - 1 / self.horizon(updates)
+        reward = (1 - discount) * simulator.reward(room, after).total / REWARD_SCALE
+        action = torch.arange(count, device=room.device).repeat(len(position))
+        discounts = torch.full_like(reward, discount)
+        return legal, Transitions(room, before, action, reward, discounts, after, simulator.reach(room, after)[1])
+
+
 class Training:
     """The training loop: `updates` updates of `batch` transitions, one step of all parallel episodes before each.
 
@@ -67,7 +95,8 @@ class Training:
 
     Illegal moves are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.
     Learning starts when `warmup_moves` moves are stored; each update sees an equal share of its batch
-    in every one of the `symmetries`.
+    in every one of the `symmetries`. With `every_move` an update learns the values of all legal moves of the poses that
+    it samples, where it otherwise learns that of the move that was made.
     """
 
     def __init__(
@@ -85,9 +114,11 @@ class Training:
         report_every: int,
         symmetries: Sequence[Symmetry],
         seed: np.random.SeedSequence,
+        every_move: EveryMove | None = None,
     ):
         self.agent, self.replay, self.stopping = agent, replay, False
         self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
+        self._every_move = every_move
         self._updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
         self._warm = min(warmup_moves, replay.capacity)
         device = replay.device
@@ -139,10 +170,20 @@ class Training:
         with self._watch("sample"):
             sampled = self.replay.sample(self._batch, self._replay_rng)
             observation = self._observe(sampled.room, sampled.position)
-            next_observation = self._observe(sampled.room, sampled.next_position)
-            turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
+            if self._every_move is None:
+                next_observation = self._observe(sampled.room, sampled.next_position)
+                turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
+            else:
+                legal, moves = self._every_move.transitions(sampled.room, sampled.position, self.updates)
+                next_observation = self._observe(moves.room, moves.next_position)
         with self._watch("learn"):
-            stats = self.agent.update(*turned)
+            if self._every_move is None:
+                stats = self.agent.update(*turned)
+            else:
+                target = self.agent.td_target(moves, next_observation).view_as(legal)
+                legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
+                observation = in_every_view(self._observe, self._symmetries, observation)
+                stats = self.agent.update_every_move(legal, target, observation, self._every_move.mean_weight)
         for column, value in zip((self._recent.losses, self._recent.mean_qs, self._recent.max_qs), stats, strict=True):
             column.append(value[None])
 
@@ -210,10 +251,15 @@ def _turned(
     """
     turned = batch._replace(
         action=torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, batch.action)]),
-        next_legal=torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, batch.next_legal)]),
+        next_legal=_in_turn(symmetries, batch.next_legal),
     )
     observation, next_observation = (in_every_view(observe, symmetries, o) for o in (observation, next_observation))
     return turned, observation, next_observation
+
+
+def _in_turn(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
+    """What there is of each move (B, A), an equal share of it as the moves are in each symmetry."""
+    return torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, by_move)])
 
 
 def in_every_view(observe: Observe, symmetries: Sequence[Symmetry], observation: Tensor) -> Tensor:

@@ -9,8 +9,11 @@ import torch
 from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import snap
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.scenes import Scenes
+
+NEAR = (0.1, 0.3, 1.0)  # metres, standard deviations, each as likely: how near to the designer's place is near
 
 
 class Step(NamedTuple):
@@ -31,7 +34,8 @@ class Episodes:
     """B parallel episodes in rooms drawn at random; `room` (B,), `position` (B, 2) and `legal` (B, A) are their state.
 
     An episode is truncated after `max_moves` moves and, with `goal_iou`, terminates at that IoU with the
-    designer's footprint. `ages` (B,) are the moves that count as made at the beginning: staggered, not all end at once.
+    designer's footprint. `near` is the share of them that begin near the designer's places, and these (rooms, 2).
+    `ages` (B,) are the moves that count as made at the beginning: staggered, not all end at once.
     """
 
     def __init__(
@@ -41,10 +45,12 @@ class Episodes:
         max_moves: int,
         generator: torch.Generator,
         goal_iou: float | None = None,
+        near: tuple[float, Tensor] | None = None,
     ):
         self._simulator = simulator
         self._max_moves = max_moves
         self._goal_iou = goal_iou
+        self._near = near
         self._generator = generator
         self._age = ages.copy()  # kept on the host: who is truncated is known without waiting for the device
         self.room, self.position = self._drawn(len(ages))
@@ -112,4 +118,13 @@ class Episodes:
     def _drawn(self, count: int) -> tuple[Tensor, Tensor]:
         rooms, device = len(self._simulator.rooms), self._simulator.device
         room = torch.randint(rooms, (count,), generator=self._generator, device=device)
-        return room, self._simulator.starts(room, self._generator)
+        anywhere = self._simulator.starts(room, self._generator)
+        if self._near is None:
+            return room, anywhere
+        share, designed = self._near
+        chance = torch.rand(2, count, generator=self._generator, device=device)
+        deviation = torch.tensor(NEAR, device=device)[(chance[0] * len(NEAR)).long(), None]
+        off = deviation * torch.randn(count, 2, generator=self._generator, device=device)
+        beside = snap(designed[room] + off.double())
+        begins_near = (chance[1] < share) & self._simulator.is_legal(room, beside)
+        return room, torch.where(begins_near[:, None], beside, anywhere)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID
 from layoutrl.env.observation import COS, DEPTH, SIN, WIDTH, X, Y
 from layoutrl.env.reward import RewardTerms
@@ -91,6 +92,13 @@ class Scenes:
 
     def _entry(self, scene: Tensor) -> Tensor:
         return self.simulator.entry[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
+
+
+def led_to(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor, length: Tensor) -> Tensor:
+    """Where each action leads, by lengths (B, A) in metres, from positions (B, 2): (B, A, 2)."""
+    actions = torch.arange(length.shape[1], device=length.device).repeat(len(here))
+    whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (room, here))
+    return simulator.moved(whose, start, actions, length.flatten()).unflatten(0, length.shape)
 
 
 class ScenesObservation:

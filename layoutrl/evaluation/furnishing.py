@@ -18,9 +18,9 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
-from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation
+from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, led_to
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.protocols import greedy, led_to
+from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.room import Item, Point, Room, rotation
@@ -31,6 +31,7 @@ LOOKED_AT = 24  # of poses, the most valued, that are looked at for one by which
 SWEEPS = 1  # times that every item is lifted and placed again, among all others
 REPAIRS = 1  # times more, in rooms with a fault
 AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
+NEAR_WALL = 0.15  # metres: what ends no further before what is behind it slides back, until it touches
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BLOCK = 128  # rooms furnished at once: memory, not speed
@@ -67,10 +68,11 @@ class Furnisher:
     The largest item comes first. Of each, places are spread for every way that it can face; from those that the agent
     values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
     (`layoutrl.env.faults`, geometry alone). Where there is none, it is put where one move more leads, or else at one of
-    the places that were spread. When all stand, each is lifted once more, and moved if another pose is better; and
-    again where something is still wrong. Where that does not help, the room is furnished anew, what had a fault first.
-    A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back.
-    The designer's layout is not known here. Nothing is left to chance: the same brief always gets the same layouts.
+    the places that were spread. What ends just before a wall or an item slides back to it. When all stand, each is
+    lifted once more, and moved if another pose is better; and again where something is still wrong. Where that does not
+    help, the room is furnished anew, what had a fault first. A room whose walls lean is furnished upright, since agents
+    learn in upright ones, and turned back. The designer's layout is not known here. Nothing is left to chance: the same
+    brief always gets the same layouts.
     """
 
     def __init__(self, agent: DQN, method: Method, categories: Sequence[str]):
@@ -233,7 +235,25 @@ class Furnisher:
             options = self._beside(world, some, ends.of(b)) if beside else starts.of(b)
             options = _others(world.rooms, some, options, [known[n] for n in b.tolist()])
             chosen = _with(chosen, b, _best(world.rooms, some, options))
-        return chosen
+        return self._slid_back(world, state, chosen) if self._moves.slide else chosen
+
+    def _slid_back(self, world: _World, state: State[np.ndarray], chosen: Chosen) -> Chosen:
+        """What is chosen, but pushed back until it touches, where that is not far, and nothing more is wrong by it.
+
+        Values are too imprecise for the last centimetres to a wall.
+        """
+        scenes, every, back = world.scenes, np.arange(len(chosen.value)), self._moves.count - len(WAYS) + 1
+        scene = world.scenes_of(state, every, chosen.quarter)
+        here = torch.as_tensor(chosen.center, device=scene.device)
+        length, legal = (values[:, back] for values in scenes.reach(scene, here))
+        there = scenes.moved(scene, here, torch.full_like(length, back, dtype=torch.int64), length).cpu().numpy()
+        value = np.where((legal & (length < NEAR_WALL)).cpu().numpy(), chosen.value, -np.inf)
+        ways = [[np.concatenate([way, place[None]])] for way, place in zip(chosen.way, there, strict=True)]
+        slid = _best(world.rooms, state, Options(there[:, None], chosen.quarter[:, None], value[:, None], ways))
+        b, new = np.flatnonzero(np.isfinite(value) & (slid.faults <= chosen.faults)), Chosen(*map(np.copy, chosen))
+        for values, those in zip(new, slid, strict=True):
+            values[b] = those[b]
+        return new
 
     def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
         """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.

@@ -15,7 +15,7 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
-from layoutrl.env.scenes import Scenes
+from layoutrl.env.scenes import Scenes, led_to
 from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
@@ -152,13 +152,6 @@ class Greedy:
         seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
         views = zip(self.agent.values(seen).split(len(observation)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
-
-
-def led_to(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor, length: Tensor) -> Tensor:
-    """Where each action leads, by lengths (B, A) in metres, from positions (B, 2): (B, A, 2)."""
-    actions = torch.arange(length.shape[1], device=length.device).repeat(len(here))
-    whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (room, here))
-    return simulator.moved(whose, start, actions, length.flatten()).unflatten(0, length.shape)
 
 
 def greedy(agent: DQN, method: Method) -> Greedy:

@@ -349,7 +349,7 @@ def check_method(prefix: str, method: Method) -> None:
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
         value = getattr(method, name)
         _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
-    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share"):
+    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share", "starts_near"):
         share = getattr(method, name)
         _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
     most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
@@ -360,6 +360,13 @@ def check_method(prefix: str, method: Method) -> None:
     fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
     _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
     _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
+    first = method.discount if method.discount_start is None else method.discount_start
+    _within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
+    if not method.every_move:
+        _within(f"{prefix}.discount_start", first, first == method.discount, "none without every_move")
+    _within(f"{prefix}.mean_weight", method.mean_weight, method.mean_weight > 0, "more than 0")
+    ends_early = method.every_move and method.goal_terminates
+    _within(f"{prefix}.goal_terminates", method.goal_terminates, not ends_early, "false with every_move")
 
 
 def check_furnishing(search: Any, annealer: Any) -> None:

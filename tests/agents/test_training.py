@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import islice, pairwise, product
 
 import numpy as np
@@ -13,9 +13,10 @@ from torch import nn
 
 from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule
+from layoutrl.agents.learner import Learner
 from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.agents.training import REWARD_SCALE, Progress, Training
+from layoutrl.agents.training import REWARD_SCALE, EveryMove, Progress, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import GeometryObservation, categories_of
@@ -23,8 +24,9 @@ from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.protocols import Greedy
+from layoutrl.evaluation.protocols import Greedy, greedy
 from layoutrl.rooms.room import Item, Room, symmetry
+from layoutrl.runs.config import composed
 from tests.builders import l_room, opening, rectangular_room
 
 SETTINGS = {
@@ -104,6 +106,12 @@ class Run:
         return endings
 
 
+def weights_of_one(columns: int, actions: int) -> GeometryNetwork:
+    with torch.random.fork_rng():
+        torch.manual_seed(1)
+        return GeometryNetwork(columns, actions, element_width=8, width=16)
+
+
 def small_rooms() -> list[Room]:
     return [rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.3, 0.4)), id="a"), l_room(id="b")]
 
@@ -121,9 +129,7 @@ def run_of(
     moves = moves or Moves((0.4, 0.1))
     simulator = Simulator(rooms, moves, Reward())
     observe = GeometryObservation(rooms, categories_of(rooms))
-    with torch.random.fork_rng():
-        torch.manual_seed(1)
-        network = GeometryNetwork(observe.space.shape[1], moves.count, element_width=8, width=16)
+    network = weights_of_one(observe.space.shape[1], moves.count)
     agent = RecordedDQN(network, learning_rate, settings["updates"], target_period=20, double=True)
     agent.tape = []
     run = Run(simulator, agent, RecordedReplay(capacity, moves.count, agent.tape), agent.tape)
@@ -173,6 +179,72 @@ def test_each_symmetry_is_learned_in_an_equal_share_of_every_batch_as_if_the_roo
             np.testing.assert_array_equal(next_legal, simulator.destinations(room.numpy(), next_position.numpy())[1])
             for observation, where in zip(observations, (position, next_position), strict=True):
                 torch.testing.assert_close(observation[4 * k : 4 * k + 4], observe(room, where))
+
+
+def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_anywhere():
+    rooms, moves = small_rooms(), Moves((0.4, 0.1))
+    exact = Simulator(rooms, moves, Reward())
+    learns = EveryMove(BatchSimulator(exact), LinearSchedule(2.0, 5.0, 10), 1.0)
+    rng = np.random.default_rng(0)
+    room = rng.integers(2, size=20)
+    position = exact.starts(room, rng)
+    for updates, discount in ((0, 0.5), (10, 0.8)):
+        legal, found = learns.transitions(torch.tensor(room), torch.tensor(position), updates)
+        reached, allowed = exact.destinations(room, position)
+        np.testing.assert_array_equal(legal, allowed)
+        reached = np.where(allowed[..., None], reached, position[:, None]).reshape(-1, 2)
+        whose = np.repeat(room, moves.count)
+        np.testing.assert_allclose(found.next_position, reached, atol=1.1e-6)
+        np.testing.assert_array_equal(found.room, whose)
+        np.testing.assert_array_equal(found.next_legal, exact.destinations(whose, reached)[1])
+        paid = (1 - discount) * exact.reward(whose, reached).total / REWARD_SCALE
+        np.testing.assert_allclose(found.reward, paid, atol=1e-5)
+        np.testing.assert_allclose(found.discount, discount)
+
+
+def test_in_every_view_the_values_of_every_move_are_those_of_the_moves_there():
+    rooms, moves = small_rooms(), Moves((0.4, 0.1))
+    learned = []
+
+    class Recorded(DQN):
+        def update_every_move(self, legal, target, observation, mean_weight):
+            learned.append((legal, target, observation))
+            return super().update_every_move(legal, target, observation, mean_weight)
+
+    def run(symmetries: list[Symmetry]) -> None:
+        simulator, observe = BatchSimulator(Simulator(rooms, moves, Reward())), GeometryObservation(rooms, ["bed"])
+        network = weights_of_one(observe.space.shape[1], moves.count)
+        settings = SETTINGS | {"updates": 1, "report_every": 1, "symmetries": symmetries, "batch": 16}
+        learns = EveryMove(simulator, LinearSchedule(1.0, 1.0, 0), 1.0)  # discount 0: what a move pays at once
+        schedule, seed = LinearSchedule(1.0, 1.0, 0), np.random.SeedSequence(0)
+        agent, replay = Recorded(network, 1e-3, 1, 20, double=False), Replay(1000, moves.count)
+        list(training(agent, simulator, observe, replay, schedule, **settings, seed=seed, every_move=learns))
+
+    run(symmetries(moves)[:1])
+    run(symmetries(moves))
+    (legal, target, observation), (turned_legal, turned_target, turned_observation) = learned
+    observe = GeometryObservation(rooms, ["bed"])
+    for k, view in enumerate(symmetries(moves)):
+        two = slice(2 * k, 2 * k + 2)
+        assert torch.equal(turned_legal[two, view.action], legal[two])
+        torch.testing.assert_close(turned_target[two, view.action], target[two])
+        torch.testing.assert_close(turned_observation[two], observe.turned(observation[two], view))
+
+
+@pytest.mark.parametrize("rises_from", [None, 0.5])
+def test_from_every_move_an_agent_learns_the_way_home(rises_from: float | None):
+    method = replace(composed("train", "room=tatami").method, steps=[0.4], slide=False, every_move=True, discount=0.8)
+    method = replace(
+        method, discount_start=rises_from, batch=32, episodes=8, warmup_moves=32, starts_near=0.5, symmetries=False
+    )
+    room = rectangular_room(2.4, 2.0, Item("bed", (0.8, 0.8), (0.4, 0.4)))
+    one, other = np.random.SeedSequence(0).spawn(2)
+    learner = Learner([room], method, Reward(), 150, one, other, torch.device("cpu"))
+    list(learner.training(report_every=150))
+    simulator = BatchSimulator(Simulator([room], method.moves, Reward()))
+    starts = torch.tensor([(2.0, 1.6), (0.4, 1.6), (2.0, 0.4)], dtype=torch.float64)
+    ends = greedy(learner.agent, method).rollout(simulator, learner.observe, torch.zeros(3, dtype=int), starts).final
+    np.testing.assert_allclose(ends, [(0.4, 0.4)] * 3, atol=1e-6)
 
 
 def test_reports_come_every_so_many_updates_and_at_the_end():
@@ -356,7 +428,7 @@ class OnePlace:
 
     def reward(self, room, position):
         one = torch.ones(len(room))
-        return RewardTerms(100 * one, 0 * one, 0 * one, one)
+        return RewardTerms(100 * one, 0 * one, 0 * one, 0 * one, one)
 
 
 class Nothing:

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes, Step
+from layoutrl.env.geometry import snap
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.room import Item
@@ -168,3 +169,21 @@ def test_the_global_random_stream_is_neither_read_nor_moved(simulator: BatchSimu
         runs.append(list(played(episodes(simulator), 6)))
         assert torch.equal(torch.get_rng_state(), state)
     assert all(torch.equal(a.next_position, b.next_position) for a, b in zip(*runs, strict=True))
+
+
+def test_a_share_of_episodes_begins_near_the_designers_place(simulator: BatchSimulator) -> None:
+    designed = torch.tensor(np.array([room.moving.center for room in simulator.rooms]))
+    count = 4000
+
+    def distance(near: tuple[float, Tensor] | None) -> Tensor:
+        running = Episodes(simulator, np.zeros(count, dtype=int), 5, torch.Generator().manual_seed(0), None, near)
+        assert simulator.is_legal(running.room, running.position).all()
+        assert torch.equal(running.position, snap(running.position))
+        wide = running.room == 2  # 4 m by 3 m
+        return (running.position - designed[running.room])[wide].norm(dim=1)
+
+    anywhere, half, always = (distance(near) for near in (None, (0.5, designed), (1.0, designed)))
+    shares = [(those < 0.2).double().mean().item() for those in (anywhere, half, always)]
+    assert shares[0] < 0.05
+    assert shares[1] == pytest.approx((shares[0] + shares[2]) / 2, abs=0.05)
+    assert shares[2] > 0.3

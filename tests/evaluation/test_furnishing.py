@@ -17,7 +17,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import furnishing
-from layoutrl.evaluation.furnishing import APART, Furnisher, Options, _best, _with, spread, wrong
+from layoutrl.evaluation.furnishing import APART, Chosen, Furnisher, Options, _best, _with, _World, spread, wrong
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room, rotation
@@ -94,6 +94,40 @@ def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_faults_
         for k, one in enumerate(largest):
             for other in largest[:k]:
                 assert np.hypot(*np.subtract(one.center, other.center)) >= APART or one.rotation != other.rotation
+
+
+def chosen_at(center: np.ndarray, faults: int) -> Chosen:
+    """One item at centers (1, 2)."""
+    way = np.empty(1, dtype=object)
+    way[0] = center
+    return Chosen(center, np.zeros(1, int), np.ones(1), way, np.array([faults]))
+
+
+@pytest.mark.parametrize(("off", "behind", "ends"), [(0.1, 0.0, 1.0), (0.3, 0.0, 1.3), (0.1, 0.5, 1.5)])
+def test_what_ends_just_before_a_wall_or_an_item_slides_back_to_it(furnisher, off, behind, ends) -> None:
+    stands = (Item("box", (behind, 2.8), (behind / 2, 1.5), 0.0),) if behind else ()
+    brief = rectangular_room(5, 3, Item("bed", (2.0, 1.5), None, 0.0), others=stands, target=None)
+    world = _World([brief], Moves(), ["bed"], CPU)
+    here = np.array([[behind + 1.0 + off, 1.5]])
+    chosen = chosen_at(here, 0)
+    slid = furnisher._slid_back(world, world.rooms.empty(np.zeros(1, int)), chosen)
+    assert slid.center.tolist() == [[pytest.approx(ends, abs=1e-5), 1.5]]
+    assert slid.way[0][-1].tolist() == slid.center[0].tolist()
+    assert slid.value == chosen.value
+
+
+def test_nothing_slides_back_where_something_would_be_wrong_by_it(furnisher) -> None:
+    door = opening("door", -0.2, 1.0, 0.0, 2.0)
+    brief = rectangular_room(5, 3, Item("bed", (2.0, 1.5), None, 0.0), openings=(door,), target=None)
+    world, here = (
+        _World([brief], Moves(), ["bed"], CPU),
+        np.array([[1.35, 1.5]]),
+    )  # 35 cm before a door: 30 are to be free
+    for off, ends in ((0.0, 1.35), (-0.25, 1.0)):  # what is wrong already may go on
+        at = here + np.array([off, 0])
+        chosen = chosen_at(at, int(off < 0))
+        slid = furnisher._slid_back(world, world.rooms.empty(np.zeros(1, int)), chosen)
+        assert slid.center[0, 0] == pytest.approx(ends, abs=1e-5)
 
 
 @pytest.mark.parametrize("lean", [12.0, 30.0, 60.0])
