@@ -102,11 +102,10 @@ class Learner:
             report_every=report_every,
             symmetries=method.views(self.replay.device),
             seed=self._seed,
-            every_move=EveryMove(self.simulator, self._horizon(), method.mean_weight) if method.every_move else None,
+            every_move=self._every_move() if method.every_move else None,
         )
 
-    def _horizon(self) -> LinearSchedule:
-        """Moves that values look ahead, by updates."""
-        last = self.method.discount
-        first = last if self.method.discount_start is None else self.method.discount_start
-        return LinearSchedule(1 / (1 - first), 1 / (1 - last), self.updates // 2)
+    def _every_move(self) -> EveryMove:
+        method = self.method
+        discount, weight = (method.discount_start, method.discount), (method.mean_weight_start, method.mean_weight)
+        return EveryMove(self.simulator, self.updates, discount, weight)

@@ -48,8 +48,10 @@ class Method:
     updates: dict[str, int]  # by budget
     scope: Any = "item"  # what is furnished: one item of a room, or the whole room (room)
     every_move: bool = False  # learn the values of all legal moves of a pose, and how they differ apart from their mean
-    mean_weight: float = 0.005  # of the mean, then
-    discount_start: float | None = None  # the discount rises from it, over the first half of the updates
+    # With every_move:
+    discount_start: float = 0.5  # from which the discount rises, over the first half of the updates
+    mean_weight_start: float = 0.005  # in the loss, beside the moves' differences
+    mean_weight: float = 0.2  # to which it rises, over the second half of the updates
     starts_near: float = 0.0  # of the episodes of one item: share that begins near the designer's place
     # Of whole rooms:
     near_share: float = 0.5  # of items that begin near the designer's place

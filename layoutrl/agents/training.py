@@ -62,12 +62,25 @@ class Stopwatch:
 class EveryMove:
     """How values of all legal moves are learned at once, of every pose that is sampled.
 
-    Values are then (1 - discount) times what they are else, so that they stay as large while the discount rises.
+    First how moves differ, at a discount that rises over the first half of the updates; then what they have in common,
+    too, whose weight in the loss rises over the second half. Values are (1 - discount) times what they are else: they
+    stay as large while the discount rises.
     """
 
     simulator: BatchSimulator | Scenes
-    horizon: LinearSchedule  # of updates: moves that values look ahead, 1 / (1 - discount)
-    mean_weight: float  # of the loss of the moves' mean, beside that of how they differ
+    updates: int
+    discount: tuple[float, float]  # first and last: what rises linearly is the horizon, 1 / (1 - discount)
+    mean_weight: tuple[float, float]
+
+    def discount_at(self, updates: int) -> float:
+        """The discount after so many updates."""
+        first, last = (1 / (1 - discount) for discount in self.discount)
+        return 1 - 1 / LinearSchedule(first, last, self.updates // 2)(updates)
+
+    def mean_weight_at(self, updates: int) -> float:
+        """The weight of the moves' mean after so many updates; that of how they differ is 1."""
+        half = self.updates // 2
+        return LinearSchedule(*self.mean_weight, self.updates - half)(max(updates - half, 0))
 
     def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
         """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
@@ -77,7 +90,7 @@ class EveryMove:
         count = legal.shape[1]
         room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
         after = reached.flatten(0, 1)
-        discount = 1 - 1 / self.horizon(updates)
+        discount = self.discount_at(updates)
         reward = (1 - discount) * simulator.reward(room, after).total / REWARD_SCALE
         action = torch.arange(count, device=room.device).repeat(len(position))
         discounts = torch.full_like(reward, discount)
@@ -183,7 +196,9 @@ class Training:
                 target = self.agent.td_target(moves, next_observation).view_as(legal)
                 legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
                 observation = in_every_view(self._observe, self._symmetries, observation)
-                stats = self.agent.update_every_move(legal, target, observation, self._every_move.mean_weight)
+                stats = self.agent.update_every_move(
+                    legal, target, observation, self._every_move.mean_weight_at(self.updates)
+                )
         for column, value in zip((self._recent.losses, self._recent.mean_qs, self._recent.max_qs), stats, strict=True):
             column.append(value[None])
 

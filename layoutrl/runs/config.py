@@ -360,11 +360,12 @@ def check_method(prefix: str, method: Method) -> None:
     fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
     _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
     _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
-    first = method.discount if method.discount_start is None else method.discount_start
-    _within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
-    if not method.every_move:
-        _within(f"{prefix}.discount_start", first, first == method.discount, "none without every_move")
-    _within(f"{prefix}.mean_weight", method.mean_weight, method.mean_weight > 0, "more than 0")
+    if method.every_move:
+        first = method.discount_start
+        _within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
+    for name in ("mean_weight_start", "mean_weight"):
+        value = getattr(method, name)
+        _within(f"{prefix}.{name}", value, value > 0, "more than 0")
     ends_early = method.every_move and method.goal_terminates
     _within(f"{prefix}.goal_terminates", method.goal_terminates, not ends_early, "false with every_move")
 
