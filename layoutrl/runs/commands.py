@@ -16,6 +16,7 @@ from dataclasses import is_dataclass
 from typing import Any, get_type_hints
 
 import hydra
+import yaml
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -26,6 +27,7 @@ from layoutrl import InputError
 from layoutrl.runs.config import config_directory, register
 
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
+ALIKE = 0.6  # 0 to 1: names that are less so are no hint
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
@@ -43,15 +45,16 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
     `sweeps`: conf/<name>.yaml makes a sweep of it, also without -m.
     """
     register()
+    known = [*groups(name), *options(schema)]
 
     @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name=name)
     def job(config: DictConfig) -> None:
         if HydraConfig.get().mode != RunMode.MULTIRUN:
             with answers_errors():  # here: what Hydra were to see raised, it would say something about
-                run(checked(config, schema))
+                run(checked(config, schema, known))
             return
         try:
-            run(checked(config, schema))
+            run(checked(config, schema, known))
         except (InputError, OmegaConfBaseException, OSError) as error:
             said = f"error: {' '.join(HydraConfig.get().overrides.task)}: {in_a_line(error)}"
             if isinstance(error, Stopped):
@@ -69,7 +72,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             try:
                 job()
             except HydraException as error:
-                raise InputError(explained(error, schema)) from None
+                raise InputError(explained(error, known)) from None
 
     return main
 
@@ -112,13 +115,21 @@ def in_a_line(error: Exception) -> str:
     return str(error)
 
 
-def checked(config: DictConfig, schema: type) -> Any:
+def checked(config: DictConfig, schema: type, known: list[str]) -> Any:
     """The configuration as objects. Raises InputError for what is unknown in it, missing, or out of range."""
     for key in unknown_keys(config, schema):
-        raise InputError(f"{key}: unknown; {nearest(key, [*options(schema)])}")
+        raise InputError(f"{key}: unknown; {nearest(key, known)}")
     for key in sorted(OmegaConf.missing_keys(config)):
         raise InputError(f"{key}: expected a value, as {key}=<{key}>; --help shows all options")
     return OmegaConf.to_object(config)
+
+
+def groups(name: str) -> list[str]:
+    """What conf/<name>.yaml takes a file of conf/<group>/ for: room, method, ..."""
+    text = (config_directory() / f"{name}.yaml").read_text(encoding="utf-8")
+    entries = [entry for entry in yaml.safe_load(text)["defaults"] if isinstance(entry, dict)]
+    names = [key.split()[-1] for entry in entries for key in entry]  # of "optional data", data
+    return [group for group in names if group.isidentifier()]  # those of Hydra are paths
 
 
 def options(schema: type, prefix: str = "") -> dict[str, Any]:
@@ -140,18 +151,22 @@ def unknown_keys(config: DictConfig, schema: type, prefix: str = "") -> Iterator
 
 
 def nearest(key: str, known: list[str]) -> str:
-    """Which known option a wrong name may mean: one that it abbreviates, or one that is spelled much like it."""
+    """Which known name a wrong one may mean: its last part counts, which may be shortened, in whichever group."""
+    name = key.rpartition(".")[2]
 
-    def likeness(option: str) -> tuple[bool, bool, float]:
-        (group, _, name), (its_group, _, its_name) = key.rpartition("."), option.rpartition(".")
-        letters = iter(its_name)
-        abbreviated = all(letter in letters for letter in name)  # in this order
-        return group == its_group, abbreviated, difflib.SequenceMatcher(None, key, option).ratio()
+    def likeness(option: str) -> tuple[float, float]:
+        its_name = option.rpartition(".")[2]
+        initials = "".join(word[:1] for word in its_name.split("_"))
+        shortened = (len(name) > 2 and name in its_name) or (len(name) > 1 and name == initials)
+        alike = 0.9 if shortened else difflib.SequenceMatcher(None, name, its_name).ratio()
+        return alike, difflib.SequenceMatcher(None, key, option).ratio()
 
-    return f"expected the name of an option, of which {max(known, key=likeness)} is nearest"
+    best = max(known, key=likeness)
+    hint = f", of which {best} is nearest" if likeness(best)[0] >= ALIKE else ""
+    return f"expected the name of an option{hint}; --help shows all options"
 
 
-def explained(error: HydraException, schema: type) -> str:
+def explained(error: HydraException, known: list[str]) -> str:
     """What Hydra finds wrong with a command line, as one line."""
     text = str(error)
     if found := re.search(r"Could not find '(.+)/([^']+)'", text):
@@ -160,7 +175,7 @@ def explained(error: HydraException, schema: type) -> str:
     if isinstance(error.__cause__, ConfigAttributeError | ConfigKeyError) and (
         found := re.match(r"Could not (?:override|append to|find) '([^']+)'", text)
     ):
-        return f"{found[1]}: unknown; {nearest(found[1], [*options(schema)])}"
+        return f"{found[1]}: unknown; {nearest(found[1], known)}"
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("See https")]
     if isinstance(error.__cause__, OmegaConfBaseException):
         lines.append(str(error.__cause__).splitlines()[0])
