@@ -10,8 +10,8 @@ from textwrap import dedent
 import ablation
 import pytest
 
-from layoutrl.rooms.files import parse_room
 from layoutrl.runs.config import composed
+from tests.commands import layoutrl
 
 PROJECT = Path(__file__).resolve().parents[1]
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
@@ -29,11 +29,16 @@ def test_the_python_runs() -> None:
         exec(compile(code, "README.md", "exec"), {})
 
 
-def test_the_room_is_read() -> None:
+def test_the_first_command_places_what_the_room_lacks(tmp_path: Path) -> None:
     (text,) = (block for block in BLOCKS if block.startswith('{"id"'))
-    room, *commands = text.split("\n\n")
-    assert parse_room(room).id == json.loads(room)["id"]
-    assert commands
+    room, commands = text.split("\n\n")
+    (tmp_path / "my_rooms.jsonl").write_text(json.dumps(json.loads(room)))
+    module, *arguments = commands.splitlines()[0].removeprefix("python -m layoutrl.").split()
+    done = layoutrl(module, *arguments, "device=cpu", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "b-17, choice 3: 1 of 1 placed; nothing is wrong" in done.stdout
+    assert "wrote my_rooms-placed.jsonl" in done.stdout.replace(f"{tmp_path}/", "")
+    assert len(list((tmp_path / "pictures").iterdir())) == 3
 
 
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
