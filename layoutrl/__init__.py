@@ -1,10 +1,13 @@
 """layoutrl: an agent that moves furniture to where a designer would have put it (Di & Yu 2021)."""
 
+import os
 import signal
 import sys
 from itertools import pairwise
 
-_asked = any(flag == "-m" and name.startswith("layoutrl.") for flag, name in pairwise(sys.orig_argv))
+_asked = os.path.basename(sys.argv[0]) in ("layoutrl", "layoutrl.exe") or any(  # noqa: PTH119
+    flag == "-m" and name.split(".")[0] == "layoutrl" for flag, name in pairwise(sys.orig_argv)
+)
 if _asked and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     # A command: while it imports what it needs, which takes seconds, Ctrl-C ends it without a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)

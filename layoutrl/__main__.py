@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import signal
 import sys
 from importlib import import_module
 
@@ -29,8 +28,6 @@ def main() -> None:
         )
         print("layoutrl <command> --help shows its options")
     elif name in COMMANDS:
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)  # as layoutrl has it while a command's modules are imported
         sys.argv = [f"layoutrl {name}", *options]
         import_module(f"layoutrl.{name}").main()
     else:
