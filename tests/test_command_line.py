@@ -300,7 +300,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["method=papr"], ["papr", "geometric"]),
         ("train", ["budget=smok"], ["smok", "default"]),
         ("train", ["sed=1"], ["sed"]),
-        ("train", ["seed=one"], ["seed", "Integer"]),
+        ("train", ["seed=one"], ["seed", "a whole number"]),
         ("train", ["fold=5"], ["fold", "0 to 4"]),
         ("train", ["room.item=sofa", "budget=smoke"], ["room.item", "sofa", "bed", "wardrobe"]),
         ("train", ["data=floorplans", "data.labels=snap"], ["data.labels", "snapped", "raw"]),

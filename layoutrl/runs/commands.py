@@ -18,15 +18,16 @@ from typing import Any, get_type_hints
 import hydra
 import yaml
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
+from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from layoutrl import InputError
-from layoutrl.runs.config import config_directory, register
+from layoutrl.runs.config import config_directory, misfit, options, register
 
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
+BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
 ALIKE = 0.6  # 0 to 1: names that are less so are no hint
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
@@ -72,7 +73,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             try:
                 job()
             except HydraException as error:
-                raise InputError(explained(error, known)) from None
+                raise InputError(explained(error, schema, known)) from None
 
     return main
 
@@ -82,14 +83,27 @@ def answers_errors() -> Iterator[None]:
     """Answer what the user can mend in one line, without a traceback."""
     try:
         yield
+        sys.stdout.flush()
     except Incomplete as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(INCOMPLETE)
     except (InputError, OmegaConfBaseException, OSError) as error:
+        if isinstance(error, BrokenPipeError) and not is_read():
+            sys.exit(BROKEN_PIPE)
         sys.exit(f"error: {in_a_line(error)}")
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
+
+
+def is_read() -> bool:
+    """Whether somebody reads what is printed; if not, as behind `| head`, what is left of it goes nowhere."""
+    try:
+        print(flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries it once more at its end
+        return False
+    return True
 
 
 @contextmanager
@@ -132,14 +146,6 @@ def groups(name: str) -> list[str]:
     return [group for group in names if group.isidentifier()]  # those of Hydra are paths
 
 
-def options(schema: type, prefix: str = "") -> dict[str, Any]:
-    """The types of all options, by their dotted names."""
-    found: dict[str, Any] = {}
-    for name, kind in get_type_hints(schema).items():
-        found |= options(kind, f"{prefix}{name}.") if is_dataclass(kind) else {prefix + name: kind}  # type: ignore[arg-type]
-    return found
-
-
 def unknown_keys(config: DictConfig, schema: type, prefix: str = "") -> Iterator[str]:
     """The dotted names that were added to a configuration (as `+name=value`) and that its schema does not have."""
     kinds = get_type_hints(schema)
@@ -166,31 +172,45 @@ def nearest(key: str, known: list[str]) -> str:
     return f"expected the name of an option{hint}; --help shows all options"
 
 
-def explained(error: HydraException, known: list[str]) -> str:
+def explained(error: HydraException, schema: type, known: list[str]) -> str:
     """What Hydra finds wrong with a command line, as one line."""
-    text = str(error)
-    if found := re.search(r"Could not find '(.+)/([^']+)'", text):
+    text, cause = str(error), error.__cause__
+    if isinstance(error, OverrideParseException):
+        closed = ", with its brackets and quotes closed" if "=" in error.override else ""
+        return f"{error.override}: expected <option>=<value>{closed}; --help shows all options"
+    if found := re.match(r"Ambiguous value for argument '([^=]+)=(.*)'", text):
+        return f"{found[1]}: expected one value; got {found[2]}; add -m to try several"
+    if found := re.match(r"Multiple values for (\S+)\.", text):
+        return f"{found[1]}: has a value already; expected {found[1]}=<value>, without +"
+    if found := re.search(r"Could not find '(.+)/([^']*)'", text):
         offered = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
-        return f"{found[1]}: expected one of {', '.join(offered)}; got {found[2]}"
-    if isinstance(error.__cause__, ConfigAttributeError | ConfigKeyError) and (
+        return f"{found[1]}: expected one of {', '.join(offered)}; got {found[2] or 'nothing'}"
+    if isinstance(cause, ConfigAttributeError | ConfigKeyError) and (
         found := re.match(r"Could not (?:override|append to|find) '([^']+)'", text)
     ):
         return f"{found[1]}: unknown; {nearest(found[1], known)}"
+    if isinstance(cause, OmegaConfBaseException) and (
+        found := re.match(r"Error merging override [^=]+=(.*)", text, re.DOTALL)
+    ):
+        return f"{misfit(cause, schema)}; got {found[1] or 'nothing'}"
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("See https")]
-    if isinstance(error.__cause__, OmegaConfBaseException):
-        lines.append(str(error.__cause__).splitlines()[0])
+    if isinstance(cause, OmegaConfBaseException):
+        lines.append(str(cause).splitlines()[0])
     return "; ".join(line.rstrip(".") for line in lines)
 
 
 def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> list[str]:
     """The arguments, those of text quoted, so that Hydra's grammar reads no number, list or blank into them.
 
-    In a sweep commas part values; a comma within a text is quoted by the user there.
+    In a sweep commas part values; a comma within a text is quoted by the user there. Raises InputError for a value
+    without an option.
     """
     texts = {name for name, kind in options(schema).items() if kind in (str, str | None)}
     sweeps = sweeps or not {"-m", "--multirun"}.isdisjoint(arguments)
 
     def quoted(argument: str) -> str:
+        if argument.startswith("="):
+            raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
         if not plain or (sweeps and re.search(r"[,()]", value)):

@@ -25,7 +25,7 @@ from omegaconf.errors import OmegaConfBaseException
 import layoutrl
 from layoutrl import InputError
 from layoutrl.rooms.sources.parts import Data
-from layoutrl.runs.config import AnyTraining, Config
+from layoutrl.runs.config import AnyTraining, Config, misfit
 
 CHECKPOINTS = "checkpoints"  # folder of a run
 LOCK = "lock"  # of a run that is trained
@@ -284,9 +284,16 @@ def load_config(folder: Path, schema: type[Config]) -> Config:
             text = file.read(LARGEST + 1).decode()
         _refuse_what_grows(text)
         return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(io.StringIO(text))))  # type: ignore[return-value]
-    except (OSError, OmegaConfBaseException, yaml.YAMLError, ValueError, TypeError) as error:
-        reason = " ".join(str(error).split())
+    except OSError as error:
+        reason = error.strerror or "it holds no options"
         raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None
+    except OmegaConfBaseException as error:
+        reason = misfit(error, schema)
+    except (yaml.YAMLError, ValueError, TypeError) as error:  # also for what is out of range
+        reason = " ".join(str(error).split())
+    raise InputError(
+        f"run: {path} is damaged, or of another kind of run ({reason}); expected it as a training wrote it"
+    )
 
 
 def _refuse_what_grows(text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -63,9 +64,25 @@ def ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         ("sed=1", "sed: unknown; expected the name of an option, of which seed is nearest"),
         ("+data.sed=1", "data.sed: unknown; expected the name of an option, of which data.seed is nearest"),
         ("room=bedrom", "room: expected one of balcony, bathroom, bedroom, dining_room, kitchen, living_room, study"),
-        ("seed=one", "seed=one; Value 'one' of type 'str' could not be converted to Integer"),
-        ("seed", "override 'seed'; missing EQUAL"),
-        ("method.batch==", "override 'method.batch=='"),
+        (
+            "room=",
+            "room: expected one of balcony, bathroom, bedroom, dining_room, kitchen, living_room, study, tatami;",
+        ),
+        ("room=bedroom,study", "room: expected one value; got bedroom,study; add -m to try several"),
+        ("+room=study", "room: has a value already; expected room=<value>, without +"),
+        ("seed=one", "seed: expected a whole number; got one"),
+        ("seed=", "seed: expected a whole number; got nothing"),
+        ("data.train_rooms=1.5", "data.train_rooms: expected a whole number; got 1.5"),
+        ("method.learning_rate=x", "method.learning_rate: expected a number; got x"),
+        ("method.slide=no way", "method.slide: expected true or false; got no way"),
+        ("method.steps=3", "method.steps: expected a list, as [1,2]; got 3"),
+        ("method.steps=[1,x]", "method.steps[1]: expected a number; got [1,x]"),
+        ("method.updates.smoke=x", "method.updates.smoke: expected a whole number; got x"),
+        ("method.updates=3", "method.updates: expected names with values; got 3"),
+        ("seed", "seed: expected <option>=<value>; --help shows all options"),
+        ("seed=[1", "seed=[1: expected <option>=<value>, with its brackets and quotes closed; --help shows all"),
+        ("method.batch==", "method.batch==: expected <option>=<value>"),
+        ("=3", "=3: expected <option>=<value>; --help shows all options"),
     ],
 )
 def test_what_is_wrong_with_a_command_line_is_answered_in_one_line(ask, argument: str, expected: str) -> None:
@@ -75,12 +92,29 @@ def test_what_is_wrong_with_a_command_line_is_answered_in_one_line(ask, argument
     (line,) = said.splitlines()
     assert line.startswith("error: ")
     assert expected in line
+    assert not re.search("Hydra|Error|EOF|DictConfig|type '", line)
 
 
 def test_a_value_that_must_be_given_is_asked_for(ask) -> None:
     _, status, said = ask("evaluate", EvaluateConfig)
     assert status == 1
     assert said == "error: run: expected a value, as run=<run>; --help shows all options\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe of POSIX")
+@pytest.mark.parametrize("command", ["train", "planit.train"])
+def test_help_names_the_command_and_ends_quietly_when_nobody_reads_on(command: str, tmp_path: Path) -> None:
+    program = [sys.executable, "-m", f"layoutrl.{command}", "--help"]
+    with subprocess.Popen(
+        program, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(PROJECT)}, stdout=-1, stderr=-1, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()  # before the command has begun to print
+        assert process.stderr.read() == ""
+    assert process.returncode == 141
+    done = subprocess.run(program, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(PROJECT)}, capture_output=True)
+    assert done.stdout.startswith(f"layoutrl {command} is".encode())
 
 
 @pytest.mark.parametrize("name", ["../../x", "a/b", ".", "..", "", "a\\b"])

@@ -48,17 +48,28 @@ def test_what_is_written_is_resolved_and_read_again(room_type: str, tmp_path: Pa
         (WHOLE + "# " + "x" * LARGEST, f"is larger than {LARGEST} bytes"),
         ("{a: " * 11, "line 1 is nested deeper than 10 levels"),
         ("[" * 9_000, "line 1 is nested deeper than 10 levels"),
-        (WHOLE + "colour: red\n", "Key 'colour' not in 'TrainConfig'"),
-        (WHOLE.replace("  discount:", "  discuont:"), "Key 'discuont' not in 'Method'"),
+        (WHOLE + "colour: red\n", "colour: unknown"),
+        (WHOLE.replace("  discount:", "  discuont:"), r"method\.discuont: unknown"),
+        ("{}", r"room\.type: lacking"),
+        ("", r"room\.type: lacking"),
+        (WHOLE.replace("\nseed: 0", "\nseed: x"), "seed: expected a whole number"),
+        (WHOLE.replace("smoke: ", "smoke: x"), r"method\.updates\.smoke: expected a whole number"),
+        ("[]", "a section: expected names with values"),
+        (WHOLE.replace("\nseed: 0", "\nseed: -1"), "seed: expected 0 or more; got -1"),
     ],
 )
 def test_what_no_run_writes_is_refused_in_a_line_and_soon(text: str, said: str, tmp_path: Path) -> None:
     def reader() -> None:
-        with pytest.raises(InputError, match=rf"^run: {tmp_path}/config\.yaml cannot be read \(.*{said}.*\); expected"):
+        with pytest.raises(InputError, match=rf"^run: {tmp_path}/config\.yaml is damaged, .* \(.*{said}.*\); expected"):
             read(tmp_path, text)
 
     assert text != WHOLE
     answered(reader, (), text)
+
+
+def test_a_folder_that_is_no_run_is_answered(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"config\.yaml cannot be read \(No such file or directory\); expected the"):
+        load_config(tmp_path, TrainConfig)
 
 
 def test_a_file_without_end_is_not_read_to_its_end(tmp_path: Path) -> None:
