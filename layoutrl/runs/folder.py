@@ -152,7 +152,7 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
         _write(file.with_suffix(".json"), (json.dumps(mark) + "\n").encode())
     except OSError as error:
         before = checkpoints(folder)
-        safe = f"that of {before[0].updates} updates is whole" if before else "there is none before it"
+        safe = f"that of {before[0].updates} updates is whole" if before else "no checkpoint was saved before"
         raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
     marks = checkpoints(folder)
     later = [mark for mark in marks if mark.updates > updates]  # damaged, and what it went on from was before them

@@ -128,9 +128,10 @@ def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[
     try:
         yield
     except OSError as error:
+        begins = "the last checkpoint goes on" if checkpoints(folder) else "it begins anew, as nothing is saved yet"
         raise InputError(
             f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
-            f"to write to, where the last checkpoint goes on: python -m {entry_point} resume={folder}"
+            f"to write to, where {begins}: python -m {entry_point} resume={folder}"
         ) from None
 
 

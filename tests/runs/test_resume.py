@@ -298,7 +298,10 @@ def test_a_run_that_meets_a_full_disk_says_so_in_a_line_and_goes_on_later(rooms,
 
 @pytest.mark.parametrize("limit", [10, 2_000, 5_000])  # too little for config.yaml, for TensorBoard, for its pictures
 def test_a_disk_that_is_full_before_the_first_checkpoint_is_answered_in_a_line(limit, rooms, tmp_path):
-    assert re.match(r"error: .* cannot write to .*tatami/one \(File too large\)", limited(rooms, tmp_path, limit))
+    said = limited(rooms, tmp_path, limit)
+    assert re.match(r"error: .* cannot write to .*tatami/one \(File too large\)", said)
+    assert "checkpoint" not in said
+    assert limit == 10 or "a disk to write to, where it begins anew, as nothing is saved yet: python -m " in said
 
 
 def test_a_disk_that_is_full_as_a_run_goes_on_is_answered_in_a_line(rooms, whole, tmp_path):
@@ -306,7 +309,9 @@ def test_a_disk_that_is_full_as_a_run_goes_on_is_answered_in_a_line(rooms, whole
     last = checkpoints(folder)[0]
     last.file.with_suffix(".json").unlink()
     kept, table = checkpoints(folder), (folder / "metrics.csv").read_text()
-    assert f"cannot write to {folder} (File too large)" in limited(rooms, tmp_path, 10)
+    said = limited(rooms, tmp_path, 10)
+    assert f"cannot write to {folder} (File too large)" in said
+    assert "to write to, where the last checkpoint goes on: python -m layoutrl.train resume=" in said
     assert checkpoints(folder) == kept
     assert (folder / "metrics.csv").read_text() == table
 
