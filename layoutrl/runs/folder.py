@@ -196,25 +196,25 @@ def load_checkpoint(
     which: Literal["last", "best"] = "last",
     config: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The last whole state that was saved, or the best; says where one is damaged and the last but it is taken.
+    """The last whole state that was saved, or the best; says where one is damaged and another is taken.
 
     Nothing in a file is run. Raises InputError where none is whole, where it is of another format, or of another
     configuration than the run's, if that is given.
     """
     found = checkpoints(folder)
     if which == "best" and found:
-        found.insert(0, best(found))
-    for checkpoint in found:
+        found.sort(key=best(found).__ne__)  # it first; the others stay in order
+    for tried, checkpoint in enumerate(found, 1):
         try:
             content = checkpoint.file.read_bytes()
             if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
                 raise ValueError("its hash is another")
             state = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
-            if not isinstance(state, dict):
+            if not isinstance(state, dict) or not isinstance(version := state.get("version"), str):
                 raise ValueError("it is no state of a training")
             if (theirs := state.get("format", 1)) != FORMAT:
                 raise InputError(
-                    f"run: {checkpoint.file} is of format {theirs}, of layoutrl {state.get('version')}; "
+                    f"run: {checkpoint.file} is of format {theirs}, of layoutrl {version}; "
                     f"expected {FORMAT}, of layoutrl {layoutrl.__version__}: train it again"
                 )
             if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
@@ -225,7 +225,9 @@ def load_checkpoint(
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             if isinstance(error, pickle.UnpicklingError):  # torch's own words say how to run what is in it
                 reason = "it holds other things than tensors and plain values"
-            print(f"{checkpoint.file} is damaged ({reason}); the one before it is taken")
+            rest = found[tried:]
+            instead = f"{rest[0].file.name} is taken instead" if rest else "there is no other"
+            print(f"{checkpoint.file} is damaged ({reason}); {instead}")
             continue
         if config and (others := differences(state["config"], config)):
             raise InputError(

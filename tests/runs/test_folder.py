@@ -149,6 +149,28 @@ def test_a_checkpoint_of_another_configuration_is_refused_with_the_difference(tm
         load_checkpoint(tmp_path, CPU, config={"seed": 4})
 
 
+def test_what_is_taken_instead_of_a_damaged_checkpoint_is_said_once_of_each(tmp_path, capsys):
+    for updates, iou in ((10, 0.9), (20, 0.4), (30, 0.5)):
+        save_checkpoint(tmp_path, STATE, updates, iou)
+    for file in (tmp_path / "checkpoints").glob("*.pt"):
+        file.write_bytes(b"")
+    with pytest.raises(InputError, match="has no whole checkpoint"):
+        load_checkpoint(tmp_path, CPU, "best")
+    said = [line.replace(f"{tmp_path}/checkpoints/", "") for line in capsys.readouterr().out.splitlines()]
+    assert said == [
+        "00000010.pt is damaged (its hash is another); 00000030.pt is taken instead",
+        "00000030.pt is damaged (its hash is another); 00000020.pt is taken instead",
+        "00000020.pt is damaged (its hash is another); there is no other",
+    ]
+
+
+def test_what_is_no_state_is_not_told_as_one_of_an_older_format(tmp_path, capsys):
+    written(tmp_path, 20, {"weights": torch.ones(2)})
+    with pytest.raises(InputError, match="has no whole checkpoint"):
+        load_checkpoint(tmp_path, CPU)
+    assert "00000020.pt is damaged (it is no state of a training); there is no other" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("name", [None, *folder.STATE])
 @pytest.mark.parametrize("value", [None, [], 3, torch.ones(2)])
 def test_whatever_is_saved_under_a_right_hash_a_state_of_a_training_is_taken(name, value, tmp_path, capsys):

@@ -205,7 +205,7 @@ def test_the_checkpoint_before_a_damaged_one_is_taken(damage, rooms, whole, tmp_
     last.file.write_bytes(damage(last.file.read_bytes()))
     resumed(folder, run, TrainConfig)
     said = capsys.readouterr().out
-    assert f"{last.file} is damaged (its hash is another); the one before it is taken" in said
+    assert f"{last.file} is damaged (its hash is another); {checkpoints(whole)[1].file.name} is taken instead" in said
     assert f"going on after {checkpoints(whole)[1].updates} updates" in said
     assert outcome(folder) == outcome(whole)
 
