@@ -196,10 +196,10 @@ def kept_lines(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[i
                 [float(value) for value in others if value]
             except ValueError:
                 updates = 0
-            if updates > made:
-                return
             damaged = updates <= before or len(others) != len(header) - 1 or not line.endswith("\n")
             if not damaged:
+                if updates > made:
+                    return
                 before = updates
                 yield updates, line
     if damaged:

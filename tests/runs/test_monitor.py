@@ -52,6 +52,7 @@ def test_a_table_goes_on_after_the_updates_that_are_made(tmp_path: Path, capsys:
         (WHOLE.replace(b"\r\n40,", b"\r\n40,1,2,3,"), 5),
         (WHOLE.replace(b"\r\n40,", b"\r\n20,"), 5),
         (WHOLE.replace(b"\r\n40,", b"\r\n-40,"), 5),
+        (WHOLE.replace(b"\r\n40,", b"\r\n999999,1,2,3\r\n40,"), 5),  # of no later update: of none
         (WHOLE.replace(b"0.25,", b"x,"), 5),
         (WHOLE.replace(b"iou_train", b"iou"), 1),
         (b"", 1),
