@@ -31,10 +31,15 @@ def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
 
 
 def check_at_least_one(**counts: int) -> None:
-    """Raises ValueError, with its name, for a count below one."""
+    """Raises ValueError, with its name, for what is no count of one or more."""
     for name, count in counts.items():
-        if count < 1:
-            raise ValueError(f"{name}: expected at least 1; got {count}")
+        if not is_whole(count) or count < 1:
+            raise ValueError(f"{name}: expected a whole number, 1 or more; got {count!r}")
+
+
+def is_whole(number: object) -> bool:
+    """Whether it is a whole number; True and False are none here."""
+    return isinstance(number, int | np.integer) and not isinstance(number, bool)
 
 
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -105,7 +110,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
         self._check_begun()
-        if not self.action_space.contains(action):
+        if isinstance(action, bool) or not self.action_space.contains(action):
             raise ValueError(f"action: expected a whole number from 0 to {len(self._legal) - 1}; got {action!r}")
         illegal = not self._legal[action]
         if not illegal:
@@ -138,7 +143,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
             raise ValueError(f"options: expected room and position; got {', '.join(sorted(map(str, unknown)))}")
         room: int | None = options.get("room")
         given, count = options.get("position"), len(self.simulator.rooms)
-        if room is not None and not (isinstance(room, int | np.integer) and 0 <= room < count):
+        if room is not None and not (is_whole(room) and 0 <= room < count):
             raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
         if given is None:
             return room, None

@@ -12,7 +12,7 @@ import torch
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from layoutrl.env.layout_env import check_at_least_one, given_or_some
+from layoutrl.env.layout_env import check_at_least_one, given_or_some, is_whole
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished
 from layoutrl.env.reward import Reward
@@ -72,7 +72,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         room = options.get("room")
         if unknown := options.keys() - {"room"}:
             raise ValueError(f"options: expected room; got {', '.join(sorted(map(str, unknown)))}")
-        if room is not None and not (isinstance(room, int | np.integer) and 0 <= room < count):
+        if room is not None and not (is_whole(room) and 0 <= room < count):
             raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
         super().reset(seed=seed)
         drawn = self.np_random.integers(count)  # with a room that was asked for, in vain
@@ -82,7 +82,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
         state = self._running
-        if not self.action_space.contains(action):
+        if isinstance(action, bool) or not self.action_space.contains(action):
             raise ValueError(f"action: expected a whole number from 0 to {len(self._legal) - 1}; got {action!r}")
         illegal = not self._legal[action]
         if not illegal:

@@ -160,7 +160,7 @@ def seeded(
 def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:
     """Actions on the device, int64 (num_envs,). Raises ValueError for those outside the action space."""
     action = torch.as_tensor(actions, device=device)
-    if action.shape != (num_envs,) or not torch.can_cast(action.dtype, torch.int64):
+    if action.shape != (num_envs,) or action.dtype == torch.bool or not torch.can_cast(action.dtype, torch.int64):
         got = f"{action.dtype} of shape {tuple(action.shape)}"
         raise ValueError(f"actions: expected whole numbers of shape ({num_envs},); got {got}")
     outside = (action < 0) | (action >= count)

@@ -98,7 +98,9 @@ def test_no_rooms_or_unknown_choices_are_refused():
         LayoutEnv([l_room(target=None)])
     with pytest.raises(ValueError, match="human"):
         LayoutEnv([l_room()], render_mode="human")
-    with pytest.raises(ValueError, match="max_moves: expected at least 1; got 0"):
+    with pytest.raises(ValueError, match=r"max_moves: expected a whole number, 1 or more; got 1\.5"):
+        LayoutEnv([l_room()], max_moves=1.5)
+    with pytest.raises(ValueError, match="max_moves: expected a whole number, 1 or more; got 0"):
         LayoutEnv([l_room()], max_moves=0)
 
 
@@ -200,7 +202,7 @@ def test_the_action_masks_are_the_moves_that_are_legal_now():
         *_, info = env.step(action)
 
 
-@pytest.mark.parametrize("action", [-1, 4, 1.0, None, [1], np.array([1])])
+@pytest.mark.parametrize("action", [-1, 4, 1.0, None, [1], np.array([1]), True, np.True_])
 def test_an_action_outside_the_action_space_is_refused_and_makes_no_move(action):
     env = LayoutEnv([corner_room()], moves=STEPS, max_moves=1)
     env.reset(options={"position": (2.0, 1.5)})

@@ -106,15 +106,20 @@ def test_what_cannot_be_asked_is_refused_and_changes_nothing() -> None:
             call()
     env.reset(seed=0)
     here = env.layout
-    for options, words in (({"place": 1}, "expected room; got place"), ({"room": 3}, "0 to 2; got 3")):
+    for options, words in (
+        ({"place": 1}, "expected room; got place"),
+        ({"room": 3}, "0 to 2; got 3"),
+        ({"room": True}, "got True"),
+    ):
         with pytest.raises(ValueError, match=words):
             env.reset(options=options)
-    with pytest.raises(ValueError, match=r"action: expected a whole number from 0 to \d+; got -1"):
-        env.step(-1)
+    for action in (-1, True):
+        with pytest.raises(ValueError, match=rf"action: expected a whole number from 0 to \d+; got {action}"):
+            env.step(action)
     assert env.layout == here
     with pytest.raises(InputError, match="expected at least one room"):
         RoomsEnv([])
-    with pytest.raises(ValueError, match="max_moves: expected at least 1"):
+    with pytest.raises(ValueError, match="max_moves: expected a whole number, 1 or more"):
         RoomsEnv(max_moves=0)
     with pytest.raises(ValueError, match="unknown render_mode"):
         RoomsVectorEnv(2, render_mode="text")

@@ -200,9 +200,9 @@ def test_what_cannot_be_is_refused() -> None:
         LayoutVectorEnv(2, [l_room()], render_mode="human")
     with pytest.raises(ValueError, match="target"):
         LayoutVectorEnv(2, [l_room(target=None)])
-    with pytest.raises(ValueError, match="num_envs: expected at least 1; got 0"):
+    with pytest.raises(ValueError, match="num_envs: expected a whole number, 1 or more; got 0"):
         LayoutVectorEnv(0, [l_room()])
-    with pytest.raises(ValueError, match="max_moves: expected at least 1; got 0"):
+    with pytest.raises(ValueError, match="max_moves: expected a whole number, 1 or more; got 0"):
         LayoutVectorEnv(2, [l_room()], max_moves=0)
 
 
@@ -229,7 +229,7 @@ def test_what_is_refused_leaves_all_as_it_was(seed: int | list[int]) -> None:
     for seeds in (-1, [None, -1], [3, 0.5], [4, "a"]):
         with pytest.raises(gymnasium.error.Error, match="Seed"):
             env.reset(seed=seeds)
-    for actions in ([0], [0, 0, 0], [[0, 0]], 0, [0.0, 1.0]):
+    for actions in ([0], [0, 0, 0], [[0, 0]], 0, [0.0, 1.0], [True, False]):
         with pytest.raises(ValueError, match="whole numbers of shape"):
             env.step(np.array(actions))
     for actions in ([0, 20], [-1, 0]):
