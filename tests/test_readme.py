@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 from textwrap import dedent
+from typing import Any
 
 import ablation
 import pytest
@@ -22,16 +23,26 @@ COMMANDS = sorted(
 )
 
 
-def test_the_python_runs() -> None:
-    programs = [block for block in BLOCKS if block.startswith("import gymnasium")]
-    assert len(programs) == 2
+(EXAMPLE,) = (block for block in BLOCKS if block.startswith('{"id"'))
+
+
+def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = json.loads(EXAMPLE.partition("\n\n")[0])
+    for item in room["furniture"]:
+        item.setdefault("center", [3, 3])
+    (tmp_path / "my_rooms.jsonl").write_text(json.dumps(room))
+    monkeypatch.chdir(tmp_path)
+    programs = [block for block in BLOCKS if "import " in block]
+    assert len(programs) == 3
     for code in programs:
-        exec(compile(code, "README.md", "exec"), {})
+        names: dict[str, Any] = {}
+        exec(compile(code, "README.md", "exec"), names)
+        if "my_rooms.jsonl" in code:
+            assert [room.id for room in names["env"].unwrapped.simulator.rooms] == ["b-17"]
 
 
 def test_the_first_command_places_what_the_room_lacks(tmp_path: Path) -> None:
-    (text,) = (block for block in BLOCKS if block.startswith('{"id"'))
-    room, commands = text.split("\n\n")
+    room, commands = EXAMPLE.split("\n\n")
     (tmp_path / "my_rooms.jsonl").write_text(json.dumps(json.loads(room)))
     module, *arguments = commands.splitlines()[0].removeprefix("python -m layoutrl.").split()
     done = layoutrl(module, *arguments, "device=cpu", cwd=tmp_path)
