@@ -358,7 +358,9 @@ def check_method(prefix: str, method: Method) -> None:
     _within(f"{prefix}.steps", method.steps, len(method.steps) <= most, f"at most {most} lengths")
     if method.symmetries:
         _within(f"{prefix}.batch", method.batch, method.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
-    _within(f"{prefix}.updates", method.updates, min(method.updates.values()) >= 1, "1 or more each")
+    given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
+    enough = min(method.updates.values()) >= 1
+    _within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")
     fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
     _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
     _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")

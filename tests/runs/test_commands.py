@@ -117,6 +117,13 @@ def test_help_names_the_command_and_ends_quietly_when_nobody_reads_on(command: s
     assert done.stdout.startswith(f"layoutrl {command} is".encode())
 
 
+@pytest.mark.parametrize(("scope", "name"), [("item", "room.updates"), ("room", "room.whole_updates")])
+def test_a_type_of_room_that_lacks_its_updates_is_answered_by_their_name(ask, scope: str, name: str) -> None:
+    called, status, said = ask("train", TrainCommand, f"scope={scope}", f"{name}=0")
+    assert (called, status) == ([], 1)
+    assert f"method.updates: expected 1 or more each (default: as {name} says); got " in said
+
+
 @pytest.mark.parametrize("name", ["../../x", "a/b", ".", "..", "", "a\\b"])
 def test_a_run_is_named_by_one_component_of_a_path(ask, name: str) -> None:
     called, status, said = ask("train", TrainCommand, f"name={name}")
