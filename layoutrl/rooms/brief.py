@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from layoutrl.rooms.clearances import HOSTS, off, period
+from layoutrl.rooms.clearances import may_tuck, off, period
 from layoutrl.rooms.room import Item, Point, Room
 
 LEVEL = 1e-3  # degrees by which a wall may lean from the axes and be upright: a millimetre in 57 m
@@ -31,11 +31,11 @@ def brief_of(room: Room) -> Room:
 def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
     """The items, of which `those`, by their indices, are to be placed anew.
 
-    A chair may then stand under what one sits at, wherever it stood: designs have it there.
+    A chair may then stand under what one sits at, wherever it stood: designs have it there. One that stood nowhere
+    says itself whether it may.
     """
-    hosted = any(item.category in HOSTS for item in items)
     return tuple(
-        replace(item, center=None, rotation=None, tucked=item.tucked or (hosted and item.category == "chair"))
+        replace(item, center=None, rotation=None, tucked=item.tucked or (bool(item.center) and may_tuck(item, items)))
         if k in those
         else item
         for k, item in enumerate(items)

@@ -6,6 +6,7 @@ are, of the HUD's, Neufert's and the NKBA's or unsourced, the templates say.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TypeVar
 
 import numpy as np
@@ -57,6 +58,11 @@ HOSTS = frozenset({"desk", "table"})
 MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset({"wardrobe"})}
 
 PASSAGE = 0.6  # to every item, in rooms of which the designer knows nothing
+
+
+def may_tuck(item: Item, items: Iterable[Item]) -> bool:
+    """Whether an item that is to be placed may stand under one of these: a chair, where one sits at something."""
+    return item.category == "chair" and any(other.category in HOSTS for other in items)
 
 
 def floor_before(item: Item) -> Item | None:

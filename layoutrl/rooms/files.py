@@ -10,8 +10,9 @@
      "target": 0}
 
 May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
-item that stands it is 0; of one to be placed it is to be chosen), `shape` and `tucked`, `target` where the type's main
-item is there once, and `group`.
+item that stands it is 0; of one to be placed it is to be chosen), `shape`, `tucked` (whether the item may stand under
+another: of one that stands it is false; of a chair to be placed it is true where the room has a desk or a table),
+`target` where the type's main item is there once, and `group`.
 Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
 that is spelled much like a field of ours is refused.
 What is wrong is answered with the file, the line, the room, the field and what is expected.
@@ -24,6 +25,7 @@ import difflib
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
 from layoutrl import InputError
+from layoutrl.rooms.clearances import may_tuck
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, RoomError, wall_band
 
@@ -109,7 +112,9 @@ def room_to_dict(room: Room) -> dict[str, Any]:
         entry["size"] = list(item.size)
         if item.rotation is not None:
             entry["rotation"] = item.rotation
-        furniture.append(entry | {"tucked": True} if item.tucked else entry)
+        if item.tucked or (item.center is None and may_tuck(item, room.furniture)):
+            entry["tucked"] = item.tucked
+        furniture.append(entry)
     document: dict[str, Any] = {"id": room.id, "room_type": room.room_type, "outline": _lists(room.outline)}
     if room.holes:
         document["holes"] = [_lists(hole) for hole in room.holes]
@@ -237,9 +242,7 @@ def room_from_dict(document: Any) -> Room:
         walls = _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
     except shapely.errors.GEOSException:  # of an outline that leans by micrometres, a few in a hundred thousand
         raise RoomError("walls", "cannot be drawn around this outline; expected them to be given") from None
-    furniture = tuple(
-        _item(entry, f"furniture[{k}]") for k, entry in enumerate(_list(document["furniture"], "furniture"))
-    )
+    furniture = _furniture(_list(document["furniture"], "furniture"))
     target = _target(document.get("target"), furniture, MAIN_ITEM[room_type])
     group = _text(document.get("group", room_id), "group")
     room = Room(room_id, room_type, outline, walls, openings, furniture, target, holes, group)
@@ -337,6 +340,14 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
         known = required + optional
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
             raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
+
+
+def _furniture(entries: list[Any]) -> tuple[Item, ...]:
+    items = [_item(entry, f"furniture[{k}]") for k, entry in enumerate(entries)]
+    return tuple(
+        item if item.center or "tucked" in entry else replace(item, tucked=may_tuck(item, items))
+        for entry, item in zip(entries, items, strict=True)
+    )
 
 
 def _item(entry: Any, field: str) -> Item:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
+from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, with_layout, write_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms
@@ -58,6 +59,28 @@ def test_written_rooms_are_read_back_equal(tmp_path_factory: pytest.TempPathFact
 def test_a_tucked_chair_survives() -> None:
     chair = Item("chair", (0.45, 0.45), (1.0, 1.5), 90.0, tucked=True)
     assert room_from_dict(json.loads(json.dumps(room_to_dict(rectangular_room(4, 3, chair))))).furniture == (chair,)
+
+
+@pytest.mark.parametrize(
+    ("host", "said", "tucked"),
+    [
+        ("desk", {}, True),
+        ("table", {"rotation": 90}, True),
+        ("bed", {}, False),
+        ("desk", {"tucked": False}, False),
+        ("desk", {"center": [3, 1]}, False),
+    ],
+)
+def test_a_chair_to_be_placed_may_stand_under_a_desk_or_a_table_but_where_the_file_says_no(
+    host: str, said: dict[str, Any], tucked: bool
+) -> None:
+    furniture = [{"category": host, "size": [0.6, 1.2]}, {"category": "chair", "size": [0.5, 0.5]} | said]
+    room = room_from_dict(document(furniture=furniture))
+    assert [item.tucked for item in room.furniture] == [False, tucked]
+    assert room.furniture[1].rotation == (0 if "center" in said else said.get("rotation"))
+    assert room_from_dict(room_to_dict(room)) == room
+    if "center" not in said:
+        assert lifted(room.furniture, {1})[1].tucked == tucked
 
 
 @given(rooms(group="plan 7", target=None))
