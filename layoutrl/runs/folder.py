@@ -15,9 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-import torch
 import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -26,6 +25,9 @@ import layoutrl
 from layoutrl import InputError
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import AnyTraining, Config, misfit
+
+if TYPE_CHECKING:
+    import torch  # it takes seconds, and only checkpoints need it
 
 CHECKPOINTS = "checkpoints"  # folder of a run
 LOCK = "lock"  # of a run that is trained
@@ -140,6 +142,8 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
     A mark beside it, written last, has its hash, and the mean IoU in training rooms if it was asked for. The last two
     and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
     """
+    import torch
+
     buffer = io.BytesIO()
     torch.save({"format": FORMAT} | state, buffer)
     content = buffer.getvalue()
@@ -201,6 +205,8 @@ def load_checkpoint(
     Nothing in a file is run. Raises InputError where none is whole, where it is of another format, or of another
     configuration than the run's, if that is given.
     """
+    import torch
+
     found = checkpoints(folder)
     if which == "best" and found:
         found.sort(key=best(found).__ne__)  # it first; the others stay in order
@@ -240,6 +246,8 @@ def load_checkpoint(
 @contextmanager
 def taken(folder: Path) -> Iterator[None]:
     """Answer a checkpoint that holds something else than what takes it: torch meets that in many ways."""
+    import torch
+
     try:
         yield
     except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
