@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from importlib.util import find_spec
 from itertools import chain, groupby, islice
 from pathlib import Path
@@ -114,8 +115,11 @@ def run(config: PlaceConfig) -> Done:
 
     Raises InputError where no room lacks such an item, or a file to write is there already.
     """
-    from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: a wrong option is answered before
-
+    if config.run is not None and config.by is not None:
+        raise InputError(
+            "run: expected either run=<folder> of a training, or by=search or by=annealer; "
+            "without both, the agents in the package furnish"
+        )
     if config.by and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
     source = source_of(config)
@@ -125,7 +129,7 @@ def run(config: PlaceConfig) -> Done:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
     total = len(source.collection.rooms) if source else count(config.rooms)  # says, too, where there is no such file
     files = [] if piped else out_files(config, suffix)
-    work = Work(config, hired(config), source, total, sys.stderr if piped else sys.stdout)
+    work = Work(config, source, total, sys.stderr if piped else sys.stdout)
     if suffix == JSON:
         grown = nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config))
         with grown as sheet:
@@ -151,11 +155,18 @@ def run(config: PlaceConfig) -> Done:
 class Work:
     """The rooms of a file, answered a block at a time."""
 
-    def __init__(self, config: PlaceConfig, who: Hired, source: Source | None, total: int | None, says: IO[str]):
-        self.config, self.who, self.source, self.total = config, who, source, total
+    def __init__(self, config: PlaceConfig, source: Source | None, total: int | None, says: IO[str]):
+        self.config, self.source, self.total = config, source, total
         self.tally = Tally()
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
+
+    @cached_property
+    def who(self) -> Hired:
+        """Who furnishes."""
+        from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: what is wrong is said before
+
+        return hired(self.config)
 
     def say(self, line: str) -> None:
         """Print it, above the bar of progress."""
@@ -174,15 +185,15 @@ class Work:
         folder = picture_folder(self.config, new=not done)
         if done:
             self.say(f"goes on after {done} rooms")
-        entries: Iterator[Entry]
+        entries: Iterator[Entry | None]
         if self.source:
             self.say(str(self.source.collection))
             entries = islice(source_entries(self.source), first, None, shards)
         else:
             entries = json_entries(self.config, first, shards)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
-        with tqdm(None, "furnishing", length, initial=done, unit="room", delay=1, disable=None) as bar:
-            for block in blocks(entries, self.who.at_once):
+        with tqdm(None, "furnishing", length, initial=done, unit="room", disable=None) as bar:
+            for block in blocks(entries):
                 answers = iter(self._answered([entry for entry in block if entry.room]))
                 answered = []
                 for entry in block:
@@ -200,7 +211,7 @@ class Work:
                 bar.update(len(block))
 
     def _answered(self, entries: Sequence[Entry]) -> list[Answered]:
-        asked = [asked_of(entry, self.config, self.who) for entry in entries]
+        asked = [asked_of(entry, self.config, self._known(entry)) for entry in entries]
         briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
         rooms = []  # of each entry
@@ -213,6 +224,11 @@ class Work:
             Answered(entry, what, some, [_new(next(wrong), was) for _ in some])
             for entry, what, some, was in zip(entries, asked, rooms, before, strict=True)
         ]
+
+    def _known(self, entry: Entry) -> Collection[str]:
+        """What who furnishes places in such a room. Nobody is asked where there is nothing to place."""
+        assert entry.room is not None
+        return self.who.known(entry.room.room_type) if missing(entry.room) else ()
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:
@@ -238,13 +254,13 @@ def _new(wrong: list[tuple[int, str]], before: list[tuple[int, str]]) -> list[tu
     return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
 
 
-def asked_of(entry: Entry, config: PlaceConfig, who: Hired) -> Asked:
-    """What is asked of a room: to place the items of `item=`, or all that have no center.
+def asked_of(entry: Entry, config: PlaceConfig, known: Collection[str]) -> Asked:
+    """What is asked of a room: to place the items of `item=`, or all that have no center, of categories that are known.
 
     What the file has in the room, and who is asked cannot place, stays there, and is in the way.
     """
     assert entry.room is not None
-    room, known = entry.room, who.known(entry.room.room_type)
+    room = entry.room
     inside = {
         k
         for k, item in enumerate(entry.stood)

@@ -36,14 +36,15 @@ def test_the_top_of_the_package_holds_what_a_user_starts() -> None:
     assert {file.stem for file in PACKAGE.glob("*.py")} - {"__init__", "__main__"} == started
 
 
-def test_a_wrong_option_is_answered_and_help_given_before_torch_is_imported(tmp_path: Path) -> None:
+def test_a_wrong_option_or_file_is_answered_and_help_given_before_torch_is_imported(tmp_path: Path) -> None:
     code = """
 import sys
 from runpy import run_module
 
 for command, argument in (
-    ("place", "--help"), ("place", "sed=1"), ("evaluate", "sed=1"), ("watch", "sed=1"), ("gallery", "data.seed=-1"),
-    ("train", "sed=1"), ("planit.train", "sed=1"), ("bench", "sed=1"), ("demo", "sed=1"),
+    ("place", "--help"), ("place", "sed=1"), ("place", "rooms=broken.sh3d"), ("place", "rooms=broken.json"),
+    ("evaluate", "sed=1"), ("watch", "sed=1"), ("gallery", "data.seed=-1"), ("train", "sed=1"),
+    ("planit.train", "sed=1"), ("bench", "sed=1"), ("demo", "sed=1"),
 ):
     sys.argv = [command, argument]
     try:
@@ -52,10 +53,12 @@ for command, argument in (
         print("ended", ended)
     assert "torch" not in sys.modules, (command, argument)
 """
+    (tmp_path / "broken.sh3d").write_bytes(b"PK\3\4 and no more")
+    (tmp_path / "broken.json").write_text("{")
     done = fresh("-c", code, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("Override anything in the config") == 1
-    assert done.stdout.count("ended error: ") == 8
+    assert done.stdout.count("ended error: ") == 10
 
 
 def test_an_agent_is_asked_without_torchs_compiler(tmp_path: Path) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from io import BytesIO, TextIOWrapper
+from io import BytesIO, StringIO, TextIOWrapper
 from itertools import combinations
 from pathlib import Path
+from queue import Queue
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,7 +30,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_from_dict, room_to_dict
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
-from layoutrl.runs import box
+from layoutrl.runs import box, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import STARTS, Hired, hired
 from layoutrl.runs.streams import growing
@@ -117,6 +120,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
     given = without_place(DOCUMENTS[1], rotation=180)
     written(tmp_path, [document, given])
 
+    monkeypatch.setattr(layoutrl.place, "blocks", lambda entries: [[*entries]])
     chosen: list[np.ndarray] = []
 
     def rotations(facing: int) -> list[float]:
@@ -325,7 +329,7 @@ class Middle:
 @pytest.fixture
 def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     furnisher = Middle()
-    hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"], 2)
+    hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"])
     monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: hired)
     return furnisher
 
@@ -438,9 +442,9 @@ def test_an_interrupted_run_goes_on_where_it_was(
     with pytest.raises(InputError, match=r"^out: a run was stopped there, with another seed; expected the same, or"):
         place(replace(config, seed=1))
     assert run(config) == whole
-    assert seen[4:] == [f"room {k}" for k in range(2, 7)]  # what was done, of blocks of two, is not done again
+    assert seen[4:] == [f"room {k}" for k in range(3, 7)]  # what was done, blocks of one and of two, is not done again
     assert not part.exists()
-    assert "goes on after 2 rooms" in capsys.readouterr().out
+    assert "goes on after 3 rooms" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -503,6 +507,58 @@ def test_rooms_come_and_go_by_standard_input_and_output(
     assert b"room 0: 4 of 4 placed; the " in said
 
 
+def test_a_line_of_standard_input_is_answered_before_the_next_is_written(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reader, writer = os.pipe()
+    answers: Queue[bytes] = Queue()
+    got: list[list[str]] = []
+
+    def user() -> None:
+        with os.fdopen(writer, "wb") as pipe:
+            for several in (1, 1, 3, 2, 1):
+                lines = [json.dumps(bare(DOCUMENTS[0]) | {"id": f"{len(got)} {k}"}) for k in range(several)]
+                pipe.write(("\n\n".join(lines) + "\n\n").encode())
+                pipe.flush()
+                got.append([])
+                while len(got[-1]) < several:
+                    got[-1] += [json.loads(line)["id"] for line in answers.get(timeout=60).splitlines()]
+
+    monkeypatch.setattr("sys.stdout", SimpleNamespace(buffer=SimpleNamespace(write=answers.put, flush=lambda: None)))
+    with os.fdopen(reader, "rb") as pipe, ThreadPoolExecutor(1) as pool:
+        monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=pipe))
+        done = pool.submit(user)
+        place(PlaceConfig(by="search", rooms="-"))
+        done.result()
+    assert got == [[f"{n} {k}" for k in range(several)] for n, several in enumerate((1, 1, 3, 2, 1))]
+
+
+def test_blocks_begin_with_a_room_and_double_while_they_are_answered_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(streams, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    sizes = []
+    for block in streams.blocks(range(1000)):
+        sizes.append(len(block))
+        now[0] += 0.1 * len(block)
+    assert sizes == [1, 2, 4, 8, 16] + [32] * 30 + [9]
+    assert max(map(len, streams.blocks(range(2000)))) == streams.MOST
+    assert [*streams.blocks([None, 1, 2, None, 3, None, None, 4, 5])] == [[1], [2], [3], [4, 5]]
+
+
+def test_the_bar_of_progress_is_there_before_a_room_is_furnished(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, _ = many(tmp_path)
+    screen = StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr("sys.stderr", screen)
+    shown: list[str] = []
+    furnish = middle.furnish
+    monkeypatch.setattr(middle, "furnish", lambda *asked: shown.append(screen.getvalue()) or furnish(*asked))
+    run(PlaceConfig(by="search", rooms=str(file)))
+    assert "0/7" in shown[0]
+
+
 def test_what_is_not_placed_or_not_read_is_the_exit_status(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -526,15 +582,15 @@ def test_what_is_not_placed_or_not_read_is_the_exit_status(
 def test_no_more_of_a_file_is_in_memory_than_a_block(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
 ) -> None:
-    line = json.dumps(bare(DOCUMENTS[0])).encode()
+    line = json.dumps(bare(DOCUMENTS[0])).encode() + b"\n"
     read = []
 
     class Endless:
-        def __iter__(self) -> Iterator[bytes]:
-            while len(read) < 20:
-                read.append(line)
-                yield line
-            raise KeyboardInterrupt
+        def read1(self, size: int) -> bytes:
+            if len(read) == 20:
+                raise KeyboardInterrupt
+            read.append(line)
+            return line
 
     monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=Endless()))
     with pytest.raises(KeyboardInterrupt):

@@ -33,7 +33,6 @@ from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
-AT_ONCE = 256  # briefs that an agent furnishes in one batch
 STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: no layout hangs on chance
 
 
@@ -43,22 +42,16 @@ class Hired:
 
     furnisher: Furnishes
     known: Callable[[str], Collection[str]]  # the categories that they place in rooms of a type
-    at_once: int  # briefs
 
 
 def hired(config: PlaceConfig) -> Hired:
-    """Who the configuration names; without a name, the agents in the package. Raises InputError where it names two."""
-    if config.run is not None and config.by is not None:
-        raise InputError(
-            "run: expected either run=<folder> of a training, or by=search or by=annealer; "
-            "without both, the agents in the package furnish"
-        )
+    """Who the configuration names; without a name, the agents in the package."""
     if config.by is not None:
         rival = Rival(config.search if config.by == "search" else config.annealer, config.seconds)
-        return Hired(rival, lambda room_type: rival.relations(room_type).alone, 1)
+        return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
-        return Hired(Boxed(device), box.known, AT_ONCE)
+        return Hired(Boxed(device), box.known)
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
@@ -68,7 +61,6 @@ def hired(config: PlaceConfig) -> Hired:
     return Hired(
         Furnisher(agent, trained.method, categories) if whole else Mover(trained, agent, categories, device),
         lambda room_type: placed if room_type == trained.room.type else (),
-        AT_ONCE,
     )
 
 

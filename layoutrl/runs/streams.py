@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -26,9 +27,13 @@ from layoutrl.rooms.files import (
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.runs.config import PlaceConfig
+from layoutrl.runs.folder import LOCK, locked
 
 STANDARD = "-"  # the name of standard input and output
 HEAD = 100  # rooms of a file
+READ = 2**16  # bytes of standard input, at most, that are taken at once
+MOST = 256  # rooms that are furnished in one batch
+SOON = 2.0  # seconds in which a batch is to be answered: no more is lost where a run is stopped
 T = TypeVar("T")
 
 
@@ -44,33 +49,58 @@ class Entry:
     stood: tuple[Item, ...] = ()  # its furniture as the file has it, what is to be placed, too
 
 
-def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator[Entry]:
-    """The rooms in JSON of a file, a folder, or standard input (STANDARD), one after the other: each `step`-th."""
-    for where, text, unit in islice(_texts(config), first, None, step):
-        document = parsed(text)
-        try:
-            if isinstance(document, RoomError):
-                raise document
-            room = room_from_dict(in_metres(document, UNITS[unit]))
-            yield Entry(where, to_place(room, config.move), document, unit=unit, stood=room.furniture)
-        except RoomError as error:
-            name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
-            yield Entry(where, None, {}, f"{name}{error}")
+def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator[Entry | None]:
+    """The rooms in JSON of a file, a folder, or standard input (STANDARD), one after the other: each `step`-th.
+
+    None where who writes to standard input may wait for an answer.
+    """
+    seen = 0
+    for given in _texts(config):
+        if given is None:
+            yield None
+            continue
+        if seen >= first and (seen - first) % step == 0:
+            yield _entry(*given, config.move)
+        seen += 1
 
 
-def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str]]:
+def _entry(where: str, text: bytes, unit: str, move: str | None) -> Entry:
+    document = parsed(text)
+    try:
+        if isinstance(document, RoomError):
+            raise document
+        room = room_from_dict(in_metres(document, UNITS[unit]))
+        return Entry(where, to_place(room, move), document, unit=unit, stood=room.furniture)
+    except RoomError as error:
+        name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
+        return Entry(where, None, {}, f"{name}{error}")
+
+
+def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str] | None]:
     """(where, text, unit) of each room. The first rooms of a file tell its unit, where it is not said."""
     files = [None] if config.rooms == STANDARD else room_files(Path(config.rooms).expanduser())
     for file in files:
         texts = texts_of(file) if file else standard_input()
-        first = list(islice(texts, HEAD if file else 1))  # who writes to standard input may wait for an answer
+        first = list(islice((each for each in texts if each), HEAD if file else 1))  # of standard input: none waits
         unit = unit_of(parsed(text) for _, text in first) if config.unit == "auto" else config.unit
-        yield from ((where, text, unit) for where, text in chain(first, texts))
+        yield from (each and (*each, unit) for each in chain(first, texts))
 
 
-def standard_input() -> Iterator[tuple[str, bytes]]:
-    """(where, text) of each line."""
-    yield from ((f"standard input:{n}", line) for n, line in enumerate(sys.stdin.buffer, 1) if line.strip())
+def standard_input() -> Iterator[tuple[str, bytes] | None]:
+    """(where, text) of each line, and None where no more is there yet: who writes may wait for an answer."""
+    stream: Any = sys.stdin.buffer
+    number = 1
+    begun: list[bytes] = []  # of the line of this number
+    for read in iter(lambda: stream.read1(READ), b""):
+        *ends, begins = read.split(b"\n")
+        for end in ends:
+            if line := b"".join([*begun, end]).strip():
+                yield f"standard input:{number}", line
+            number, begun = number + 1, []
+        begun.append(begins)
+        yield None
+    if line := b"".join(begun).strip():
+        yield f"standard input:{number}", line
 
 
 def source_entries(source: Source) -> Iterator[Entry]:
@@ -85,17 +115,27 @@ def count(path: str) -> int | None:
         return None
     total = 0
     for file in room_files(Path(path).expanduser()):
+        lines, last = 0, b"\n"
         with file.open("rb") as stream:
-            lines = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b""))
-        total += max(lines, 1) if file.suffix == ".jsonl" else 1
+            for block in iter(lambda: stream.read(1 << 20), b""):
+                lines, last = lines + block.count(b"\n"), block[-1:]
+        total += lines + (last != b"\n") if file.suffix == ".jsonl" else 1
     return total
 
 
-def blocks(entries: Iterable[T], size: int) -> Iterator[list[T]]:
-    """So many of them at a time."""
-    left = iter(entries)
-    while block := list(islice(left, size)):
-        yield block
+def blocks(entries: Iterable[T | None]) -> Iterator[list[T]]:
+    """Some of them at a time: one, then twice as many while they are answered SOON, to MOST. None ends a block."""
+    size, block = 1, list[T]()
+    for entry in chain(entries, [None]):
+        if entry is not None:
+            block.append(entry)
+        full = len(block) == size
+        if full or (entry is None and block):
+            began = time.monotonic()
+            yield block
+            if full and time.monotonic() - began < SOON:
+                size = min(2 * size, MOST)
+            block = []
 
 
 @dataclass
@@ -147,8 +187,6 @@ def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
     Where that folder is left of a run that was stopped, and was `about` the same, this goes on with it. Raises
     InputError where it was about something else, another process is at it, or the file is there by then.
     """
-    from layoutrl.runs.folder import LOCK, locked  # loads torch: a wrong option is answered before
-
     folder = out.with_name(f"{out.name}.part")
     folder.mkdir(parents=True, exist_ok=True)
     lines, state = folder / "rooms.jsonl", folder / "state.json"
