@@ -7,7 +7,7 @@ centre and a size. Everything geometric is derived from polygons, with shapely.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -189,26 +189,23 @@ class Room:
 
         The eight results are the symmetries of the square: designs are as good in each.
         """
-        turned = self._mapped(symmetry(quarters, mirror), 90 * quarters, mirror)
+        (a, b), (c, d) = symmetry(quarters, mirror).tolist()
+        turned = self._mapped(lambda x, y: (a * x + b * y, c * x + d * y), 90 * quarters, mirror)
         return replace(turned, id=f"{self.id}~{quarters % 4}{'m' if mirror else ''}")
 
     def rotated(self, degrees: float) -> Room:
-        """The same room, turned around the origin by any angle."""
-        return self._mapped(rotation(degrees), degrees, False)
+        """The same room, turned around the origin by any angle, to nanometres: what is level then is level."""
+        (a, b), (c, d) = rotation(degrees).tolist()
+        return self._mapped(lambda x, y: (round(a * x + b * y, 9), round(c * x + d * y, 9)), degrees, False)
 
-    def _mapped(self, matrix: np.ndarray, degrees: float, mirror: bool) -> Room:
-        """The room with its points multiplied by a matrix (2, 2), which turns by degrees, after mirroring or not."""
-        (a, b), (c, d) = matrix.tolist()
-
-        def move(point: Point) -> Point:
-            x, y = point
-            return (a * x + b * y, c * x + d * y)
+    def _mapped(self, move: Callable[[float, float], Point], degrees: float, mirror: bool) -> Room:
+        """The room with its points moved by what turns them by degrees, after mirroring them or not."""
 
         def turn(rotation: float) -> float:
             return ((180 - rotation if mirror else rotation) + degrees) % 360
 
         def ring(points: Ring) -> Ring:
-            moved = tuple(move(p) for p in points)
+            moved = tuple(move(*p) for p in points)
             return moved[::-1] if mirror else moved
 
         return replace(
@@ -220,7 +217,7 @@ class Room:
             furniture=tuple(
                 replace(
                     item,
-                    center=None if item.center is None else move(item.center),
+                    center=None if item.center is None else move(*item.center),
                     rotation=None if item.rotation is None else turn(item.rotation),
                 )
                 for item in self.furniture
