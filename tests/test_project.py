@@ -63,7 +63,10 @@ def test_the_workflow_calls_what_must_pass_on_three_systems() -> None:
     assert [name.partition("-")[0] for name in matrix["os"]] == ["ubuntu", "macos", "windows"]
     assert matrix["python"] == ["3.11", "3.12", "3.13"]
     assert job["defaults"]["run"]["shell"] == "bash"
-    assert [step["run"] for step in job["steps"] if "run" in step] == [".ci/run"]
+    checks, slow = (step for step in job["steps"] if "run" in step)
+    assert (checks["run"], "if" in checks) == (".ci/run", False)
+    assert slow["run"].partition("#")[0].endswith(" -m slow")
+    assert slow["if"] == "runner.os == 'Linux'"
 
 
 def test_a_commit_is_held_to_what_lint_asks_for() -> None:
