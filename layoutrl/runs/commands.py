@@ -134,7 +134,7 @@ def checked(config: DictConfig, schema: type, known: list[str]) -> Any:
     for key in unknown_keys(config, schema):
         raise InputError(f"{key}: unknown; {nearest(key, known)}")
     for key in sorted(OmegaConf.missing_keys(config)):
-        raise InputError(f"{key}: expected a value, as {key}=<{key}>; --help shows all options")
+        raise InputError(f"{key}: expected a value; write {key}=<value>; --help shows all options")
     return OmegaConf.to_object(config)
 
 

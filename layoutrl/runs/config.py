@@ -98,7 +98,7 @@ class LearningConfig:
         _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         _within("seed", self.seed, self.seed >= 0, "0 or more")
         named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
-        _within("name", self.name, named, "one name of a folder, which goes below runs=")
+        _within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
 
 
 @dataclass
