@@ -183,6 +183,8 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
     if found := re.match(r"Multiple values for (\S+)\.", text):
         return f"{found[1]}: has a value already; expected {found[1]}=<value>, without +"
     if found := re.search(r"Could not find '(.+)/([^']*)'", text):
+        if found[1] == "hydra/launcher" and found[2].startswith(("joblib", "submitit")):
+            return f"{found[1]}: {found[2]} is not installed; expected it to be, as by pip install 'layoutrl[tables]'"
         offered = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
         return f"{found[1]}: expected one of {', '.join(offered)}; got {found[2] or 'nothing'}"
     if isinstance(cause, ConfigAttributeError | ConfigKeyError) and (

@@ -29,9 +29,6 @@ from layoutrl.runs.config import AnyTraining, Config, misfit
 if TYPE_CHECKING:
     import torch  # it takes seconds, and only checkpoints need it
 
-if TYPE_CHECKING:
-    import torch  # it takes seconds, and only checkpoints need it
-
 CHECKPOINTS = "checkpoints"  # folder of a run
 LOCK = "lock"  # of a run that is trained
 POLL = 0.1  # seconds between two attempts to lock a file, where the system cannot wait for it

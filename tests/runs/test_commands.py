@@ -13,11 +13,12 @@ from typing import Any
 import pytest
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
 from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.runs.commands import as_written, command
+from layoutrl.runs.commands import as_written, command, explained
 from layoutrl.runs.config import EvaluateConfig, TrainCommand, TrainConfig
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -216,3 +217,10 @@ def test_ctrl_c_is_left_to_programs_of_others(tmp_path: Path) -> None:
         env=os.environ | {"PYTHONPATH": str(PROJECT)}, check=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
+
+
+def test_a_launcher_that_is_not_installed_is_answered_with_what_installs_it() -> None:
+    error = HydraException("Could not find 'hydra/launcher/joblib'\n\nAvailable options in 'hydra/launcher':\n\tbasic")
+    assert explained(error, TrainCommand, []) == (
+        "hydra/launcher: joblib is not installed; expected it to be, as by pip install 'layoutrl[tables]'"
+    )
