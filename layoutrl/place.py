@@ -30,6 +30,7 @@ from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.files import check_new, room_files, with_layout
 from layoutrl.rooms.formats import ALL, Source, format_of, names_in, opened
 from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.categories import names_of, nearest
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.streams import (
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from layoutrl.runs.furnishers import Hired
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
+PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 100  # letters of a room's id in the name of its picture
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
@@ -122,6 +124,9 @@ def run(config: PlaceConfig) -> Done:
         )
     if config.by and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
+    if config.drawing != "svg" and config.pictures is None:
+        raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
+    check_move(config)
     source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = (config.out or config.rooms) == STANDARD
@@ -144,6 +149,9 @@ def run(config: PlaceConfig) -> Done:
         for n, file in enumerate(files):
             file.parent.mkdir(parents=True, exist_ok=True)
             source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
+    work.say_unmet()
+    if not work.asked and not work.readable:
+        raise InputError(f"rooms: no room of {config.rooms} could be read, as is said above; expected one or more")
     if not work.asked:
         raise InputError(f"rooms: {config.rooms} has no room with an item without a center; expected one or more")
     work.say(str(work.tally))
@@ -160,6 +168,8 @@ class Work:
         self.tally = Tally()
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
+        self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
+        self._objects = 0  # entries that are JSON objects, right or wrong
 
     @cached_property
     def who(self) -> Hired:
@@ -177,6 +187,17 @@ class Work:
         """Whether anything was to be placed; a shard of a file may have nothing."""
         return self.tally.rooms > 0 or self.config.part != (0, 1)
 
+    @property
+    def readable(self) -> bool:
+        """Whether a room could be read, or there was none to read."""
+        empty = self.source is not None and not self.source.collection.rooms
+        return not (empty or 0 < self.tally.left_out == self.tally.entries)
+
+    def say_unmet(self) -> None:
+        """Say what is to move, and is in no room."""
+        if self._seen is not None and (unmet := sorted(names_in(self.config.move) - {ALL} - self._seen)):
+            self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
+
     def answers(self) -> Iterator[list[Answered]]:
         """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then."""
         shard, shards = self.config.part
@@ -185,6 +206,7 @@ class Work:
         folder = picture_folder(self.config, new=not done)
         if done:
             self.say(f"goes on after {done} rooms")
+            self._seen = None
         entries: Iterator[Entry | None]
         if self.source:
             self.say(str(self.source.collection))
@@ -198,9 +220,16 @@ class Work:
                 answered = []
                 for entry in block:
                     self.tally.entries += 1
+                    self._objects += bool(entry.document)
+                    if self._seen is not None:
+                        self._seen |= {item.category for item in entry.stood}
                     if entry.room is None:
                         self.tally.left_out += 1
                         self.say(f"{entry.where}: left out: {entry.problem}")
+                        if self.config.rooms == STANDARD and self.tally.entries == PATIENCE and not self._objects:
+                            raise InputError(
+                                f"rooms: expected one room a line, in JSON; none of the first {PATIENCE} lines is one"
+                            )
                         continue
                     if entry.unit not in self._units:
                         self._units.add(entry.unit)
@@ -281,6 +310,15 @@ def asked_of(entry: Entry, config: PlaceConfig, known: Collection[str]) -> Asked
     refused = frozenset(places[k] for k in found.refused)
     left = refused & stood
     return Asked(Answerable(put_back(room, entry, left), others | refused - left, found.lines), wanted, left, stays)
+
+
+def check_move(config: PlaceConfig) -> None:
+    """Raise InputError where `move=` names no known category; an agent of the user's own may know others."""
+    table = names_of(Path(config.categories).expanduser() if config.categories else None)
+    for name in sorted(names_in(config.move) - {ALL, *table.categories}):
+        if config.run is None:
+            near = ", ".join(nearest(name, table.categories))
+            raise InputError(f"move: expected all, or categories as {near}, with commas between them; got {name!r}")
 
 
 def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:

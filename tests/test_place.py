@@ -472,6 +472,51 @@ def test_shards_are_all_of_a_file(middle: Middle, tmp_path: Path) -> None:
     assert names == [*(f"rooms-placed-{k}of3.jsonl" for k in range(3)), "rooms.jsonl"]
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"drawing": "png"}, "drawing: nothing is drawn as png without pictures=; expected pictures=<folder>"),
+        ({"move": "bed,bookcas"}, "move: expected all, or categories as bookcase, .*; got 'bookcas'"),
+        ({"move": "couch"}, "move: expected all, or categories as sofa, .*; got 'couch'"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    file, _ = many(tmp_path, 1)
+    with pytest.raises(InputError, match=f"^{said}$"):
+        place(PlaceConfig(by="search", rooms=str(file), **given))
+
+
+def test_what_is_to_move_and_is_in_no_room_is_said(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, [furnished_room()])
+    run(PlaceConfig(by="search", rooms=str(file), move="bed,bathtub,toilet"))
+    assert "move: no room that was read has a bathtub or a toilet" in capsys.readouterr().out.splitlines()
+
+
+def test_where_no_room_can_be_read_the_last_line_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "rooms.json"
+    file.write_text(json.dumps(DOCUMENTS))
+    with pytest.raises(
+        InputError, match=r"^rooms: no room of .* could be read, as is said above; expected one or more"
+    ):
+        place(PlaceConfig(by="search", rooms=str(file)))
+    assert capsys.readouterr().out.strip().endswith("; expected one room a line, in a .jsonl file")
+
+
+def test_a_document_of_many_lines_on_standard_input_is_refused_after_ten(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = json.dumps(DOCUMENTS[0], indent=1)
+    monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(text.encode())))
+    with pytest.raises(InputError, match=r"^rooms: expected one room a line, in JSON; none of the first 10"):
+        place(PlaceConfig(by="search", rooms="-"))
+    assert capsys.readouterr().err.count(": left out: ") == 10
+    faulty = "\n".join([*['{"id": "a"}'] * 20, json.dumps(bare(DOCUMENTS[0]))])
+    monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(faulty.encode())))
+    assert place(PlaceConfig(by="search", rooms="-")).tally.rooms == 1
+
+
 def test_nothing_of_the_users_is_overwritten(middle: Middle, tmp_path: Path) -> None:
     file, _ = many(tmp_path)
     (tmp_path / "pictures").mkdir()
@@ -576,7 +621,9 @@ def test_what_is_not_placed_or_not_read_is_the_exit_status(
         out = tmp_path / "rooms-placed.jsonl"
         assert out.exists() == (status != 1)
         out.unlink(missing_ok=True)
-    assert "rooms.jsonl:2: left out: room 'b': room_type: missing" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "rooms.jsonl:2: left out: room 'b': room_type: missing" in said
+    assert "; 1 of 2 rooms could not be read, and are not in what is written" in said
 
 
 def test_no_more_of_a_file_is_in_memory_than_a_block(

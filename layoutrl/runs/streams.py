@@ -39,7 +39,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Entry:
-    """A room of a file, with all that stands there of it; or what is wrong with it (`room` is None)."""
+    """A room of a file, with all that stands there of it; or what is wrong with it (`room` is None).
+
+    The document is empty where it is no JSON object.
+    """
 
     where: str
     room: Room | None
@@ -73,7 +76,7 @@ def _entry(where: str, text: bytes, unit: str, move: str | None) -> Entry:
         return Entry(where, to_place(room, move), document, unit=unit, stood=room.furniture)
     except RoomError as error:
         name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
-        return Entry(where, None, {}, f"{name}{error}")
+        return Entry(where, None, document if isinstance(document, dict) else {}, f"{name}{error}")
 
 
 def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str] | None]:
@@ -157,7 +160,8 @@ class Tally:
     def __str__(self) -> str:
         said = [f"placed {self.placed} of {self.items} items in {self.rooms} rooms"]
         said += [f"{number} {fault}" for fault, number in self.faults.items()]
-        said += [f"left out {self.left_out} of {self.entries} rooms"] * (self.left_out > 0)
+        if self.left_out:
+            said.append(f"{self.left_out} of {self.entries} rooms could not be read, and are not in what is written")
         return "; ".join(said)
 
 

@@ -6,7 +6,7 @@ import difflib
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from importlib.resources import files
 from itertools import chain
@@ -120,6 +120,14 @@ class Names:
                 "(categories=<file> names it)"
             )
         return lines
+
+
+def nearest(name: str, known: Collection[str]) -> list[str]:
+    """Up to three known categories that a name may mean: what the table says it is, then what is spelled alike."""
+    names = names_of()
+    ours, _ = (names.category(name) if names.knows(name) else None) or ("", False)
+    alike = difflib.get_close_matches(name, known, 3, 0)
+    return [*dict.fromkeys([ours] * (ours in known) + alike)][:3]
 
 
 def plain(name: str) -> str:
