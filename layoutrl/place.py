@@ -10,7 +10,7 @@ import json
 import re
 import sys
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -23,7 +23,7 @@ import shapely
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
-from layoutrl.env.answerable import Answerable, answerable
+from layoutrl.env.answerable import Answerable, answerable, nowhere
 from layoutrl.env.faults import MISSING, faults_of_all
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import HOSTS
@@ -240,7 +240,7 @@ class Work:
                 bar.update(len(block))
 
     def _answered(self, entries: Sequence[Entry]) -> list[Answered]:
-        asked = [asked_of(entry, self.config, self._known(entry)) for entry in entries]
+        asked = [self._asked(entry) for entry in entries]
         briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
         rooms = []  # of each entry
@@ -254,10 +254,12 @@ class Work:
             for entry, what, some, was in zip(entries, asked, rooms, before, strict=True)
         ]
 
-    def _known(self, entry: Entry) -> Collection[str]:
-        """What who furnishes places in such a room. Nobody is asked where there is nothing to place."""
+    def _asked(self, entry: Entry) -> Asked:
+        """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
-        return self.who.known(entry.room.room_type) if missing(entry.room) else ()
+        if not missing(entry.room):
+            return asked_of(entry, self.config, (), nowhere)
+        return asked_of(entry, self.config, self.who.known(entry.room.room_type), self.who.elsewhere)
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:
@@ -283,7 +285,9 @@ def _new(wrong: list[tuple[int, str]], before: list[tuple[int, str]]) -> list[tu
     return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
 
 
-def asked_of(entry: Entry, config: PlaceConfig, known: Collection[str]) -> Asked:
+def asked_of(
+    entry: Entry, config: PlaceConfig, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]
+) -> Asked:
     """What is asked of a room: to place the items of `item=`, or all that have no center, of categories that are known.
 
     What the file has in the room, and who is asked cannot place, stays there, and is in the way.
@@ -305,7 +309,7 @@ def asked_of(entry: Entry, config: PlaceConfig, known: Collection[str]) -> Asked
     room = put_back(room, entry, others & stood)
     others -= stood
     kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
-    found = answerable(kept, known) if wanted else Answerable(kept, frozenset(), [])
+    found = answerable(kept, known, elsewhere) if wanted else Answerable(kept, frozenset(), [])
     places = [k for k in range(len(room.furniture)) if k not in others]
     refused = frozenset(places[k] for k in found.refused)
     left = refused & stood

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -14,6 +13,7 @@ from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.clearances import RAISED
 from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.sources.categories import nearest
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints above which items stand at one place
 
@@ -39,15 +39,29 @@ class Answerable:
         return replace(self.asked, furniture=furniture)
 
 
-def answerable(room: Room, known: Collection[str]) -> Answerable:
-    """Hold a room against what can be furnished: `known` categories, items that fit, one place each, a door."""
+def nowhere(category: str) -> Sequence[str]:  # noqa: ARG001
+    """No room type."""
+    return ()
+
+
+def answerable(room: Room, known: Collection[str], elsewhere: Callable[[str], Sequence[str]] = nowhere) -> Answerable:
+    """Hold a room against what can be furnished: `known` categories, items that fit, one place each, a door.
+
+    `elsewhere` tells the room types whose agents place a category.
+    """
     refused, lines = set(), []
     for k in missing(room):
         item = room.furniture[k]
         if item.category not in known:
-            near = difflib.get_close_matches(item.category, known, 3, 0) or sorted(known)
-            why = f"nobody knows it; expected a category as {', '.join(near)}"
-            why = why if known else f"who is asked does not furnish a {room.room_type}"
+            if not known:
+                why = f"who is asked does not furnish a {room.room_type}"
+            elif types := elsewhere(item.category):
+                agents = "the agent" if len(types) == 1 else "the agents"
+                places = "places" if len(types) == 1 else "place"
+                why = f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
+            else:
+                near = nearest(item.category, known) or sorted(known)
+                why = f"nobody knows it; expected a category as {', '.join(near)}"
             lines.append(f"the {item.category} is not placed: {why}")
             refused.add(k)
         elif not fits(room, item):

@@ -224,7 +224,7 @@ def room_from_dict(document: Any) -> Room:
     room_id = _text(document["id"], "id")
     room_type = _text(document["room_type"], "room_type")
     if room_type not in MAIN_ITEM:
-        raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {room_type!r}")
+        raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {room_type!r}{_meant(room_type)}")
 
     outline = _ring(document["outline"], "outline")
     holes = tuple(_ring(h, f"holes[{k}]")[::-1] for k, h in enumerate(_list(document.get("holes", []), "holes")))
@@ -341,6 +341,14 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
         known = required + optional
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
             raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
+
+
+def _meant(room_type: str) -> str:
+    """What a type of another name is here, by the table of names."""
+    from layoutrl.rooms.sources.categories import NO_ROOM, names_of  # whose package reads rooms in JSON, too
+
+    ours = names_of().room_type(room_type, ())
+    return f", which is a {ours} here" if ours and ours != NO_ROOM else ""
 
 
 def _furniture(entries: list[Any]) -> tuple[Item, ...]:

@@ -80,3 +80,8 @@ class Boxed:
 def known(room_type: str) -> Collection[str]:
     """The categories that the agent of a room type places; none where there is no agent."""
     return cards().get(room_type, {}).get("categories", ())
+
+
+def types_with(category: str) -> list[str]:
+    """The room types whose agents place a category."""
+    return [room_type for room_type, card in cards().items() if category in card["categories"]]

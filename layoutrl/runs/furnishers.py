@@ -15,6 +15,7 @@ import torch
 
 from layoutrl import InputError
 from layoutrl.agents.dqn import DQN
+from layoutrl.env.answerable import nowhere
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
@@ -42,6 +43,7 @@ class Hired:
 
     furnisher: Furnishes
     known: Callable[[str], Collection[str]]  # the categories that they place in rooms of a type
+    elsewhere: Callable[[str], Sequence[str]] = nowhere  # the types in whose rooms they place a category
 
 
 def hired(config: PlaceConfig) -> Hired:
@@ -51,7 +53,7 @@ def hired(config: PlaceConfig) -> Hired:
         return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
-        return Hired(Boxed(device), box.known)
+        return Hired(Boxed(device), box.known, box.types_with)
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)

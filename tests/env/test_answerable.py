@@ -54,6 +54,24 @@ def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tup
     assert found.answer(replace(found.brief, furniture=(placed,))).furniture == (placed, furniture[1])
 
 
+def test_what_another_name_means_is_offered_first() -> None:
+    (line,) = answerable(room_with(Item("couch", (0.9, 2.0), None, None)), ("chair", "tv_unit", "sofa")).lines
+    assert line == "the couch is not placed: nobody knows it; expected a category as sofa, chair, tv_unit"
+
+
+@pytest.mark.parametrize(
+    ("types", "said"),
+    [
+        (["study"], "the agent of study places it; that of a bedroom does not"),
+        (["study", "tatami"], "the agents of study, tatami place it; that of a bedroom does not"),
+    ],
+)
+def test_what_is_placed_in_rooms_of_other_types_is_said_to_be(types: list[str], said: str) -> None:
+    room = room_with(Item("sofa", (0.9, 2.0), None, None))
+    (line,) = answerable(replace(room, room_type="bedroom"), KNOWN, lambda category: types).lines
+    assert line == f"the sofa is not placed: {said}"
+
+
 def test_an_item_that_fits_turned_is_placed() -> None:
     assert fits(room_with(BED), Item("wardrobe", (0.6, 3.5), None, None))
     assert not fits(room_with(BED), Item("wardrobe", (0.6, 3.5), None, 0.0))

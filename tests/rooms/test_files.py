@@ -62,6 +62,15 @@ def test_a_tucked_chair_survives() -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "said"), [("office", "got 'office', which is a study here"), ("crypt", "got 'crypt'")]
+)
+def test_a_room_type_of_another_name_is_refused_with_what_it_is_here(name: str, said: str) -> None:
+    with pytest.raises(RoomError) as refused:
+        room_from_dict(document(room_type=name))
+    assert str(refused.value).endswith(said)
+
+
+@pytest.mark.parametrize(
     ("host", "said", "tucked"),
     [
         ("desk", {}, True),

@@ -63,3 +63,9 @@ def test_a_damaged_file_and_a_type_without_an_agent_are_answered_in_a_line(
 def test_the_page_is_what_weights_json_implies() -> None:
     about = json.loads((make_weights.WEIGHTS / box.ABOUT).read_text(encoding="utf-8"))
     assert make_weights.PAGE.read_text(encoding="utf-8") == make_weights.page_of(about)
+
+
+def test_the_types_whose_agents_place_a_category_are_those_that_know_it() -> None:
+    assert box.types_with("bed")
+    assert box.types_with("totem") == []
+    assert all("chair" in box.known(room_type) for room_type in box.types_with("chair"))
