@@ -6,6 +6,8 @@ import difflib
 import sys
 from importlib import import_module
 
+from layoutrl import __version__
+
 COMMANDS = {
     "place": "puts furniture where it belongs, in rooms of your own",
     "demo": "shows a page to furnish rooms on",
@@ -26,7 +28,9 @@ def main() -> None:
         print(
             "layoutrl <command> [<option>=<value> ...]", *(f"  {k:{width}}  {COMMANDS[k]}" for k in COMMANDS), sep="\n"
         )
-        print("layoutrl <command> --help shows its options")
+        print("layoutrl <command> --help shows its options, layoutrl --version the version")
+    elif name == "--version":
+        print(f"layoutrl {__version__}")
     elif name in COMMANDS:
         sys.argv = [f"layoutrl {name}", *options]
         import_module(f"layoutrl.{name}").main()

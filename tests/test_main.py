@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from layoutrl import __main__ as program
+from layoutrl import __version__
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.files import room_to_dict
@@ -41,6 +42,24 @@ def test_alone_it_lists_every_command_in_a_line(
     called(monkeypatch, *asked)
     listed = re.findall(r"^  ([\w.]+)  +\w.*$", capsys.readouterr().out, flags=re.MULTILINE)
     assert sorted(listed) == sorted(COMMANDS)
+
+
+def test_the_version_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    called(monkeypatch, "--version")
+    assert capsys.readouterr().out == f"layoutrl {__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["place", "demo"])
+def test_help_says_what_options_mean(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        called(monkeypatch, command, "--help")
+    said = capsys.readouterr().out
+    assert said.startswith(f"# python -m layoutrl.{command} ")
+    assert {"place": "drawing: svg     # of pictures;", "demo": "timeout: 60      # seconds"}[command] in said
+    assert "override hydra/job_logging" not in said
+    assert "Override anything in the config" in said
 
 
 def test_a_command_gets_its_options(monkeypatch: pytest.MonkeyPatch) -> None:

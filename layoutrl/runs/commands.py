@@ -69,6 +69,8 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
         if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
             signal.signal(signal.SIGINT, signal.default_int_handler)
         with answers_errors(), raised_errors():
+            if not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
+                print(meanings(name))  # and what Hydra has to say, below
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
                 job()
@@ -76,6 +78,16 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
                 raise InputError(explained(error, schema, known)) from None
 
     return main
+
+
+def meanings(name: str) -> str:
+    """What the options of a command mean: conf/<name>.yaml, without what is there for Hydra."""
+    lines, shown = [], True
+    for line in (config_directory() / f"{name}.yaml").read_text(encoding="utf-8").splitlines():
+        if line[:1].strip():  # not indented
+            shown = not line.startswith(("defaults:", "hydra:"))
+        lines += [line] * (shown or not line)
+    return "\n".join(lines).strip() + "\n"
 
 
 @contextmanager
