@@ -32,7 +32,8 @@ from layoutrl.rooms.formats import ALL, Source, format_of, names_in, opened
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.categories import names_of, nearest
 from layoutrl.runs.commands import Incomplete, command
-from layoutrl.runs.config import PlaceConfig
+from layoutrl.runs.config import PlaceConfig, TrainConfig
+from layoutrl.runs.folder import load_config
 from layoutrl.runs.streams import (
     STANDARD,
     Entry,
@@ -127,6 +128,8 @@ def run(config: PlaceConfig) -> Done:
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
     check_move(config)
+    if config.run is not None:
+        load_config(Path(config.run).expanduser(), TrainConfig)  # what is wrong with it is said before anything is made
     source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = (config.out or config.rooms) == STANDARD

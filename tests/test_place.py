@@ -227,6 +227,10 @@ def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
     file = written(tmp_path, DOCUMENTS)
     with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=search"):
         place(composed("place", "by=search", "run=runs/bedroom/some", f"rooms={file}"))
+    nowhere = tmp_path / "nowhere"
+    with pytest.raises(InputError, match=r"^run: .*nowhere.* cannot be read .*; expected the folder of a training run"):
+        place(composed("place", f"run={nowhere}", f"rooms={file}", f"pictures={tmp_path / 'pictures'}"))
+    assert not (tmp_path / "pictures").exists()
     with pytest.raises(InputError, match="has no room with an item without a center"):
         place(composed("place", "by=search", f"rooms={file}"))
 
