@@ -44,7 +44,8 @@ from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rooms.files import room_to_dict
 from layoutrl.runs import resume
-from layoutrl.runs.commands import command
+from layoutrl.runs.commands import command, groups, nearest
+from layoutrl.runs.config import config_directory, options
 from layoutrl.runs.folder import differences, write_json
 from layoutrl.runs.machine import device_of, machine
 
@@ -240,12 +241,21 @@ def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
     return Path(chosen.get("results", RESULTS)) / chosen.get("budget", "default") / table
 
 
+OF_SCRIPTS = ("floorplans", "designer_rooms", "weights", "version")  # options that are none of a cell
+
+
 def given(arguments: Sequence[str]) -> dict[str, str]:
-    """What the user gives, as name=value. Raises InputError for anything else."""
+    """What the user gives, as name=value. Raises InputError for anything else, before a sweep begins."""
     for argument in arguments:
         if "=" not in argument:
             raise InputError(f"{argument}: expected options as name=value; --help says which")
-    return dict(argument.split("=", 1) for argument in arguments)
+    chosen = dict(argument.split("=", 1) for argument in arguments)
+    known = [*groups("cell"), *options(CellConfig), *OF_SCRIPTS]
+    for name in chosen:
+        if name not in known and not name.startswith("hydra"):
+            raise InputError(f"{name}: unknown; {nearest(name, known)}")
+    some_of("column", chosen, sorted(file.stem for file in Path(config_directory(), "column").glob("*.yaml")))
+    return chosen
 
 
 def asked(script: str | None) -> list[str]:

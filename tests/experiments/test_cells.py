@@ -14,10 +14,11 @@ import cells
 import columns
 import numpy as np
 import pytest
-from cells import fill, packed, unpacked
+from cells import fill, given, packed, unpacked
 from columns import folder_of, name_of
 from hydra import compose, initialize_config_dir
 
+from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
 from layoutrl.runs import planit_training
 from layoutrl.runs.config import config_directory
@@ -212,3 +213,17 @@ def test_the_slurm_launcher_is_composed():
 def test_arrays_survive_packing():
     values = np.random.default_rng(0).random((50, 2)).astype("f4")
     np.testing.assert_array_equal(unpacked(packed(values, cells.METRES), cells.METRES).reshape(-1, 2), values)
+
+
+@pytest.mark.parametrize(
+    ("argument", "answer"),
+    [
+        ("colum=geometric", r"^colum: unknown; .*of which column is nearest"),
+        ("column=geometrix", r"^column: expected some of .*geometric.*; got geometrix$"),
+        ("methodd.batch=8", r"^methodd\.batch: unknown; .*of which method\.batch is nearest"),
+    ],
+)
+def test_a_wrong_option_of_a_table_is_answered_before_anything_is_swept(argument: str, answer: str) -> None:
+    with pytest.raises(InputError, match=answer):
+        given(["room=kitchen", argument])
+    assert given(["room=kitchen", "column=geometric,oracle", "method.batch=8", "floorplans=plans"])["room"] == "kitchen"
