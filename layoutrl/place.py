@@ -128,14 +128,14 @@ def run(config: PlaceConfig) -> Done:
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
     check_move(config)
-    if config.run is not None:
-        load_config(Path(config.run).expanduser(), TrainConfig)  # what is wrong with it is said before anything is made
     source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = (config.out or config.rooms) == STANDARD
     if piped and suffix != JSON:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
     total = len(source.collection.rooms) if source else count(config.rooms)  # says, too, where there is no such file
+    if config.run is not None:
+        load_config(Path(config.run).expanduser(), TrainConfig)  # what is wrong with it is said before anything is made
     files = [] if piped else out_files(config, suffix)
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
     if suffix == JSON:
