@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.affinity import translate
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, may_stand_before, passage
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
@@ -188,7 +188,7 @@ def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
     free = shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[keeps]], floor)
     a, b = pairs(items.room[keeps], items.room)
     welcome = [
-        other in RAISED or other in MAY_STAND_BEFORE.get(category, ())
+        may_stand_before(category, other)
         for category, other in zip(items.category[keeps[a]], items.category[b], strict=True)
     ]
     taken = (keeps[a] != b) & ~np.array(welcome, dtype=bool) & shapely.intersects(floor[a], items.footprint[b])

@@ -42,13 +42,16 @@ class BatchRoomsSimulator:
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
         # The floor that is to be free before each, where there is any.
-        self._floors = BatchSimulator(simulator.floors, device, dtype) if simulator.floors else None
-        floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
-        self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
-        self._floor_entry, self._ahead, self._welcome = (
-            torch.tensor(table, device=device) for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
-        )
-        self._theta4 = simulator.weights.theta4
+        self._floors = None
+        if simulator.floors:
+            self._floors = BatchSimulator(simulator.floors, device, dtype)
+            floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
+            self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
+            self._floor_entry, self._ahead, self._welcome = (
+                torch.tensor(table, device=device)
+                for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
+            )
+            self._theta4 = simulator.weights.theta4
 
         # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
         places = [there for targets in simulator.targets for there in targets]

@@ -110,6 +110,8 @@ class RoomsSimulator:
         index: dict[tuple[object, ...], int] = {}
         entry = np.full(self.degrees.shape, -1)
         for r, (room, row) in enumerate(zip(self.rooms, things, strict=True)):
+            if not any(row):
+                continue
             stands = [item for item in room.furniture if item.center]
             inside = envelopes([room])[0].representative_point().coords[0]
             for n, thing in enumerate(row):

@@ -61,6 +61,10 @@ class Chosen(NamedTuple):
     way: np.ndarray  # (B,) of arrays: to each, centers (moves + 1, 2)
     faults: np.ndarray  # (B,): with how many items more something is wrong than without this one
 
+    def of(self, b: np.ndarray) -> Chosen:
+        """Those of some of the items."""
+        return Chosen(*(values[b] for values in self))
+
 
 class Furnisher:
     """Furnishes rooms as an agent of scope=room says, which knows these furniture categories.
@@ -250,10 +254,8 @@ class Furnisher:
         value = np.where((legal & (length < NEAR_WALL)).cpu().numpy(), chosen.value, -np.inf)
         ways = [[np.concatenate([way, place[None]])] for way, place in zip(chosen.way, there, strict=True)]
         slid = _best(world.rooms, state, Options(there[:, None], chosen.quarter[:, None], value[:, None], ways))
-        b, new = np.flatnonzero(np.isfinite(value) & (slid.faults <= chosen.faults)), Chosen(*map(np.copy, chosen))
-        for values, those in zip(new, slid, strict=True):
-            values[b] = those[b]
-        return new
+        b = np.flatnonzero(np.isfinite(value) & (slid.faults <= chosen.faults))
+        return _replaced(chosen, b, slid.of(b))
 
     def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
         """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
@@ -365,7 +367,7 @@ def _upright(room: Room) -> tuple[Room, float]:
 
 def _turned_back(found: Furnished, brief: Room) -> Furnished:
     """A layout of the upright brief as one of the brief itself: what stood there stays as it was, exactly."""
-    _, lean = _upright(brief)
+    lean, *_ = facings(brief)
     if not lean:
         return found
     turn = rotation(lean)
@@ -393,9 +395,15 @@ def _of(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
 
 def _with(chosen: Chosen, b: np.ndarray, others: Chosen) -> Chosen:
     """What is chosen, but of the items b (n,) the others (n,) by which less is wrong."""
-    better, new = others.faults < chosen.faults[b], Chosen(*(values.copy() for values in chosen))
+    better = others.faults < chosen.faults[b]
+    return _replaced(chosen, b[better], others.of(better))
+
+
+def _replaced(chosen: Chosen, b: np.ndarray, others: Chosen) -> Chosen:
+    """What is chosen, but of the items b (n,) the others (n,)."""
+    new = Chosen(*(values.copy() for values in chosen))
     for values, those in zip(new, others, strict=True):
-        values[b[better]] = those[better]
+        values[b] = those
     return new
 
 
