@@ -3,9 +3,9 @@
     python experiments/table1.py [room=kitchen,study] [column=paper] [budget=smoke] [hydra.launcher.n_jobs=2]
 
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
-were asked for; the files have all rooms. Without a GPU the paper's network is trained in two types, and with one seed,
-unless it is asked for; the supervised networks have one seed, and so has PlanIT in six types. With budget=smoke
-everything has one seed.
+were asked for; the files have all rooms. Without a GPU the paper's network has one seed, and by method=paper it is
+trained in two types, unless it is asked for; the supervised networks have one seed, and so has PlanIT in six types.
+With budget=smoke everything has one seed.
 """
 
 from __future__ import annotations
@@ -39,11 +39,13 @@ PAPER = {
 }
 # What is measured, by its words in the tables: the column and the row of its cells.
 AGENT, PAPERS, REGRESSOR, POINTER = "agent", "paper's network", "supervised regressor", "supervised pointer"
-MASKED, RIVAL, INFORMED = "paper's network, illegal moves masked", "PlanIT", "PlanIT, told the relations"
+MASKED, EVERY_MOVE = "paper's network, illegal moves masked", "paper's network, learns every move"
+RIVAL, INFORMED = "PlanIT", "PlanIT, told the relations"
 METHODS = {
     AGENT: ("geometric", "agent"),
     PAPERS: ("paper", "agent"),
     MASKED: ("paper", "illegal moves masked"),
+    EVERY_MOVE: ("paper_every_move", "agent"),
     REGRESSOR: ("regressor", "agent"),
     POINTER: ("pointer", "agent"),
     RIVAL: ("planit", PLANIT),
@@ -55,11 +57,12 @@ METHODS = {
 }
 THEIRS, CEILING = "Di & Yu, as printed", "ceiling of the moves"
 MAIN = (AGENT, POINTER, RIVAL)
-LEARNED = (AGENT, PAPERS, REGRESSOR, POINTER, RIVAL, INFORMED)
+LEARNED = (AGENT, PAPERS, EVERY_MOVE, REGRESSOR, POINTER, RIVAL, INFORMED)
+PICTURES = (PAPERS, MASKED, EVERY_MOVE)
 BOUNDS = ("random start", "nearest wall", "nearest room", "perfect Q")
 SPREAD = "mean IoU ± standard deviation over rooms"
 # What the mean does not say: the columns of three tables, and where their numbers are kept.
-DETAILED = (AGENT, PAPERS, REGRESSOR, POINTER)
+DETAILED = (AGENT, PAPERS, EVERY_MOVE, REGRESSOR, POINTER)
 SUPERVISED = {REGRESSOR: "p_regressor", POINTER: "p_pointer"}
 NUMBERS = ("median_iou", "share_090", "overlap", "outside", "blocked")
 SURE = {
@@ -103,7 +106,7 @@ PLANIT_COST = {
     "minutes of training": "{training_minutes:.1f}",
     "updates": "{updates:.0f}",
 }
-WITHOUT_GPU = ("bedroom", "tatami")  # where the paper's network is trained on a processor
+WITHOUT_GPU = ("bedroom", "tatami")  # where method=paper is trained on a processor
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
@@ -116,7 +119,8 @@ SWEEPS = (
 def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other. Raises InputError for rooms that it does not have."""
     rooms = some_of("room", chosen, PAPER)
-    sweeps = [*SWEEPS, ("paper", "0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("paper", "0", WITHOUT_GPU)]
+    seeds, types = ("0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("0", WITHOUT_GPU)
+    sweeps = [*SWEEPS, ("paper", seeds, types), ("paper_every_move", seeds, tuple(PAPER))]
     if "column" in chosen:
         sweeps = [(group, "0,1,2", tuple(PAPER)) for group in in_turn(chosen["column"])]
     return [
@@ -173,7 +177,9 @@ def comparisons(found: Mapping[str, Rows]) -> list[Table]:
         best = ceiling(rows[AGENT] or rows["random start"])
         learned.append(([room], estimates(map(rows.get, LEARNED))))
         bounds.append(([room], [*estimates(map(rows.get, BOUNDS)), best]))
-        papers.append(([room], [*PAPER[room], *estimates([rows[PAPERS], rows[MASKED]]), ceiling(rows[PAPERS])]))
+        papers.append(
+            ([room], [*PAPER[room], *estimates(map(rows.get, PICTURES)), ceiling(rows[PAPERS] or rows[EVERY_MOVE])])
+        )
     return [
         compared(
             "table1-learned", f"Table 1: which learned method is best in held-out rooms? ({SPREAD})", ["room"],
@@ -185,7 +191,7 @@ def comparisons(found: Mapping[str, Rows]) -> list[Table]:
         ),
         compared(
             "table1-paper", f"Table 1: does the paper's network reach the paper's figures? ({SPREAD})", ["room"],
-            ["PlanIT, as printed", THEIRS, PAPERS, MASKED, "ceiling of the paper's moves"], papers,
+            ["PlanIT, as printed", THEIRS, *PICTURES, "ceiling of the paper's moves"], papers,
         ),
     ]  # fmt: skip
 
@@ -251,14 +257,15 @@ def planit_tables(folder: Path, rooms: Iterable[str]) -> list[Table]:
 
 
 def of_all(found: Row | None, words: str) -> Estimate | None:
-    """Of whole rooms. Mean over seeds; the error is that of one."""
+    """Of whole rooms, as many as a budget evaluates. Mean over seeds; the error is that of one."""
     if not found:
         return None
     every = [cell["all items"][words] for cell in found.cells.values()]
     errors = [cell["standard_error"] for cell in every]
     mean = float(np.mean([cell["mean_iou"] for cell in every]))
     error = None if None in errors else float(np.mean(errors))
-    return Estimate({"mean_iou": mean, "standard_error": error, "seeds": len(every)}, found)
+    [n] = {cell["config"]["budget"]["evaluation_rooms"] for cell in found.cells.values()}
+    return Estimate({"mean_iou": mean, "standard_error": error, "n": n, "seeds": len(every)}, found)
 
 
 if __name__ == "__main__":

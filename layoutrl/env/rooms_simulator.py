@@ -287,6 +287,11 @@ class RoomsSimulator:
         return replace(room, furniture=tuple(furniture))
 
 
+def rows(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
+    """The state of some of its rooms, b (n,)."""
+    return State(*(values[b] for values in state))
+
+
 def faces_alike(item: Item, degrees: float) -> bool:
     """Whether an item of this kind, turned to `degrees`, looks as `item` does."""
     return off(item.degrees - degrees, period(item)) <= 45

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,14 +11,14 @@ from torch import Tensor
 
 from layoutrl.agents.dqn import DQN
 from layoutrl.agents.method import Method
-from layoutrl.env.faults import Items, faults, item_faults
 from layoutrl.env.geometry import snap
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
-from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, led_to
 from layoutrl.env.simulator import Moves
+from layoutrl.evaluation.choosing import Chosen, Options, best_of, faulty_items, unlike, wrong
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.furnished import Furnished, Placement
@@ -27,7 +26,6 @@ from layoutrl.rooms.room import Item, Point, Room, rotation
 
 STARTS = 32  # places spread for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
-LOOKED_AT = 24  # of poses, the most valued, that are looked at for one by which nothing is wrong
 SWEEPS = 1  # times that every item is lifted and placed again, among all others
 REPAIRS = 1  # times more, in rooms with a fault
 AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
@@ -36,34 +34,6 @@ BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BLOCK = 128  # rooms furnished at once: memory, not speed
 GOLDEN = 1.2207440846057596  # of three dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
-APART = 0.5  # metres: layouts are different whose largest item stands so far away, or faces another way
-
-
-class Options(NamedTuple):
-    """Of each of B items K poses at which it could stay."""
-
-    center: np.ndarray  # (B, K, 2), metres
-    quarter: np.ndarray  # (B, K)
-    value: np.ndarray  # (B, K), -inf for none
-    way: list[list[np.ndarray]]  # to each: centers (moves + 1, 2)
-
-    def of(self, b: np.ndarray) -> Options:
-        """Those of some of the items."""
-        return Options(self.center[b], self.quarter[b], self.value[b], [self.way[n] for n in b])
-
-
-class Chosen(NamedTuple):
-    """One pose of each of B items."""
-
-    center: np.ndarray  # (B, 2), metres
-    quarter: np.ndarray  # (B,)
-    value: np.ndarray  # (B,), -inf where there is none
-    way: np.ndarray  # (B,) of arrays: to each, centers (moves + 1, 2)
-    faults: np.ndarray  # (B,): with how many items more something is wrong than without this one
-
-    def of(self, b: np.ndarray) -> Chosen:
-        """Those of some of the items."""
-        return Chosen(*(values[b] for values in self))
 
 
 class Furnisher:
@@ -159,7 +129,7 @@ class Furnisher:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
         rank = world.rooms.sequence()
         best = dict(enumerate(self._furnished(world, np.arange(len(known)), rank, known)))
-        faulty = {b: _faulty(one.layout, world.rooms.rooms[b]) for b, one in best.items() if one}
+        faulty = {b: faulty_items(one.layout, world.rooms.rooms[b]) for b, one in best.items() if one}
         latest = faulty
         for _ in range(AFRESH):
             which = [b for b, items in faulty.items() if items]
@@ -168,7 +138,7 @@ class Furnisher:
             for b in which:
                 rank[b, latest[b]] -= rank.shape[1]
             anew = dict(zip(which, self._furnished(world, np.array(which), rank, known), strict=True))
-            latest = {b: _faulty(one.layout, world.rooms.rooms[b]) if one else [] for b, one in anew.items()}
+            latest = {b: faulty_items(one.layout, world.rooms.rooms[b]) if one else [] for b, one in anew.items()}
             for b, one in anew.items():
                 if one and len(latest[b]) < len(faulty[b]):
                     best[b], faulty[b] = one, latest[b]
@@ -199,7 +169,7 @@ class Furnisher:
                 if not len(b):
                     continue
                 item, every = order[b, step], np.arange(len(b))
-                now = _of(state, b)._replace(moving=item)
+                now = rows(state, b)._replace(moving=item)
                 stood = now.stands[every, item]
                 now.stands[every, item] = False
                 others = [known[which[n]] if is_largest[n] else [] for n in b]
@@ -230,15 +200,15 @@ class Furnisher:
         starts = self._starts(world, state, uniform)
         ends = self._ends(world, state, starts, any(known))
         or_stay = self._or_stay(world, state, stood, ends) if stood.any() else ends
-        chosen = _best(world.rooms, state, _others(world.rooms, state, or_stay, known))
+        chosen = best_of(world.rooms, state, unlike(world.rooms, state, or_stay, known))
         for beside in (True, False):
             b = np.flatnonzero(chosen.faults > 0)
             if not len(b):
                 break
-            some = _of(state, b)
+            some = rows(state, b)
             options = self._beside(world, some, ends.of(b)) if beside else starts.of(b)
-            options = _others(world.rooms, some, options, [known[n] for n in b.tolist()])
-            chosen = _with(chosen, b, _best(world.rooms, some, options))
+            options = unlike(world.rooms, some, options, [known[n] for n in b.tolist()])
+            chosen = chosen.less_wrong(b, best_of(world.rooms, some, options))
         return self._slid_back(world, state, chosen) if self._moves.slide else chosen
 
     def _slid_back(self, world: _World, state: State[np.ndarray], chosen: Chosen) -> Chosen:
@@ -253,9 +223,9 @@ class Furnisher:
         there = scenes.moved(scene, here, torch.full_like(length, back, dtype=torch.int64), length).cpu().numpy()
         value = np.where((legal & (length < NEAR_WALL)).cpu().numpy(), chosen.value, -np.inf)
         ways = [[np.concatenate([way, place[None]])] for way, place in zip(chosen.way, there, strict=True)]
-        slid = _best(world.rooms, state, Options(there[:, None], chosen.quarter[:, None], value[:, None], ways))
+        slid = best_of(world.rooms, state, Options(there[:, None], chosen.quarter[:, None], value[:, None], ways))
         b = np.flatnonzero(np.isfinite(value) & (slid.faults <= chosen.faults))
-        return _replaced(chosen, b, slid.of(b))
+        return chosen.replaced(b, slid.of(b))
 
     def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
         """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
@@ -331,7 +301,7 @@ class Furnisher:
     def _mean_value(self, world: _World, state: State[np.ndarray]) -> np.ndarray:
         """What the agent thinks of layouts, (rooms,)."""
         b, item = np.nonzero(state.stands)
-        those = State(*(values[b] for values in state))._replace(moving=item)
+        those = rows(state, b)._replace(moving=item)
         value = self._value(world, those, np.arange(len(b)), state.quarter[b, item], state.center[b, item])
         return np.bincount(b, value, len(state.room)) / np.maximum(np.bincount(b, minlength=len(state.room)), 1)
 
@@ -354,7 +324,7 @@ class _World:
 
     def scenes_of(self, state: State[np.ndarray], b: np.ndarray, quarter: np.ndarray) -> Tensor:
         """The scenes in which the moving items of states b (n,) are turned by quarters (n,)."""
-        turned = State(*(torch.as_tensor(values[b], device=self.scenes.device) for values in state))
+        turned = State(*(torch.as_tensor(values, device=self.scenes.device) for values in rows(state, b)))
         quarters = torch.as_tensor(quarter, device=self.scenes.device)[:, None]
         return self.scenes.of(turned._replace(quarter=turned.quarter.scatter(1, turned.moving[:, None], quarters)))
 
@@ -387,76 +357,3 @@ def _turned_back(found: Furnished, brief: Room) -> Furnished:
 def spread(first: int, count: int) -> np.ndarray:
     """Numbers from 0 to 1 (3, count) that fill the cube evenly, from the `first` of their sequence on."""
     return np.arange(first + 1, first + count + 1) * GOLDEN ** -np.arange(1.0, 4.0)[:, None] % 1
-
-
-def _of(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
-    return State(*(values[b] for values in state))
-
-
-def _with(chosen: Chosen, b: np.ndarray, others: Chosen) -> Chosen:
-    """What is chosen, but of the items b (n,) the others (n,) by which less is wrong."""
-    better = others.faults < chosen.faults[b]
-    return _replaced(chosen, b[better], others.of(better))
-
-
-def _replaced(chosen: Chosen, b: np.ndarray, others: Chosen) -> Chosen:
-    """What is chosen, but of the items b (n,) the others (n,)."""
-    new = Chosen(*(values.copy() for values in chosen))
-    for values, those in zip(new, others, strict=True):
-        values[b] = those
-    return new
-
-
-def _best(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
-    """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
-
-    The LOOKED_AT of the highest value are looked at.
-    """
-    every = np.arange(len(state.room))
-    before = wrong([rooms.layout(state, b) for b in every])
-    order = np.argsort(-options.value, 1, kind="stable")
-    best, fewest = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
-    for option in order.T[:LOOKED_AT]:
-        b = np.flatnonzero((fewest > before) & np.isfinite(options.value[every, option]))
-        if not len(b):
-            break
-        k = option[b]
-        there = rooms.put(_of(state, b), state.moving[b], options.center[b, k], options.quarter[b, k])
-        found = wrong([rooms.layout(there, n) for n in range(len(b))])
-        better = found < fewest[b]
-        best[b[better]], fewest[b[better]] = k[better], found[better]
-    way = np.fromiter((options.way[b][k] for b, k in enumerate(best)), dtype=object)
-    return Chosen(
-        options.center[every, best], options.quarter[every, best], options.value[every, best], way, fewest - before
-    )
-
-
-def wrong(layouts: Sequence[Room]) -> np.ndarray:
-    """With how many of the items that stand something is wrong, in each layout: (B,)."""
-    standing = [
-        replace(room, furniture=tuple(item for item in room.furniture if item.center), target=None) for room in layouts
-    ]
-    items = Items.of(standing)
-    found, _, _ = item_faults(standing, items)
-    return np.bincount(items.room, np.any(list(found.values()), axis=0), len(layouts)).astype(int)
-
-
-def _faulty(layout: Room, brief: Room) -> list[int]:
-    """Which of the items that were to be placed have a fault: 0 for the first of them."""
-    at_fault = {k for k, _ in faults(layout)}
-    return [n for n, k in enumerate(missing(brief)) if k in at_fault]
-
-
-def _others(
-    rooms: RoomsSimulator, state: State[np.ndarray], options: Options, known: Sequence[Sequence[Furnished]]
-) -> Options:
-    """The options without those of layouts that are known already."""
-    value = options.value.copy()
-    for b, layouts in enumerate(known):
-        room, n = int(state.room[b]), int(state.moving[b])
-        for layout in layouts:
-            stands = layout.layout.furniture[missing(rooms.rooms[room])[n]]
-            assert stands.center is not None
-            near = np.linalg.norm(options.center[b] - stands.center, axis=1) < APART
-            value[b, near & (rooms.degrees[room, n, options.quarter[b]] == stands.rotation)] = -np.inf
-    return options._replace(value=value)

@@ -85,16 +85,17 @@ EVERY = (
     ("planit", 2, 2),
     ("planit_long", 2, 1),
 )
+PICTURES = (("paper", 2, 1), ("paper_every_move", 8, 1))  # without a GPU
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
-    ({}, True, [*EVERY, ("paper", 8, 3)]),
-    ({}, False, [*EVERY, ("paper", 2, 1)]),
-    ({"hydra/launcher": "slurm"}, False, [*EVERY, ("paper", 8, 3)]),
-    ({"budget": "smoke"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
+    ({}, True, [*EVERY, ("paper", 8, 3), ("paper_every_move", 8, 3)]),
+    ({}, False, [*EVERY, *PICTURES]),
+    ({"hydra/launcher": "slurm"}, False, [*EVERY, ("paper", 8, 3), ("paper_every_move", 8, 3)]),
+    ({"budget": "smoke"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, *PICTURES)]),
     ({"budget": "smoke", "seed": "0,2", "column": "paper"}, False, [("paper", 8, 2)]),
-    ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in EVERY[:3]]),
-    ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, ("paper", 2, 1))]),
+    ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in (*EVERY[:3], PICTURES[1])]),
+    ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, *PICTURES)]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
     ({"column": "oracle,rules"}, False, [("oracle,rules", 8, 1)]),
     ({"column": "rules,geometric"}, False, [("rules", 8, 1), ("geometric", 8, 3)]),

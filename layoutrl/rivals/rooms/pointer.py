@@ -21,7 +21,7 @@ from layoutrl.env.geometry import snap
 from layoutrl.env.observation import SIN2, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation
-from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
@@ -159,7 +159,7 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
         rooms = every[simulator.count > n]
         for room in np.array_split(rooms, -(-len(rooms) // BLOCK)):
             item = order[room, n]
-            now = State(*(values[room] for values in state))._replace(moving=item)
+            now = rows(state, room)._replace(moving=item)
             told = State(*(torch.as_tensor(values, device=device) for values in now))
             ways, solid = (torch.as_tensor(table[room, item], device=device) for table in (can_face, stays_off))
             center, quarter = (t.cpu().numpy() for t in _pointed(network, observe, told, ways, solid, views))
