@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from scipy import ndimage
 from shapely.affinity import rotate
 
 from layoutrl.env.faults import DOOR_CLEARANCE
@@ -263,6 +262,8 @@ def unreached(scene: Scene, boxes: Array) -> Array:
         beside.append((cells[..., 0] <= high) & (cells[..., 1] >= low))
     x, y = (part.astype(np.float32) for part in inside)
     free = np.matmul(x.swapaxes(1, 2), y) == 0  # (C, cells along x, cells along y)
+    from scipy import ndimage  # here, as it takes a third of a second to load, and every command's options name rivals
+
     parts, _ = ndimage.label(free, _WITHIN_A_LAYOUT)
     door = scene.doors[0]
     entry = door.middle + DIRECTIONS[door.inward] * (scene.radius + TOUCH)
