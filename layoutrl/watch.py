@@ -50,10 +50,7 @@ def run(config: WatchConfig) -> list[Path]:
         starts = simulator.starts(chosen, rng)
         run = shown.policy.rollout(BatchSimulator(simulator, shown.policy.device), shown.observe, chosen, starts)
         iou = simulator.reward(chosen, run.final).iou
-        episodes = [
-            one_item(simulator.rooms[k], run.path[: moves + 1, n], float(iou[n]))
-            for n, (k, moves) in enumerate(zip(chosen, run.moves, strict=True))
-        ]
+        episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
     with style.context(STYLE):
         pictures = list(frames(episodes, config.width))
     base = Path(config.out or Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}")

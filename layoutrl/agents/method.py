@@ -29,6 +29,8 @@ class Method:
     slide: bool
     max_moves: int  # moves of a training episode
     evaluation_moves: int  # at most, in a greedy episode
+    climbs: int = 0  # moves after it, at most, to where values are higher, seen from all around
+    snap: float = 0.0  # metres: from no further it is put in line with what stands beside it
     on_illegal: Any  # in test: stop or mask
     goal_terminates: bool = False
     goal_iou: float = 0.95

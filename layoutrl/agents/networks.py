@@ -10,12 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from layoutrl.env.observation import COLUMNS, DEPTH, WIDTH, Y
+from layoutrl.env.observation import COLUMNS, Y, upright_box
 from layoutrl.env.simulator import TOUCHING
 
-PRESENT, WALL, WINDOW, ITEM, COS2, CIRCLE = (
-    COLUMNS.index(name) for name in ("present", "wall", "window", "item", "cos2", "circle")
-)
+PRESENT, WALL, WINDOW, ITEM = (COLUMNS.index(name) for name in ("present", "wall", "window", "item"))
 TYPICAL = 8  # elements: what sums are divided by, to be about as large as maxima
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
 SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, next to nothing best
@@ -136,14 +134,6 @@ def _gaps(moving: Tensor, others: Tensor) -> Tensor:
     beyond = (its_center - its_half) - (center + half)  # to the right, above
     before = (center - half) - (its_center + its_half)  # to the left, below
     return torch.stack([beyond[0], before[0], before[1], beyond[1]])
-
-
-def upright_box(element: Tensor) -> tuple[Tensor, Tensor]:
-    """Centre and half sides, (2, ...) each, of the upright box around each element (columns, ...)."""
-    cosine = ((1 + element[COS2]) / 2).clamp_(0, 1).sqrt_().where(element[CIRCLE] == 0, 1.0)
-    sine = (1 - cosine.square()).clamp_(min=0).sqrt_()
-    size = element[WIDTH : DEPTH + 1]
-    return element[: Y + 1], (size * cosine + size.flip(0) * sine) / 2
 
 
 def _clearances(gap: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:

@@ -26,9 +26,10 @@ from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
-X, Y, WIDTH, DEPTH, SIN2, COS, SIN = (
-    COLUMNS.index(name) for name in ("x", "y", "width", "depth", "sin2", "cos", "sin")
+X, Y, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
+    COLUMNS.index(name) for name in ("x", "y", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
 )
+STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # what else stands in a room is one of these
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
 
@@ -220,6 +221,30 @@ def elements_turned(elements: Tensor, symmetry: Symmetry) -> Tensor:
     if symmetry.mirror:
         turned[..., SIN2].neg_()
     return turned
+
+
+def upright_box(element: Tensor) -> tuple[Tensor, Tensor]:
+    """Centre and half sides, (2, ...) each, of the upright box around each element (columns, ...)."""
+    cosine = ((1 + element[COS2]) / 2).clamp_(0, 1).sqrt_().where(element[CIRCLE] == 0, 1.0)
+    sine = (1 - cosine.square()).clamp_(min=0).sqrt_()
+    size = element[WIDTH : DEPTH + 1]
+    return element[: Y + 1], (size * cosine + size.flip(0) * sine) / 2
+
+
+def out_of_line(elements: Tensor) -> Tensor:
+    """How far the moving item of elements (B, N, columns) is from the nearest line that it could be in: (B, 2), metres.
+
+    Along each axis: where it shares a side or the middle with a wall, an opening or an item, by the boxes around them.
+    Infinite where there is none.
+    """
+    (center, half), (its_center, its_half) = (
+        upright_box(part.movedim(-1, 0)) for part in elements.tensor_split([1], 1)
+    )
+    sides = [its_center + its * its_half + own * half for its in (-1, 1) for own in (-1, 1)]
+    stands = elements[:, 1:, STANDING].any(-1)
+    way = torch.stack([its_center, *sides], -1) - center[..., None]  # (2, B, N, 5)
+    way = way.masked_fill(~stands[..., None], torch.inf).flatten(2)
+    return way.gather(2, way.abs().argmin(2, keepdim=True)).squeeze(2).T
 
 
 def _rectangles(shapes: np.ndarray) -> np.ndarray:

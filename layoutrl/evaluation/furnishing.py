@@ -256,7 +256,7 @@ class Furnisher:
         scene = world.scenes_of(state, b, quarter)
         run = self._policy.rollout(world.scenes, world.observe, scene, start)
         value = self._value(world, state, b, quarter, run.final).reshape(tried.shape)
-        ways = [run.path[: moves + 1, n] for n, moves in enumerate(run.moves)]
+        ways = [run.way(n) for n in range(len(b))]
         return Options(
             run.final.reshape(*tried.shape, 2),
             quarter.reshape(tried.shape),

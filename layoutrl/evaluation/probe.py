@@ -43,9 +43,7 @@ class Probe:
         """Mean IoU and the ceiling of the moves, and pictures of the first rooms: start, path, end, the designer's
         place."""
         run = policy.rollout(self._batch_simulator, self._observe, self._room, self._starts)
-        pictures = [
-            story(room, run.path[: run.moves[k] + 1, k]) for k, room in enumerate(self.simulator.rooms[:PICTURES])
-        ]
+        pictures = [story(room, run.way(k)) for k, room in enumerate(self.simulator.rooms[:PICTURES])]
         iou = float(self.simulator.reward(self._room, run.final).iou.mean())
         return {"iou": iou, "lattice_ceiling": self.ceiling}, pictures
 

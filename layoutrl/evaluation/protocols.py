@@ -15,7 +15,9 @@ from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
+from layoutrl.env.observation import out_of_line
 from layoutrl.env.scenes import Scenes, led_to
+from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
@@ -30,13 +32,25 @@ class Rollout:
     room: np.ndarray  # (B,) index
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
     value: np.ndarray  # (T + 1, B): Q of the move that led to each position; -inf for the start, and after the end
-    moves: np.ndarray  # (B,) until the stopping place is reached
+    best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
+    settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
     seconds: float
 
     @property
     def final(self) -> np.ndarray:
         """The stopping places (B, 2), in metres."""
-        return self.path[self.moves, np.arange(len(self.room))]
+        return self.settling[-1]
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Of each episode until the stopping place is reached (B,)."""
+        return self.best + (np.diff(self.settling, axis=0) != 0).any(-1).sum(0)
+
+    def way(self, b: int) -> np.ndarray:
+        """From the start of an episode to its stopping place: (moves + 1, 2), metres."""
+        settling = self.settling[1:, b]
+        moved = (np.diff(self.settling[:, b], axis=0) != 0).any(-1)
+        return np.concatenate([self.path[: self.best[b] + 1, b], settling[moved]])
 
     def choices(self, count: int) -> np.ndarray:
         """The agent's first, second, ... stopping place: (B, count, 2), metres. Real designs leave a choice open.
@@ -62,17 +76,22 @@ class Greedy:
     """The greedy policy of an agent, as it is tested.
 
     There is no move that stays, so that it would end in a loop; instead it never goes back to where it has been, and
-    looks further for `max_moves` moves. Of the SHORTLIST places that it entered by the moves of highest Q, it stops at
-    the one that the shortest moves into it, from all around, value highest on average: the Q of one move errs by more
-    than half a centimetre is worth. The designer's place is never consulted. Q is the mean over the `symmetries`, in
-    whose views a design is as good. With `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice
-    ends the episode; with `"mask"` the best legal move is taken.
+    looks further for `max_moves` moves. Of the SHORTLIST places that it entered by the moves of highest Q, it goes back
+    to the one that promises most: the Q of the shortest moves into it, on average of all around, as that of one move
+    errs by more than half a centimetre is worth. From there it climbs by the shortest moves, `climbs` of them at most,
+    to what promises more. Last, where it is no further than `snap` from being in line with something (a side or the
+    middle shared with a wall, an opening, an item), it is put there, as people's drawing tools do. The designer's place
+    is never consulted. Q is the mean over the `symmetries`, in whose views a design is as good. With
+    `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice ends the episode; with `"mask"` the best
+    legal move is taken.
     """
 
     agent: DQN
     max_moves: int
     on_illegal: Literal["stop", "mask"]
     symmetries: Sequence[Symmetry]
+    climbs: int = 0
+    snap: float = 0.0  # metres
 
     @property
     def device(self) -> torch.device:
@@ -102,27 +121,66 @@ class Greedy:
                 break
             path[t + 1 :, active] = reached[goes_on, action.squeeze(1)]
             value[t + 1, active] = highest[goes_on].squeeze(1)
-        moves = self._settled(simulator, observe, rooms, path, value)
-        seconds = time.perf_counter() - began
-        return Rollout(rooms.cpu().numpy(), path.cpu().numpy(), value.cpu().numpy(), moves.cpu().numpy(), seconds)
+        best = self._most_promising(simulator, observe, rooms, path, value)
+        climb = self._climb(simulator, observe, rooms, path[best, torch.arange(batch, device=device)])
+        in_line = self._in_line(simulator, observe, rooms, climb[-1])
+        found = (rooms, path, value, best, torch.cat([climb, in_line[None]]))
+        room, way, values, which, settling = (each.cpu().numpy() for each in found)
+        return Rollout(room, way, values, which, settling, time.perf_counter() - began)
 
-    def _settled(
+    def _most_promising(
         self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor
     ) -> Tensor:
-        """Which position of the path (T + 1, B, 2) each episode stops at: (B,)."""
-        shortest = 4 * int(np.argmin(simulator.moves.steps))
-        way = torch.arange(4, device=path.device)  # right, left, below, up
-        there, back = shortest + way, shortest + (way ^ 1)
+        """Which position of the path (T + 1, B, 2) of each episode promises most, of the SHORTLIST: (B,)."""
         raw, which = value.topk(min(SHORTLIST, len(value)), 0)
         place = path.gather(0, which[..., None].expand(-1, -1, 2)).flatten(0, 1)
-        rooms, raw = torch.cat([rooms] * len(which)), raw.flatten()
-        length, legal = (reach[:, there] for reach in simulator.reach(rooms, place))
-        whose, start = (t.repeat_interleave(4, 0) for t in (rooms, place))
-        around = simulator.moved(whose, start, there.repeat(len(place)), length.flatten())
-        q = self.values(observe, whose, around).unflatten(0, (-1, 4))[:, way, back]
-        mean = (q.where(legal, 0.0).sum(1) / legal.sum(1)).where(legal.any(1), raw)
-        best = mean.where(raw.isfinite(), -torch.inf).view_as(which).argmax(0, keepdim=True)
+        promise = self._promise(simulator, observe, torch.cat([rooms] * len(which)), place).view_as(which)
+        best = promise.where(promise.isfinite(), raw).where(raw.isfinite(), -torch.inf).argmax(0, keepdim=True)
         return which.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
+
+    def _climb(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
+        """Where episodes climb from places (B, 2), one move after the other: (climbs + 1, B, 2), metres."""
+        climb = place.repeat(self.climbs + 1, 1, 1)
+        if not self.climbs:
+            return climb
+        active = torch.arange(len(place), device=place.device)
+        promise = self._promise(simulator, observe, rooms, place)
+        for t in range(self.climbs):
+            beside, legal = _beside(simulator, rooms[active], climb[t, active])
+            whose = rooms[active].repeat_interleave(4, 0)
+            promised = self._promise(simulator, observe, whose, beside.flatten(0, 1)).view_as(legal)
+            highest, way = promised.masked_fill(~legal, -torch.inf).max(1)
+            higher = (highest > promise[active]).nonzero().squeeze(1)
+            if not len(higher):
+                break
+            active = active[higher]
+            climb[t + 1 :, active], promise[active] = beside[higher, way[higher]], highest[higher]
+        return climb
+
+    def _in_line(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
+        """Places (B, 2) moved into the nearest line along each axis, where that is no further than `snap`: (B, 2)."""
+        if not self.snap:
+            return place
+        off = out_of_line(observe(rooms, place)).double()
+        for way, (ahead, back) in zip(off.T, ((0, 1), (3, 2)), strict=True):  # right or left, up or below
+            near = way.abs() <= self.snap
+            action, length = torch.where(way > 0, ahead, back), way.abs().where(near, 0.0)
+            there = simulator.moved(rooms, place, action, length)
+            place = there.where((near & simulator.is_legal(rooms, there))[:, None], place)
+        return place
+
+    def _promise(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
+        """What the shortest moves into places (B, 2) are worth, on average of all around: (B,), -inf where none is."""
+        around, legal = _beside(simulator, rooms, place)
+        if not legal.any():
+            return torch.full((len(place),), -torch.inf, device=place.device)
+        b, way = legal.nonzero().unbind(1)
+        # What is around one place is around others, too: each is looked at once.
+        seen, which = torch.column_stack([rooms[b], around[b, way]]).unique(dim=0, return_inverse=True)
+        seen_room, seen_from = seen[:, :-2].to(rooms.dtype).view(len(seen), *rooms.shape[1:]), seen[:, -2:]
+        q = self.values(observe, seen_room, seen_from)[which, _shortest(simulator.moves) + (way ^ 1)]  # the move back
+        total = q.new_zeros(len(place)).index_add_(0, b, q)
+        return (total / legal.sum(1)).where(legal.any(1), -torch.inf)
 
     def best_moves(
         self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray, position: np.ndarray
@@ -154,7 +212,21 @@ class Greedy:
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
 
 
+def _beside(simulator: BatchSimulator | Scenes, rooms: Tensor, place: Tensor) -> tuple[Tensor, Tensor]:
+    """Where the shortest moves lead from places (B, 2), right, left, below and up (B, 4, 2), and which are legal."""
+    action = _shortest(simulator.moves) + torch.arange(4, device=place.device)
+    length, legal = (reach[:, action] for reach in simulator.reach(rooms, place))
+    whose, start = (values.repeat_interleave(4, 0) for values in (rooms, place))
+    moved = simulator.moved(whose, start, action.repeat(len(place)), length.flatten())
+    return moved.unflatten(0, (-1, 4)), legal
+
+
+def _shortest(moves: Moves) -> int:
+    """The first of the four shortest moves."""
+    return 4 * int(np.argmin(moves.steps))
+
+
 def greedy(agent: DQN, method: Method) -> Greedy:
     """The agent's policy, as the method tests it."""
     device = next(agent.network.parameters()).device
-    return Greedy(agent, method.evaluation_moves, method.on_illegal, method.views(device))
+    return Greedy(agent, method.evaluation_moves, method.on_illegal, method.views(device), method.climbs, method.snap)

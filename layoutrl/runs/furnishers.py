@@ -107,7 +107,7 @@ class Mover:
             index,
             simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
         )
-        value = run.value[run.moves, np.arange(len(index))].reshape(-1, STARTS)
+        value = run.value[run.best, np.arange(len(index))].reshape(-1, STARTS)
         best = np.arange(len(rooms)), value.argmax(1)
         return run.final.reshape(-1, STARTS, 2)[best], value[best]
 

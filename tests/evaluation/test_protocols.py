@@ -86,6 +86,16 @@ def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
     assert often.final.tolist() == [[1.5, 1.5]]  # on average of the four moves into it
 
 
+def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_more():
+    agent, simulator = nearing((2.0, 1.5)), BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
+    index, start = np.array([0]), np.array([(1.0, 1.5)])
+    for climbs, ends in ((0, 1.5), (1, 2.0), (4, 2.0)):  # two moves from it, of which it looks for one
+        run = Greedy(agent, 1, "mask", unturned(STEPS), climbs).rollout(simulator, Place(), index, start)
+        assert run.final.tolist() == [[ends, 1.5]]
+        assert run.way(0)[:, 0].tolist() == [1.0, 1.5, 2.0][: len(run.way(0))]
+        assert run.moves.tolist() == [len(run.way(0)) - 1]
+
+
 def test_at_the_border_fewer_moves_are_averaged_over():
     home = (3.5, 1.5)  # from the right there is no way to it
     assert follow(nearing(home), (2.0, 1.5), max_moves=6).final.tolist() == [list(home)]
@@ -95,7 +105,7 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
     x = np.array([0.0, 1.0, 1.5, 1.9, 3.0, 2.95, 5.0, 2.96, 5.5])
     path = np.stack([x, np.zeros(9)], 1)[:, None]
     value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0, 2.0, 1.5, 1.7])[:, None]
-    run = Rollout(np.array([0]), path, value, np.array([2]), 0.0)
+    run = Rollout(np.array([0]), path, value, np.array([2]), path[[2]], 0.0)
     # 1.0 is on the way to 1.5, 1.9 and 2.96 on that to others; the start was not chosen.
     assert run.choices(4)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5]
     assert run.choices(5)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5, 1.5]
@@ -105,7 +115,8 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
 
 
 def test_who_never_moved_has_one_choice():
-    run = Rollout(np.array([0]), np.ones((4, 1, 2)), np.full((4, 1), -np.inf), np.array([0]), 0.0)
+    stayed = np.ones((4, 1, 2))
+    run = Rollout(np.array([0]), stayed, np.full((4, 1), -np.inf), np.array([0]), stayed[:1], 0.0)
     assert run.choices(3).tolist() == [[[1, 1]] * 3]
 
 
@@ -199,8 +210,10 @@ def hashed(seed: int, actions: int):
     return values
 
 
-def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, max_moves: int, on_illegal: str):
-    """(final, moves) of one episode, followed step by step."""
+def one_by_one(
+    values, simulator: BatchSimulator, room: int, start: np.ndarray, max_moves: int, on_illegal: str, climbs: int
+) -> list[tuple[float, float]]:
+    """From the start of one episode to its stopping place, followed step by step."""
     way, entered_by = [tuple(start)], [-np.inf]
     for _ in range(max_moves):
         here = torch.tensor([way[-1]], dtype=torch.float64)
@@ -217,26 +230,43 @@ def one_by_one(values, simulator: BatchSimulator, room: int, start: np.ndarray, 
             break
         way.append(there[action])
         entered_by.append(q[action])
-    if len(way) == 1:
-        return way[0], 0
-    shortest, promised = 4 * int(np.argmin(simulator.moves.steps)), {}
-    for k in np.argsort(entered_by)[::-1][:SHORTLIST]:
-        if k:
-            here = torch.tensor([way[k]], dtype=torch.float64)
-            length, legal = (x[0] for x in simulator.reach(torch.tensor([room]), here))
-            into = []
-            for there, back in zip(range(shortest, shortest + 4), (1, 0, 3, 2), strict=True):
-                if legal[there]:
-                    beside = simulator.moved(torch.tensor([room]), here, torch.tensor([there]), length[[there]])
-                    into.append(np.float32(values(*beside[0].tolist())[shortest + back]))
-            promised[int(k)] = np.mean(into) if into else entered_by[k]
-    moves = max(promised, key=lambda k: promised[k])
-    return way[moves], moves
+    shortest = 4 * int(np.argmin(simulator.moves.steps))
+
+    def beside(place):
+        """Where the shortest moves lead that are legal: {direction: place}."""
+        here = torch.tensor([place], dtype=torch.float64)
+        length, legal = (x[0] for x in simulator.reach(torch.tensor([room]), here))
+        return {
+            way: tuple(simulator.moved(torch.tensor([room]), here, torch.tensor([move]), length[[move]])[0].tolist())
+            for way, move in enumerate(range(shortest, shortest + 4))
+            if legal[move]
+        }
+
+    def promise(place, otherwise):
+        into = [np.float32(values(*at)[shortest + (way ^ 1)]) for way, at in beside(place).items()]
+        return np.mean(into) if into else otherwise
+
+    tried = [int(k) for k in np.argsort(entered_by)[::-1][:SHORTLIST] if k] or [0]
+    moves = max(tried, key=lambda k: promise(way[k], entered_by[k]))
+    way = way[: moves + 1]
+    for _ in range(climbs):
+        near = list(beside(way[-1]).values())
+        highest = max(near, key=lambda place: promise(place, -np.inf), default=way[-1])
+        if promise(highest, -np.inf) <= promise(way[-1], -np.inf):
+            break
+        way.append(highest)
+    return way
 
 
-@given(st.integers(0, 2**32 - 1), st.sampled_from(["mask", "stop"]), st.sampled_from([3, 60]), st.booleans())
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["mask", "stop"]),
+    st.sampled_from([3, 60]),
+    st.booleans(),
+    st.sampled_from([0, 3]),
+)
 @settings(max_examples=20)
-def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_illegal, max_moves, slide):
+def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_illegal, max_moves, slide, climbs):
     rng = np.random.default_rng(seed)
     rooms = [wide_room(), l_room(), random_room(rng)]
     exact = Simulator(rooms, Moves((0.6, 0.2), slide=slide), Reward())
@@ -244,13 +274,14 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
     room = rng.integers(3, size=8)
     starts = exact.starts(room, rng)
     values = hashed(seed, exact.moves.count)
-    policy = Greedy(Scripted(values), max_moves, on_illegal, unturned(exact.moves))
+    policy = Greedy(Scripted(values), max_moves, on_illegal, unturned(exact.moves), climbs)
     run = policy.rollout(simulator, Place(), room, starts)
     np.testing.assert_array_equal(run.path[0], starts)
     for b in range(8):
-        final, moves = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal)
-        assert tuple(run.final[b]) == final
-        assert run.moves[b] == moves
+        way = one_by_one(values, simulator, room[b], starts[b], max_moves, on_illegal, climbs)
+        np.testing.assert_array_equal(run.way(b), way)
+        assert tuple(run.final[b]) == way[-1]
+        assert run.moves[b] == len(way) - 1
         # Every step is a legal one of the exact simulator, to the few micrometres that a slide may be off.
         before, after = run.path[:-1, b], run.path[1:, b]
         reached, legal = exact.destinations(np.repeat(room[b], max_moves), before)

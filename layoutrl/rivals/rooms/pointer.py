@@ -16,9 +16,8 @@ import shapely
 import torch
 from torch import Tensor, nn
 
-from layoutrl.agents.networks import CIRCLE, upright_box
 from layoutrl.env.geometry import snap
-from layoutrl.env.observation import SIN2, categories_of
+from layoutrl.env.observation import CIRCLE, SIN2, categories_of, upright_box
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
