@@ -12,7 +12,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely.affinity import rotate, translate
 
-from layoutrl.env.observation import BLOCK, COLUMNS, GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.observation import (
+    BLOCK,
+    COLUMNS,
+    GeometryObservation,
+    ImageObservation,
+    categories_of,
+    out_of_line,
+)
 from layoutrl.env.render import View, picture
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -378,3 +385,34 @@ def test_a_move_of_a_tenth_of_a_pixel_changes_the_image_but_none_leaves_it(item)
     still, *others = observed(ImageObservation([room]), moved)
     assert torch.equal(still, observed(ImageObservation([room]), moved)[0])
     assert all(not torch.equal(still, other) for other in others)
+
+
+def test_an_item_is_in_line_where_it_shares_a_side_or_the_middle_with_something() -> None:
+    case = Item("bookcase", (0.4, 1.0), (3.0, 2.0), 0.0)  # from 2.8 to 3.2, and from 1.5 to 2.5
+    room = rectangular_room(4, 4, Item("bed", (2.0, 1.0), None), others=(case,), walls=())
+    places = {
+        (1.81, 2.0): (-0.01, 0.0),  # its right side is at 2.81, its middle level with that of the case
+        (2.95, 2.03): (0.05, -0.03),
+        (2.15, 1.02): (0.05, -0.02),  # right sides, and lower side at upper
+        (2.21, 1.96): (-0.01, 0.04),
+    }
+    off = out_of_line(observed(GeometryObservation([room], CATEGORIES), np.array(list(places))))
+    np.testing.assert_allclose(off, list(places.values()), atol=1e-6)
+    alone = GeometryObservation([replace(room, furniture=room.furniture[:1])], CATEGORIES)
+    assert out_of_line(observed(alone, np.array([(1.0, 1.0)]))).isinf().all()
+
+
+@given(SEEDS)
+def test_what_is_moved_by_how_far_it_is_out_of_line_is_in_line_and_no_line_is_nearer(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    room = random_room(rng)
+    observe, places = GeometryObservation([room], CATEGORIES), positions_in(room, 8, rng)
+    off = out_of_line(observed(observe, places))
+    for axis in (0, 1):
+        there = places.copy()
+        there[:, axis] += off[:, axis].numpy()
+        assert (out_of_line(observed(observe, there))[:, axis].abs() < 2e-6).all()
+        for share in rng.uniform(-0.99, 0.99, 5):  # nowhere nearer
+            there[:, axis] = places[:, axis] + share * off[:, axis].numpy()
+            left = out_of_line(observed(observe, there))[:, axis].abs()
+            assert (left >= (1 - abs(share)) * off[:, axis].abs() - 2e-6).all()

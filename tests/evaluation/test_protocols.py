@@ -15,6 +15,10 @@ from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.protocols import BLOCK, SHORTLIST, Greedy, Rollout
@@ -43,6 +47,13 @@ class Place:
 
     def turned(self, observation: torch.Tensor, symmetry: Symmetry) -> torch.Tensor:
         return observation @ symmetry.matrix.double().T
+
+
+class Flat:
+    """An agent to which everything is worth the same."""
+
+    def values(self, seen: torch.Tensor) -> torch.Tensor:
+        return torch.zeros(len(seen), STEPS.count)
 
 
 def wide_room(designer: tuple[float, float] = (2.5, 1.5)) -> Room:
@@ -94,6 +105,46 @@ def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_mo
         assert run.final.tolist() == [[ends, 1.5]]
         assert run.way(0)[:, 0].tolist() == [1.0, 1.5, 2.0][: len(run.way(0))]
         assert run.moves.tolist() == [len(run.way(0)) - 1]
+
+
+@pytest.mark.parametrize(("start", "snap", "ends"), [
+    ((1.79, 2.0), 0.015, (1.8, 2.0)),
+    ((1.79, 2.0), 0.005, (1.79, 2.0)),
+    ((1.78, 2.007), 0.015, (1.78, 2.0)),  # along one axis
+    ((1.79, 2.0), 0.0, (1.79, 2.0)),
+    ((2.21, 0.79), 0.015, (2.2, 0.79)),  # with a side outside, in a room whose wall is in line with nothing that fits
+])  # fmt: skip
+def test_last_it_is_put_in_line_with_what_is_near(start, snap, ends):
+    """A bed of 2 m by 1 m, and a bookcase from 2.8 to 3.2, and from 1.5 to 2.5."""
+    case = Item("bookcase", (0.4, 1.0), (3.0, 2.0), 0.0)
+    room = rectangular_room(4, 4, Item("bed", (2.0, 1.0), (1.5, 2.0)), others=(case,))
+    simulator = BatchSimulator(Simulator([room], STEPS, Reward()))
+    policy = Greedy(Flat(), 0, "mask", unturned(STEPS), snap=snap)
+    run = policy.rollout(simulator, GeometryObservation([room], ["bed"]), np.array([0]), np.array([start]))
+    np.testing.assert_allclose(run.final, [ends], atol=1e-6)
+    np.testing.assert_array_equal(run.way(0)[-1], run.final[0])
+    assert run.moves.tolist() == [int(ends != start)]
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=15)
+def test_it_is_put_in_line_the_same_way_however_the_item_is_turned(seed):
+    """In a scene, directions are those of the item as it is turned; where it is put is the same."""
+    rng = np.random.default_rng(seed)
+    room = replace(random_room(rng), target=None)
+    (item, *others), rotation = room.furniture, float(rng.choice([0.0, 90.0, 180.0, 270.0]))
+    item = replace(item, form="rectangle", rotation=rotation)
+    rooms = RoomsSimulator([replace(room, furniture=(replace(item, center=None), *others))], None, STEPS, Reward())
+    scenes = Scenes(BatchRoomsSimulator(rooms))
+    one = Simulator([replace(room, furniture=(item, *others), target=0)], STEPS, Reward())
+    start = one.starts(np.zeros(8, dtype=int), rng)
+    state = rooms.empty(np.zeros(8, dtype=int))
+    scene = scenes.of(State(*map(torch.as_tensor, state)))
+    observe = ScenesObservation(scenes, RoomsObservation(rooms))
+    policy = Greedy(Flat(), 0, "mask", unturned(STEPS), snap=0.1)
+    expected = policy.rollout(BatchSimulator(one), GeometryObservation(one.rooms, []), np.zeros(8, dtype=int), start)
+    assert (expected.final != start).any()
+    np.testing.assert_allclose(policy.rollout(scenes, observe, scene, start).final, expected.final, atol=2.1e-6)
 
 
 def test_at_the_border_fewer_moves_are_averaged_over():
