@@ -1,6 +1,7 @@
-"""Puts the tables that are kept into the pages of docs/ that show them, each after the line <!-- its name -->.
+"""Prints the tables of the cells that are kept, and puts them into the pages that show them: each after the line
+<!-- its name -->.
 
-python experiments/pages.py
+    python experiments/pages.py
 """
 
 from __future__ import annotations
@@ -8,10 +9,16 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import real_rooms
+import table1
+import table2
 import table3
 from columns import RESULTS
+from printing import write
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+KEPT = RESULTS / "default"
+PAGES = ("README.md", "docs/results.md", "docs/planit.md", "docs/whole_rooms.md")
 
 
 def shown(page: str, tables: dict[str, str]) -> str:
@@ -22,10 +29,19 @@ def shown(page: str, tables: dict[str, str]) -> str:
 
 
 def main() -> None:
-    kept = table3.tables(RESULTS / "default" / "table3")
-    tables = {table.name: table.markdown().partition("\n\n")[2] for table in kept}  # the page has its own headings
-    page = DOCS / "whole_rooms.md"
-    page.write_text(shown(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
+    kept = {
+        "table1": table1.tables(KEPT / "table1"),
+        "table2": table2.tables(RESULTS / "scene" / "table2", KEPT / "table1"),
+        "table3": table3.tables(KEPT / "table3"),
+        "real": real_rooms.tables(KEPT / "real"),
+    }
+    tables = {}
+    for name, those in kept.items():
+        write(those, KEPT / name)
+        # Pages have headings of their own.
+        tables |= {table.name: table.markdown().partition("\n\n")[2] for table in those}
+    for page in (ROOT / name for name in PAGES):
+        page.write_text(shown(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
 
 
 if __name__ == "__main__":
