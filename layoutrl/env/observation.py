@@ -26,8 +26,8 @@ from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
-X, Y, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
-    COLUMNS.index(name) for name in ("x", "y", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
+X, Y, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
+    COLUMNS.index(name) for name in ("x", "y", "item", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
 )
 STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # what else stands in a room is one of these
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
@@ -234,16 +234,21 @@ def upright_box(element: Tensor) -> tuple[Tensor, Tensor]:
 def out_of_line(elements: Tensor) -> Tensor:
     """How far the moving item of elements (B, N, columns) is from the nearest line that it could be in: (B, 2), metres.
 
-    Along each axis: where it shares a side or the middle with a wall, an opening or an item, by the boxes around them.
-    Infinite where there is none.
+    Along each axis: where it shares a side or the middle with a wall, an opening or an item, by the boxes around them,
+    or is midway between two items of one category. Infinite where there is no such line.
     """
     (center, half), (its_center, its_half) = (
         upright_box(part.movedim(-1, 0)) for part in elements.tensor_split([1], 1)
     )
+    others = elements[:, 1:]
     sides = [its_center + its * its_half + own * half for its in (-1, 1) for own in (-1, 1)]
-    stands = elements[:, 1:, STANDING].any(-1)
-    way = torch.stack([its_center, *sides], -1) - center[..., None]  # (2, B, N, 5)
-    way = way.masked_fill(~stands[..., None], torch.inf).flatten(2)
+    lines = torch.cat([its_center, *sides], -1)  # (2, B, 5 N)
+    stands = others[..., STANDING].any(-1).repeat(1, 5)
+    midway = (its_center[..., :, None] + its_center[..., None, :]) / 2  # (2, B, N, N)
+    item, category = others[..., ITEM] > 0, others[..., len(COLUMNS) :]
+    pair = item[:, :, None] & item[:, None] & (category[:, :, None] == category[:, None]).all(-1)
+    way = torch.cat([lines, midway.flatten(2)], -1) - center
+    way = way.masked_fill(~torch.cat([stands, pair.flatten(1)], -1), torch.inf)
     return way.gather(2, way.abs().argmin(2, keepdim=True)).squeeze(2).T
 
 

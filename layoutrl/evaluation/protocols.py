@@ -79,11 +79,10 @@ class Greedy:
     looks further for `max_moves` moves. Of the SHORTLIST places that it entered by the moves of highest Q, it goes back
     to the one that promises most: the Q of the shortest moves into it, on average of all around, as that of one move
     errs by more than half a centimetre is worth. From there it climbs by the shortest moves, `climbs` of them at most,
-    to what promises more. Last, where it is no further than `snap` from being in line with something (a side or the
-    middle shared with a wall, an opening, an item), it is put there, as people's drawing tools do. The designer's place
-    is never consulted. Q is the mean over the `symmetries`, in whose views a design is as good. With
-    `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice ends the episode; with `"mask"` the best
-    legal move is taken.
+    to what promises more. Last, where it is no further than `snap` from being in line with something (`out_of_line`),
+    it is put there, as people's drawing tools do. The designer's place is never consulted. Q is the mean over the
+    `symmetries`, in whose views a design is as good. With `on_illegal="stop"` (the paper's test rule, section 4.2) an
+    illegal choice ends the episode; with `"mask"` the best legal move is taken.
     """
 
     agent: DQN

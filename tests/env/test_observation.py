@@ -398,6 +398,11 @@ def test_an_item_is_in_line_where_it_shares_a_side_or_the_middle_with_something(
     }
     off = out_of_line(observed(GeometryObservation([room], CATEGORIES), np.array(list(places))))
     np.testing.assert_allclose(off, list(places.values()), atol=1e-6)
+    chairs = tuple(Item("chair", (0.5, 0.5), center, 0.0) for center in ((1.0, 0.7), (3.0, 3.4)))
+    for category, expected in (("chair", (0.06, 0.05)), ("lamp", (-0.19, -0.55))):  # midway of two chairs: (2.0, 2.05)
+        pair = replace(room, furniture=(room.moving, chairs[0], replace(chairs[1], category=category)))
+        off = out_of_line(observed(GeometryObservation([pair], CATEGORIES), np.array([(1.94, 2.0)])))
+        np.testing.assert_allclose(off, [expected], atol=1e-6)
     alone = GeometryObservation([replace(room, furniture=room.furniture[:1])], CATEGORIES)
     assert out_of_line(observed(alone, np.array([(1.0, 1.0)]))).isinf().all()
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from layoutrl.agents.dqn import DQN
 from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import GeometryObservation
+from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
@@ -140,9 +140,11 @@ def test_it_is_put_in_line_the_same_way_however_the_item_is_turned(seed):
     start = one.starts(np.zeros(8, dtype=int), rng)
     state = rooms.empty(np.zeros(8, dtype=int))
     scene = scenes.of(State(*map(torch.as_tensor, state)))
-    observe = ScenesObservation(scenes, RoomsObservation(rooms))
+    names = categories_of(one.rooms)
+    observe = ScenesObservation(scenes, RoomsObservation(rooms, names))
     policy = Greedy(Flat(), 0, "mask", unturned(STEPS), snap=0.1)
-    expected = policy.rollout(BatchSimulator(one), GeometryObservation(one.rooms, []), np.zeros(8, dtype=int), start)
+    here = GeometryObservation(one.rooms, names)
+    expected = policy.rollout(BatchSimulator(one), here, np.zeros(8, dtype=int), start)
     assert (expected.final != start).any()
     np.testing.assert_allclose(policy.rollout(scenes, observe, scene, start).final, expected.final, atol=2.1e-6)
 
