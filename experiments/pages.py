@@ -35,7 +35,7 @@ def main() -> None:
         "table3": table3.tables(KEPT / "table3"),
         "real": real_rooms.tables(KEPT / "real"),
     }
-    tables = {}
+    tables: dict[str, str] = {}
     for name, those in kept.items():
         write(those, KEPT / name)
         # Pages have headings of their own.

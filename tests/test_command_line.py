@@ -193,7 +193,7 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS), 3) + drawn) % 1))
     observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, kept, CPU)[1])
     went = policy.rollout(batch, observe, index, starts.numpy())
-    value = went.value[went.moves, np.arange(len(index))].reshape(3, STARTS)
+    value = went.value[went.best, np.arange(len(index))].reshape(3, STARTS)
     expected = went.final.reshape(3, STARTS, 2)[np.arange(3), value.argmax(1)]
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
     for before, after, bed in zip(documents[:3], written, beds, strict=False):
@@ -316,7 +316,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["method.batch=20"], ["method.batch", "a multiple of 8"]),
         ("train", ["method.climbs=-1"], ["method.climbs", "0 or more"]),
         ("train", ["method.snap=-0.1"], ["method.snap", "0 or more metres"]),
-        ("train", ["method=paper", "method.snap=0.01"], ["method.snap", "a picture"]),
+        ("train", ["method=paper", "method.snap=0.01"], ["method.snap", "0 with method.observation=image"]),
         ("train", ["data.train_rooms=0"], ["data.train_rooms", "1 or more"]),
         ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),
         ("train", ["budget.name=foo"], ["budget.name", "smoke"]),

@@ -352,9 +352,9 @@ def check_method(prefix: str, method: Method) -> None:
         value = getattr(method, name)
         _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
     _within(f"{prefix}.climbs", method.climbs, method.climbs >= 0, "0 or more")
-    if method.observation == "image":
-        _within(f"{prefix}.snap", method.snap, method.snap == 0, "0: a picture does not say what is in line with what")
     _within(f"{prefix}.snap", method.snap, method.snap >= 0, "0 or more metres")
+    sees_lines = method.observation == "geometry" or not method.snap
+    _within(f"{prefix}.snap", method.snap, sees_lines, f"0 with {prefix}.observation=image")
     for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share", "starts_near"):
         share = getattr(method, name)
         _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")

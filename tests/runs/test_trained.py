@@ -29,6 +29,7 @@ def trained(folder: Path, room_type: str) -> Path:
     rooms.write_text("\n".join(json.dumps(room_to_dict(room)) for room in designed))
     given = (f"room={room_type}", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
     few = (f"method.updates.smoke={UPDATES}", "budget.evaluations=2", "budget.reports=2")
+    given += ("method.snap=0",)  # as observation=image has it, too
     return run(part(composed("train", *given, *SHORT, *few), TrainConfig))
 
 
