@@ -129,7 +129,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
                 found = super().rollout(*args)
                 way, start = np.divmod(np.arange(len(found.room)), STARTS)
                 assert way.max() == 4  # four ways, and the one that is given
-                found.value[found.moves, np.arange(len(way))] = (way == facing) + (start == 2) / 2
+                found.value[found.best, np.arange(len(way))] = (way == facing) + (start == 2) / 2
                 chosen.append(found.final[STARTS * facing + 2])
                 return found
 

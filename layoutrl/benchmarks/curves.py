@@ -83,7 +83,11 @@ def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
     Exploration and learning rate fall over nearly as many updates as a short trial says that there is time for.
     """
     method = replace(
-        config.method, observation="image", batch=config.paper.batch, learning_rate=config.paper.learning_rate
+        config.method,
+        observation="image",
+        snap=0.0,
+        batch=config.paper.batch,
+        learning_rate=config.paper.learning_rate,
     )
     config = replace(config, method=method)
     pace = training_pace(untrained(config, rooms, device), config.seconds)
