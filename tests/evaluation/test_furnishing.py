@@ -162,7 +162,7 @@ def test_values_and_moves_of_a_room_that_leans_are_those_of_the_upright_one(furn
 
 
 def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatch) -> None:
-    briefs = [brief_of(room) for room in design_rooms("kitchen", "test", 0, 8).rooms]
+    briefs = [brief_of(room) for room in design_rooms("kitchen", "test", 0, 3).rooms]
     tried = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
     monkeypatch.setattr(furnishing, "AFRESH", 0)
     once = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
