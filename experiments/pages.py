@@ -14,7 +14,7 @@ import table1
 import table2
 import table3
 from columns import RESULTS
-from printing import write
+from printing import Table, write
 
 ROOT = Path(__file__).parents[1]
 KEPT = RESULTS / "default"
@@ -28,15 +28,19 @@ def shown(page: str, tables: dict[str, str]) -> str:
     return page
 
 
-def main() -> None:
-    kept = {
+def kept() -> dict[str, list[Table]]:
+    """All tables of the cells that are kept, by the name of their Markdown file."""
+    return {
         "table1": table1.tables(KEPT / "table1"),
         "table2": table2.tables(RESULTS / "scene" / "table2", KEPT / "table1"),
         "table3": table3.tables(KEPT / "table3"),
         "real": real_rooms.tables(KEPT / "real"),
     }
+
+
+def main() -> None:
     tables: dict[str, str] = {}
-    for name, those in kept.items():
+    for name, those in kept().items():
         write(those, KEPT / name)
         # Pages have headings of their own.
         tables |= {table.name: table.markdown().partition("\n\n")[2] for table in those}

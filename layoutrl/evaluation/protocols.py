@@ -213,11 +213,9 @@ class Greedy:
 
 def _beside(simulator: BatchSimulator | Scenes, rooms: Tensor, place: Tensor) -> tuple[Tensor, Tensor]:
     """Where the shortest moves lead from places (B, 2), right, left, below and up (B, 4, 2), and which are legal."""
-    action = _shortest(simulator.moves) + torch.arange(4, device=place.device)
-    length, legal = (reach[:, action] for reach in simulator.reach(rooms, place))
-    whose, start = (values.repeat_interleave(4, 0) for values in (rooms, place))
-    moved = simulator.moved(whose, start, action.repeat(len(place)), length.flatten())
-    return moved.unflatten(0, (-1, 4)), legal
+    first = _shortest(simulator.moves)
+    length, legal = (reach[:, first : first + 4] for reach in simulator.reach(rooms, place))
+    return led_to(simulator, rooms, place, length), legal
 
 
 def _shortest(moves: Moves) -> int:

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import cells
 import numpy as np
+import pages
 import pytest
-import real_rooms
-import table1
-import table2
-import table3
 from cells import packed
 from columns import RESULTS
 from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
@@ -27,10 +24,8 @@ NAMES = {"room", "item", "labels", "trained", "trained_on", "told", "method"}  #
 def printed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All tables, made again from the cells that are kept."""
     folder = tmp_path_factory.mktemp("printed")
-    write(table1.tables(KEPT / "table1"), folder / "table1")
-    write(table2.tables(RESULTS / "scene" / "table2", KEPT / "table1"), folder / "table2")
-    write(table3.tables(KEPT / "table3"), folder / "table3")
-    write(real_rooms.tables(KEPT / "real"), folder / "real")
+    for name, tables in pages.kept().items():
+        write(tables, folder / name)
     return folder
 
 
