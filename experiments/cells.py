@@ -42,7 +42,7 @@ from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs import resume
 from layoutrl.runs.commands import command, groups, nearest
 from layoutrl.runs.config import config_directory, options

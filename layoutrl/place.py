@@ -10,27 +10,27 @@ import json
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import chain, groupby, islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-import shapely
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
-from layoutrl.env.answerable import Answerable, answerable, nowhere
+from layoutrl.env.answerable import nowhere
 from layoutrl.env.faults import MISSING, faults_of_all
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.files import check_new, room_files, with_layout
+from layoutrl.rooms.documents import with_layout
+from layoutrl.rooms.files import check_new, room_files
 from layoutrl.rooms.formats import ALL, Source, format_of, names_in, opened
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.categories import names_of, nearest
+from layoutrl.runs.asked import Asked, asked_of
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
@@ -53,16 +53,6 @@ JSON = ".jsonl"  # the suffix of files that grow room by room; others are writte
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 100  # letters of a room's id in the name of its picture
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What is asked of a room. An item that stays where the file has it has its center there."""
-
-    can: Answerable  # what of it can be furnished
-    wanted: list[int]  # items that are to be placed
-    left: frozenset[int]  # of these, what nobody places, and stays
-    stays: frozenset[int]  # items that `move=all` could mean, and does not: who is asked does not place them
 
 
 @dataclass(frozen=True)
@@ -288,37 +278,6 @@ def _new(wrong: list[tuple[int, str]], before: list[tuple[int, str]]) -> list[tu
     return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
 
 
-def asked_of(
-    entry: Entry, config: PlaceConfig, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]
-) -> Asked:
-    """What is asked of a room: to place the items of `item=`, or all that have no center, of categories that are known.
-
-    What the file has in the room, and who is asked cannot place, stays there, and is in the way.
-    """
-    assert entry.room is not None
-    room = entry.room
-    inside = {
-        k
-        for k, item in enumerate(entry.stood)
-        if room.furniture[k].center is None and item.center and room.envelope.covers(shapely.Point(item.center))
-    }
-    stood = {k for k in inside if room.holds(entry.stood[k])}  # what reaches beyond the walls is in nobody's way
-    wanted = [k for k in missing(room) if config.item in (None, room.furniture[k].category)]
-    stays = frozenset[int]()
-    if ALL in names_in(config.move):
-        stays = staying(entry, [k for k in wanted if k in inside], known)
-        wanted = [k for k in wanted if k not in stays]
-    others = frozenset(missing(room)) - {*wanted}
-    room = put_back(room, entry, others & stood)
-    others -= stood
-    kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
-    found = answerable(kept, known, elsewhere) if wanted else Answerable(kept, frozenset(), [])
-    places = [k for k in range(len(room.furniture)) if k not in others]
-    refused = frozenset(places[k] for k in found.refused)
-    left = refused & stood
-    return Asked(Answerable(put_back(room, entry, left), others | refused - left, found.lines), wanted, left, stays)
-
-
 def check_move(config: PlaceConfig) -> None:
     """Raise InputError where `move=` names no known category; an agent of the user's own may know others."""
     table = names_of(Path(config.categories).expanduser() if config.categories else None)
@@ -326,27 +285,6 @@ def check_move(config: PlaceConfig) -> None:
         if config.run is None:
             near = ", ".join(nearest(name, table.categories))
             raise InputError(f"move: expected all, or categories as {near}, with commas between them; got {name!r}")
-
-
-def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:
-    """Which of `those` items that the file has in the room stay, where all is to move that is known.
-
-    What nobody knows stays, and chairs that stand under it.
-    """
-    items = entry.stood
-    stays = {k for k in those if items[k].category not in known}
-    hosts = [
-        item.footprint
-        for k, item in enumerate(items)
-        if item.category in HOSTS and item.center and (k in stays or k not in those)
-    ]
-    under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
-    return frozenset(stays | under)
-
-
-def put_back(room: Room, entry: Entry, those: Collection[int]) -> Room:
-    """The room with these items where the file has them."""
-    return replace(room, furniture=tuple(entry.stood[k] if k in those else i for k, i in enumerate(room.furniture)))
 
 
 def source_of(config: PlaceConfig) -> Source | None:

@@ -24,7 +24,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import spread
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
 from layoutrl.runs.folder import checkpoints, load_config
 from layoutrl.runs.furnishers import STARTS, dice

@@ -37,7 +37,7 @@ from layoutrl.rivals.rooms.search import search
 from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
-from layoutrl.rooms.files import parse_room, room_to_dict
+from layoutrl.rooms.documents import parse_room, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
 from layoutrl.rooms.sources.categories import names_of

@@ -9,7 +9,7 @@ import pytest
 
 from layoutrl import InputError, gallery
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs.config import composed
 
 

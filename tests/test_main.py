@@ -17,7 +17,7 @@ from layoutrl import __main__ as program
 from layoutrl import __version__
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from tests.commands import COMMANDS, PROJECT
 
 # In the environment of the test: whatever asks for the internet fails.

@@ -27,7 +27,7 @@ from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import box, streams

@@ -21,7 +21,7 @@ from typing import Any
 import torch
 
 from layoutrl import InputError
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 

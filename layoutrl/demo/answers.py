@@ -26,7 +26,7 @@ from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError

@@ -6,7 +6,6 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -19,16 +18,15 @@ from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
 
 import layoutrl
-from layoutrl import InputError
-from layoutrl.agents.method import MOST_ACTIONS, Method
+from layoutrl.agents.method import Method
 from layoutrl.env.reward import Reward
-from layoutrl.rivals.rooms.annealer import MOVES, Annealing
-from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
+from layoutrl.rivals.rooms.annealer import Annealing
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.collection import FOLDS
-from layoutrl.rooms.files import UNITS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
+from layoutrl.rooms.units import UNITS
+from layoutrl.runs.ranges import check_data, check_furnishing, check_method, one_of, within
 
 
 def config_directory() -> Path:
@@ -94,11 +92,11 @@ class LearningConfig:
         one_of("data.labels", self.data.labels, "snapped", "raw")
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)
-            _within(f"budget.{name}", value, value >= 1, "1 or more")
-        _within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
-        _within("seed", self.seed, self.seed >= 0, "0 or more")
+            within(f"budget.{name}", value, value >= 1, "1 or more")
+        within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
+        within("seed", self.seed, self.seed >= 0, "0 or more")
         named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
-        _within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
+        within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
 
 
 @dataclass
@@ -128,9 +126,9 @@ class PlanitMethodConfig:
 
     def check(self, prefix: str) -> None:
         """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
-        _within(f"{prefix}.learning_rate", self.learning_rate, self.learning_rate > 0, "more than 0")
-        _within(f"{prefix}.batch", self.batch, self.batch >= 2, "2 or more, for batch normalisation")
-        _within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
+        within(f"{prefix}.learning_rate", self.learning_rate, self.learning_rate > 0, "more than 0")
+        within(f"{prefix}.batch", self.batch, self.batch >= 2, "2 or more, for batch normalisation")
+        within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
 
 
 @dataclass
@@ -182,7 +180,7 @@ class RunConfig:
         one_of("checkpoint", self.checkpoint, "last", "best")
         if self.part is not None:
             one_of("part", self.part, "held_out", "training", "all")
-        _within("seed", self.seed, self.seed >= 0, "0 or more")
+        within("seed", self.seed, self.seed >= 0, "0 or more")
         if self.on_illegal is not None:
             one_of("on_illegal", self.on_illegal, "stop", "mask")
 
@@ -196,7 +194,7 @@ class EvaluateConfig(RunConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within("starts", self.starts, self.starts >= 1, "1 or more")
+        within("starts", self.starts, self.starts >= 1, "1 or more")
 
 
 @dataclass
@@ -209,8 +207,8 @@ class WatchConfig(RunConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
-        _within("width", self.width, self.width >= 100, "100 or more")
+        within("rooms", self.rooms, self.rooms >= 1, "1 or more")
+        within("width", self.width, self.width >= 100, "100 or more")
 
 
 @dataclass
@@ -250,14 +248,14 @@ class PlaceConfig:
         one_of("unit", self.unit, "auto", *UNITS)
         if self.room_type is not None:
             one_of("room_type", self.room_type, *MAIN_ITEM)
-        _within("choices", self.choices, self.choices >= 1, "1 or more")
+        within("choices", self.choices, self.choices >= 1, "1 or more")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
         in_range = split is not None and int(split[1]) < int(split[2])
-        _within("shard", self.shard, in_range, "one of 0/8, 1/8, ..., 7/8 for the eighths of a file")
+        within("shard", self.shard, in_range, "one of 0/8, 1/8, ..., 7/8 for the eighths of a file")
         if self.by is not None:
             one_of("by", self.by, "search", "annealer")
-        _within("seconds", self.seconds, self.seconds > 0, "more than 0")
-        _within("seed", self.seed, self.seed >= 0, "0 or more")
+        within("seconds", self.seconds, self.seconds > 0, "more than 0")
+        within("seed", self.seed, self.seed >= 0, "0 or more")
         check_furnishing(self.search, self.annealer)
 
 
@@ -271,9 +269,9 @@ class DemoConfig:
     search: Searching = MISSING
 
     def __post_init__(self) -> None:
-        _within("port", self.port, 0 <= self.port <= 65535, "0 to 65535")
-        _within("seconds", self.seconds, self.seconds > 0, "more than 0")
-        _within("timeout", self.timeout, self.timeout > 0, "more than 0")
+        within("port", self.port, 0 <= self.port <= 65535, "0 to 65535")
+        within("seconds", self.seconds, self.seconds > 0, "more than 0")
+        within("timeout", self.timeout, self.timeout > 0, "more than 0")
         check_furnishing(self.search, MISSING)
 
 
@@ -290,7 +288,7 @@ class GalleryConfig:
     def __post_init__(self) -> None:
         check_data(self.data)
         one_of("room.type", self.room.type, *MAIN_ITEM)
-        _within("rooms", self.rooms, self.rooms >= 1, "1 or more")
+        within("rooms", self.rooms, self.rooms >= 1, "1 or more")
 
 
 @dataclass
@@ -318,113 +316,21 @@ class BenchConfig(TrainConfig):
         one_of("method.scope of bench", self.method.scope, "item")
         for part in self.parts:
             one_of("parts", part, "speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
-        _within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
+        within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
         for name in ("batch", "images", "items_rooms", "requests", "clients", "probe_every"):
             value = getattr(self, name)
-            _within(name, value, value >= 1, "1 or more")
+            within(name, value, value >= 1, "1 or more")
         for name in ("shapely_batches", "batches", "items"):
             values = getattr(self, name)
-            _within(name, values, min(values, default=0) >= 1, "numbers of 1 or more")
+            within(name, values, min(values, default=0) >= 1, "numbers of 1 or more")
         for name in ("seconds", "minutes"):
             value = getattr(self, name)
-            _within(name, value, value > 0, "more than 0")
+            within(name, value, value > 0, "more than 0")
 
 
 def part(config: LearningConfig, schema: type[Config]) -> Config:
     """What a training reads of a configuration that has more."""
     return schema(**{field.name: getattr(config, field.name) for field in fields(schema)})
-
-
-def check_method(prefix: str, method: Method) -> None:
-    """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
-    _within(f"{prefix}.learning_rate", method.learning_rate, method.learning_rate > 0, "more than 0")
-    one_of(f"{prefix}.observation", method.observation, "geometry", "image")
-    one_of(f"{prefix}.scope", method.scope, "item", "room")
-    if method.scope == "room":
-        one_of(f"{prefix}.observation of whole rooms", method.observation, "geometry")
-        one_of(f"{prefix}.on_illegal of whole rooms", method.on_illegal, "mask")
-        _within(
-            f"{prefix}.goal_terminates", method.goal_terminates, not method.goal_terminates, "false, of whole rooms"
-        )
-    one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
-    one_of(f"{prefix}.on_illegal", method.on_illegal, "stop", "mask")
-    for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
-        value = getattr(method, name)
-        _within(f"{prefix}.{name}", value, value >= 1, "1 or more")
-    _within(f"{prefix}.climbs", method.climbs, method.climbs >= 0, "0 or more")
-    _within(f"{prefix}.snap", method.snap, method.snap >= 0, "0 or more metres")
-    sees_lines = method.observation == "geometry" or not method.snap
-    _within(f"{prefix}.snap", method.snap, sees_lines, f"0 with {prefix}.observation=image")
-    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share", "starts_near"):
-        share = getattr(method, name)
-        _within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
-    most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
-    _within(f"{prefix}.steps", method.steps, len(method.steps) <= most, f"at most {most} lengths")
-    if method.symmetries:
-        _within(f"{prefix}.batch", method.batch, method.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
-    given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
-    enough = min(method.updates.values()) >= 1
-    _within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")
-    fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
-    _within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
-    _within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
-    if method.every_move:
-        first = method.discount_start
-        _within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
-    for name in ("mean_weight_start", "mean_weight"):
-        value = getattr(method, name)
-        _within(f"{prefix}.{name}", value, value > 0, "more than 0")
-    ends_early = method.every_move and method.goal_terminates
-    _within(f"{prefix}.goal_terminates", method.goal_terminates, not ends_early, "false with every_move")
-
-
-def check_furnishing(search: Any, annealer: Any) -> None:
-    """Raises InputError for what is out of range in `search` and `annealer` of a configuration, if it has them."""
-    if isinstance(search, Searching):  # it is the text MISSING otherwise
-        _within("search.grid", search.grid, search.grid > 0, "more than 0")
-        for name in ("best", "nodes"):
-            value = getattr(search, name)
-            _within(f"search.{name}", value, value >= 1, "1 or more")
-        _within("search.noise", search.noise, search.noise >= 0, "0 or more")
-        _named_numbers("search.weights", search.weights, PREFERENCES, PREFERENCES)
-    if isinstance(annealer, Annealing):
-        _within("annealer.chains", annealer.chains, annealer.chains >= 1, "1 or more")
-        _within("annealer.cold", annealer.cold, 0 <= annealer.cold < 1, "0 <= cold < 1")
-        for name in ("temperature", "shift", "rules"):
-            for when in ("first", "last"):
-                value = getattr(annealer, f"{when}_{name}")
-                _within(f"annealer.{when}_{name}", value, value > 0, "more than 0")
-        _named_numbers("annealer.moves", annealer.moves, MOVES)
-        often = annealer.moves
-        _within("annealer.moves", often, sum(often.values()) > 0, "one kind or more that is more often than 0")
-        terms = (*RULES, *PREFERENCES)
-        _named_numbers("annealer.weights", annealer.weights, terms, terms)
-
-
-def _named_numbers(name: str, values: dict[str, float], allowed: Sequence[str], needed: Sequence[str] = ()) -> None:
-    for key, value in values.items():
-        one_of(name, key, *allowed)
-        _within(f"{name}.{key}", value, value >= 0, "0 or more")
-    if lacking := [key for key in needed if key not in values]:
-        raise InputError(f"{name}: expected {', '.join(needed)}; got no {', '.join(lacking)}")
-
-
-def check_data(data: Data) -> None:
-    """Raises InputError for what is out of range."""
-    for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
-        value = getattr(data, name)
-        _within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
-    one_of("data.unit", data.unit, "auto", *UNITS)
-
-
-def one_of(name: str, value: str, *allowed: str) -> None:
-    """Raises InputError for a value that is none of those allowed."""
-    _within(name, value, value in allowed, f"one of {', '.join(allowed)}")
-
-
-def _within(name: str, value: Any, holds: bool, expected: str) -> None:
-    if not holds:
-        raise InputError(f"{name}: expected {expected}; got {value}")
 
 
 WORDS: dict[Any, str] = {

@@ -14,18 +14,11 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from layoutrl import InputError
-from layoutrl.rooms.files import (
-    UNITS,
-    in_metres,
-    parsed,
-    room_files,
-    room_from_dict,
-    room_to_dict,
-    texts_of,
-    unit_of,
-)
+from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.files import room_files, texts_of
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
+from layoutrl.rooms.units import UNITS, in_metres, unit_of
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.folder import LOCK, locked
 

@@ -22,7 +22,7 @@ from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.rivals.rooms.rival import Rival, same
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs import box
 from layoutrl.runs.config import composed

@@ -20,7 +20,7 @@ from layoutrl import InputError
 from layoutrl.benchmarks.serving import Client, visited
 from layoutrl.demo import listening
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM
 from tests.commands import PROJECT
 from tests.demo.conftest import served

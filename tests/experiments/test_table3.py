@@ -14,7 +14,7 @@ from printing import Row
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value
-from layoutrl.rooms.files import room_from_dict
+from layoutrl.rooms.documents import room_from_dict
 from tests.experiments.builders import REAL, cell, configured, script
 
 TINY = ("table=table3", "room=bedroom", "planit.updates={smoke: 2}")

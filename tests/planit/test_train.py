@@ -14,7 +14,7 @@ import torch
 from layoutrl import InputError
 from layoutrl.planit.train import main, run
 from layoutrl.rivals.planit.training import Training
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import Stopped

@@ -13,7 +13,8 @@ from shapely.geometry import Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.files import parse_room, read_rooms, room_from_dict, room_to_dict, with_layout, write_rooms
+from layoutrl.rooms.documents import parse_room, room_from_dict, room_to_dict, with_layout
+from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms
 

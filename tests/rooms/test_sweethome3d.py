@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon, box
 
 from layoutrl import InputError
-from layoutrl.rooms.files import room_from_dict, room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.sweethome3d import Home, read, read_home

@@ -25,7 +25,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from layoutrl import InputError
 from layoutrl.agents.training import Training
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs import resume
 from layoutrl.runs.commands import Stopped

@@ -11,7 +11,7 @@ import pytest
 from layoutrl import InputError
 from layoutrl.evaluate import run as evaluate
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs.config import EvaluateConfig, TrainConfig, composed, part
 from layoutrl.runs.rooms_report import SHOWN, rooms_table
 from layoutrl.train import run

@@ -12,7 +12,7 @@ import torch
 
 from layoutrl import InputError
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.files import room_to_dict
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
 from layoutrl.runs.folder import checkpoints, load_checkpoint, save_checkpoint
 from layoutrl.runs.trained import trained_run

@@ -23,7 +23,7 @@ import numpy as np
 
 from layoutrl.rooms import designer, room
 from layoutrl.rooms.designer.generator import Designs, Part, design_each, joined
-from layoutrl.rooms.files import LARGEST
+from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Opening, Ring, Room
 
 BLOCK = 100  # rooms a file

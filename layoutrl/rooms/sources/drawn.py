@@ -19,7 +19,7 @@ from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.files import LARGEST, MOST, room_from_dict
+from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import FILM, TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, rings
 from layoutrl.rooms.sources.categories import NO_ROOM, Names
 from layoutrl.rooms.sources.plans import is_drawn_before

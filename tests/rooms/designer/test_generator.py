@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.rooms.designer.generator import Design, Designs, design_room, design_rooms
-from layoutrl.rooms.files import parse_room, room_to_dict
+from layoutrl.rooms.documents import parse_room, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 
 TALL = {"wardrobe", "bookcase", "fridge"}

@@ -1,0 +1,320 @@
+"""A room in JSON: lengths in metres, y up.
+
+    {"id": "b-17", "room_type": "bedroom",
+     "outline": [[0, 0], [3.6, 0], [3.6, 4.2], [0, 4.2]],
+     "walls": [{"polygon": [[-0.2, -0.2], [3.8, -0.2], [3.8, 0], [-0.2, 0]]}],
+     "doors": [{"polygon": [[2.5, -0.2], [3.4, -0.2], [3.4, 0], [2.5, 0]]}],
+     "windows": [],
+     "furniture": [{"category": "bed", "center": [1.05, 2.0], "size": [2.1, 1.5], "rotation": 0},
+                   {"category": "stool", "shape": "circle", "center": [3, 3], "size": [0.4, 0.4]}],
+     "target": 0}
+
+May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
+item that stands it is 0; of one to be placed it is to be chosen), `shape`, `tucked` (whether the item may stand under
+another: of one that stands it is false; of a chair to be placed it is true where the room has a desk or a table),
+`target` where the type's main item is there once, and `group`.
+Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
+that is spelled much like a field of ours is refused.
+What is wrong is answered with the field and what is expected there.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import shapely
+from shapely.geometry import Polygon
+from shapely.validation import explain_validity
+
+from layoutrl.rooms.clearances import may_tuck
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, RoomError, wall_band
+from layoutrl.rooms.units import UNITS
+
+REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
+OPTIONAL = ("holes", "walls", "target", "group")
+LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
+SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
+MOST = 1000  # corners of a polygon, and entries of any other list
+ITEM_REQUIRED = ("category", "size")
+ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
+FAULTS = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
+ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
+
+
+def room_to_dict(room: Room) -> dict[str, Any]:
+    """A room as plain lists and numbers, ready for JSON."""
+    furniture: list[dict[str, Any]] = []
+    for item in room.furniture:
+        entry: dict[str, Any] = {"category": item.category}
+        if item.form == "circle":
+            entry["shape"] = "circle"
+        if item.center is not None:
+            entry["center"] = list(item.center)
+        entry["size"] = list(item.size)
+        if item.rotation is not None:
+            entry["rotation"] = item.rotation
+        if item.tucked or (item.center is None and may_tuck(item, room.furniture)):
+            entry["tucked"] = item.tucked
+        furniture.append(entry)
+    document: dict[str, Any] = {"id": room.id, "room_type": room.room_type, "outline": _lists(room.outline)}
+    if room.holes:
+        document["holes"] = [_lists(hole) for hole in room.holes]
+    document["walls"] = [{"polygon": _lists(wall)} for wall in room.walls]
+    document["doors"] = [{"polygon": _lists(door.polygon)} for door in room.doors]
+    document["windows"] = [{"polygon": _lists(window.polygon)} for window in room.windows]
+    document["furniture"] = furniture
+    if room.target is not None:
+        document["target"] = room.target
+    if room.group != room.id:
+        document["group"] = room.group
+    return document
+
+
+def with_layout(
+    document: Mapping[str, Any], asked: Room, layout: Room, wrong: Iterable[tuple[int, str]], unit: str = "m"
+) -> dict[str, Any]:
+    """A room's document with a layout of what was asked: poses of items that had no center, and what is wrong.
+
+    `wrong` is (index of the item, fault), `unit` that of the document. All else is as it was; so is an item that the
+    layout does not place.
+    """
+    written = copy.deepcopy(dict(document))
+    for entry, before, item in zip(written["furniture"], asked.furniture, layout.furniture, strict=True):
+        entry.pop(FAULTS, None)
+        if before.center is None and item.center is not None:
+            entry["center"] = [round(metres * UNITS[unit], 6) for metres in item.center]
+            if item.rotation is not None:
+                entry["rotation"] = item.rotation
+            if item.tucked:
+                entry["tucked"] = True
+    for k, fault in wrong:
+        written["furniture"][k].setdefault(FAULTS, []).append(fault)
+    return written
+
+
+def parse_room(text: str | bytes) -> Room:
+    """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
+    document = parsed(text)
+    if isinstance(document, RoomError):
+        raise document
+    return room_from_dict(document)
+
+
+def parsed(text: str | bytes) -> Any:
+    """What a text of JSON holds, or the RoomError that says why it is none."""
+    try:
+        text = text if isinstance(text, str) else text.decode("utf-8-sig")
+        return json.loads(text, object_pairs_hook=_once)
+    except json.JSONDecodeError as error:
+        ended = error.pos >= len(error.doc.rstrip())
+        return RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended))
+    except UnicodeDecodeError as error:
+        return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
+    except RoomError as error:
+        return error
+    except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
+        return RoomError("text", f"expected numbers and nesting of a usual size; {error}")
+
+
+def room_from_dict(document: Any) -> Room:
+    """One room from plain lists and numbers (as `room_to_dict` makes them). Raises RoomError."""
+    _check_fields(document, "room", REQUIRED, OPTIONAL)
+    room_id = _text(document["id"], "id")
+    room_type = _text(document["room_type"], "room_type")
+    if room_type not in MAIN_ITEM:
+        raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {room_type!r}{_meant(room_type)}")
+
+    outline = _ring(document["outline"], "outline")
+    holes = tuple(_ring(h, f"holes[{k}]")[::-1] for k, h in enumerate(_list(document.get("holes", []), "holes")))
+    for k, hole in enumerate(holes):
+        if not Polygon(outline).covers(Polygon(hole)):
+            raise RoomError(f"holes[{k}]", "expected a ring inside the outline")
+    if not Polygon(outline, holes).is_valid:
+        raise RoomError("holes", "expected rings that neither cross nor touch along a side")
+
+    openings = (
+        *(Opening("door", ring) for ring in _polygons(document["doors"], "doors")),
+        *(Opening("window", ring) for ring in _polygons(document["windows"], "windows")),
+    )
+    try:
+        walls = _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
+    except shapely.errors.GEOSException:  # of an outline that leans by micrometres, a few in a hundred thousand
+        raise RoomError("walls", "cannot be drawn around this outline; expected them to be given") from None
+    furniture = _furniture(_list(document["furniture"], "furniture"))
+    target = _target(document.get("target"), furniture, MAIN_ITEM[room_type])
+    group = _text(document.get("group", room_id), "group")
+    room = Room(room_id, room_type, outline, walls, openings, furniture, target, holes, group)
+    _check_places(room, "walls" in document)
+    return room
+
+
+def _check_places(room: Room, with_walls: bool) -> None:
+    border = room.indoor.boundary
+    corners = [point for wall in room.walls for point in wall]
+    thickness = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
+    kinds = {"door": 0, "window": 0}
+    for opening in room.openings:
+        field = f"{opening.kind}s[{kinds[opening.kind]}]"
+        kinds[opening.kind] += 1
+        if opening.shape.distance(border) > TOLERANCE:
+            raise RoomError(
+                field, f"expected to lie in the walls; it is {opening.shape.distance(border):.2f} m off the outline"
+            )
+        reach = shapely.distance(room.indoor, shapely.points(opening.polygon)).max()
+        if reach > thickness + TOLERANCE:
+            hint = "" if with_walls else "; give walls that are thicker as `walls`"
+            raise RoomError(
+                field, f"expected to lie in the walls ({thickness:.2f} m); it reaches {reach:.2f} m out{hint}"
+            )
+        inside = opening.shape.intersection(room.indoor).area / opening.shape.area
+        if inside > 0.5:
+            raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
+    for k, item in enumerate(room.furniture):
+        if item.center is not None and not room.holds(item):
+            raise RoomError(
+                f"furniture[{k}].center", f"expected the {item.category} to lie within the room's outer walls"
+            )
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON, in which no key may stand twice: json itself would take the last."""
+    document = dict(pairs)
+    if len(document) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise RoomError(next(name for name in names if names.count(name) > 1), "stands there twice")
+    return document
+
+
+def _not_json(error: json.JSONDecodeError, ended: bool) -> str:
+    if ended:
+        return "expected one whole JSON object; the text breaks off (truncated?)"
+    return f"expected JSON; {error.msg}"
+
+
+def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    if not isinstance(entry, dict):
+        hint = "; expected one room a line, in a .jsonl file" if field == "room" and isinstance(entry, list) else ""
+        raise RoomError(field, f"expected a JSON object; got {_show(entry)}{hint}")
+    prefix = "" if field == "room" else f"{field}."
+    for name in required:
+        if name not in entry:
+            raise RoomError(prefix + name, "missing")
+    for name in entry:
+        known = required + optional
+        if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
+            raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
+
+
+def _meant(room_type: str) -> str:
+    """What a type of another name is here, by the table of names."""
+    from layoutrl.rooms.sources.categories import NO_ROOM, names_of  # whose package reads rooms in JSON, too
+
+    ours = names_of().room_type(room_type, ())
+    return f", which is a {ours} here" if ours and ours != NO_ROOM else ""
+
+
+def _furniture(entries: list[Any]) -> tuple[Item, ...]:
+    items = [_item(entry, f"furniture[{k}]") for k, entry in enumerate(entries)]
+    return tuple(
+        item if item.center or "tucked" in entry else replace(item, tucked=may_tuck(item, items))
+        for entry, item in zip(entries, items, strict=True)
+    )
+
+
+def _item(entry: Any, field: str) -> Item:
+    _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
+    width, depth = _pair(entry["size"], f"{field}.size")
+    if width <= 0 or depth <= 0:
+        raise RoomError(f"{field}.size", f"expected two lengths above zero, in metres; got {_show(entry['size'])}")
+    form = entry.get("shape", "rectangle")
+    if form not in ("rectangle", "circle"):
+        raise RoomError(f"{field}.shape", f"expected rectangle or circle; got {_show(form)}")
+    if form == "circle" and width != depth:
+        raise RoomError(f"{field}.size", f"expected the diameter twice for a circle; got {_show(entry['size'])}")
+    tucked = entry.get("tucked", False)
+    if not isinstance(tucked, bool):
+        raise RoomError(f"{field}.tucked", f"expected true or false; got {_show(tucked)}")
+    center, rotation = entry.get("center"), entry.get("rotation")
+    if center is not None and rotation is None:
+        rotation = 0.0
+    return Item(
+        category=_text(entry["category"], f"{field}.category"),
+        size=(width, depth),
+        center=None if center is None else _pair(center, f"{field}.center"),
+        rotation=None if rotation is None else _number(rotation, f"{field}.rotation"),
+        form=form,
+        tucked=tucked,
+    )
+
+
+def _target(index: Any, furniture: tuple[Item, ...], main_item: str) -> int | None:
+    if index is None:
+        candidates = [k for k, item in enumerate(furniture) if item.category == main_item]
+        return candidates[0] if len(candidates) == 1 else None
+    if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(furniture):
+        raise RoomError(
+            "target", f"expected the index of a piece of furniture, 0 to {len(furniture) - 1}; got {_show(index)}"
+        )
+    return index
+
+
+def _ring(value: Any, field: str) -> Ring:
+    """A simple counter-clockwise ring. Repeated corners and a clockwise order are mended: they change nothing."""
+    points = [_pair(point, f"{field}[{k}]") for k, point in enumerate(_list(value, field))]
+    ring = tuple(p for p, previous in zip(points, points[-1:] + points[:-1], strict=True) if p != previous)
+    if len(ring) < 3:
+        raise RoomError(field, f"expected at least three different corners; got {len(ring)}")
+    polygon = Polygon(ring)
+    if not polygon.is_valid:
+        raise RoomError(field, f"expected a simple polygon; got one with {explain_validity(polygon)}")
+    if polygon.area < TOLERANCE**2:
+        raise RoomError(field, "expected a polygon with an area")
+    return ring if polygon.exterior.is_ccw else ring[::-1]
+
+
+def _polygons(value: Any, field: str) -> tuple[Ring, ...]:
+    rings = []
+    for k, entry in enumerate(_list(value, field)):
+        _check_fields(entry, f"{field}[{k}]", ("polygon",), ())
+        rings.append(_ring(entry["polygon"], f"{field}[{k}].polygon"))
+    return tuple(rings)
+
+
+def _pair(value: Any, field: str) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise RoomError(field, f"expected two numbers, in metres; got {_show(value)}")
+    return (_number(value[0], field), _number(value[1], field))
+
+
+def _number(value: Any, field: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
+        raise RoomError(field, f"expected a finite number of at most {LARGEST:g} (metres); got {_show(value)}")
+    return float(value) if abs(value) > SMALLEST else 0.0
+
+
+def _text(value: Any, field: str) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise RoomError(field, f"expected a name; got {_show(value)}")
+    return value
+
+
+def _list(value: Any, field: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise RoomError(field, f"expected a list; got {_show(value)}")
+    if len(value) > MOST:
+        raise RoomError(field, f"expected at most {MOST:,} entries; got {len(value):,}")
+    return value
+
+
+def _lists(ring: Ring) -> list[list[float]]:
+    return [list(point) for point in ring]
+
+
+def _show(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,207 @@
+"""Home.xml of a home of Sweet Home 3D (.sh3d, a ZIP): read into elements, and written with other values of attributes.
+
+Nothing but these values changes: every other byte of Home.xml, and every other entry of the ZIP, is as it was.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+from xml.parsers import expat
+
+from layoutrl import InputError
+from layoutrl.rooms.room import RoomError
+
+HOME = "Home.xml"
+LARGEST_XML = 2**23  # bytes unpacked; homes of many storeys take a tenth
+MOST = {"room": 100, "wall": 400, "opening": 500, "piece": 2000, "point": 3000}  # in a home: more is no dwelling
+MOST_ELEMENTS = 100_000
+DEEPEST = 100  # elements in each other
+LARGEST = 1e5  # centimetres, of any length
+OPENING, GROUP = "doorOrWindow", "furnitureGroup"
+PIECES = ("pieceOfFurniture", "light", "shelfUnit")
+SAME_PLACE, SAME_ANGLE = 0.02, 1e-5  # centimetres and radians: what is read is rounded
+ATTRIBUTE = re.compile(rb"\s+([^\s=>/]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
+
+
+@dataclass
+class Element:
+    """An element of Home.xml that matters, where its tag begins in the file, and what stands in it."""
+
+    tag: str
+    attributes: dict[str, str]
+    start: int
+    inside: list[Element] = field(default_factory=list)
+
+    def number(self, name: str, otherwise: float | None = None) -> float:
+        """A length in centimetres, or an angle in radians. Raises RoomError for what is none."""
+        text = self.attributes.get(name)
+        if text is None and otherwise is not None:
+            return otherwise
+        try:
+            value = float(text or "")
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= LARGEST:
+            found = "nothing" if text is None else repr(text[:40])
+            raise RoomError(f"{self.called}: {name}", f"expected a number of at most {LARGEST:g}; got {found}")
+        return value
+
+    def flag(self, name: str, otherwise: bool) -> bool:
+        """A true or false."""
+        return self.attributes.get(name, str(otherwise)).lower() == "true"
+
+    @property
+    def called(self) -> str:
+        """What to call it before the user."""
+        return f"{self.tag} {(self.attributes.get('name') or self.attributes.get('id') or '')[:40]!r}"
+
+    @property
+    def names(self) -> tuple[str | None, str | None]:
+        """Its names that may say what it is: of the catalogue, which is in English, and the user's."""
+        return self.attributes.get("catalogId"), self.attributes.get("name")
+
+
+def xml_of(path: Path) -> bytes:
+    """Home.xml of a home, unpacked no further than it may be. Raises InputError."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = [entry for entry in archive.infolist() if entry.filename == HOME]
+            if len(entries) != 1:
+                what = f"{len(entries)} of them" if entries else "none (saved before Sweet Home 3D 5.3? save it anew)"
+                raise InputError(f"{path}: expected one {HOME} in it; got {what}")
+            with archive.open(entries[0]) as file:
+                xml = file.read(LARGEST_XML + 1)
+    except InputError:  # which is a ValueError, as some of what a broken file makes zipfile raise
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
+        reason = str(error)[:80] or "it breaks off"
+        raise InputError(f"{path}: expected a home of Sweet Home 3D, which is a whole ZIP file; {reason}") from None
+    if len(xml) > LARGEST_XML:
+        raise InputError(f"{path}: {HOME}: expected at most {LARGEST_XML >> 20} MB; it unpacks to more")
+    return xml
+
+
+def elements_of(xml: bytes) -> list[Element]:
+    """The elements right below the home. Raises RoomError, or ExpatError for what is no XML."""
+    home: list[Element] = []
+    stack: list[list[Element]] = []
+    number: Counter[str] = Counter()
+    kinds = {**dict.fromkeys((*PIECES, GROUP), "piece"), OPENING: "opening"}
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        kind = kinds.get(tag, tag)
+        most = MOST.get(kind, MOST_ELEMENTS)
+        number[kind] += 1
+        if number[kind] > most:
+            raise RoomError(tag[:40], f"expected at most {most:,} in a home")
+        if len(stack) > DEEPEST:
+            raise RoomError(tag, f"expected at most {DEEPEST} elements in each other")
+        if not stack and tag != "home":
+            raise RoomError(tag, "expected the element home first")
+        element = Element(tag, attributes, parser.CurrentByteIndex)
+        if len(stack) > 0:
+            stack[-1].append(element)
+        stack.append(element.inside if stack else home)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def refused(*_: object) -> None:
+        raise RoomError("DOCTYPE", "expected none: a home needs no entities")
+
+    def declared(_: str, encoding: str | None, __: int) -> None:
+        if encoding and encoding.upper() not in ("UTF-8", "UTF8", "US-ASCII"):
+            raise RoomError("encoding", f"expected UTF-8; got {encoding[:20]}")
+
+    if xml[:2] in (b"\xff\xfe", b"\xfe\xff"):  # places in the file are counted in bytes
+        raise RoomError("encoding", "expected UTF-8; got UTF-16")
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler, parser.XmlDeclHandler = refused, declared
+    parser.Parse(xml, True)
+    return home
+
+
+def within(element: Element) -> Iterator[Element]:
+    """Every element in a group, at any depth."""
+    for inner in element.inside:
+        yield inner
+        yield from within(inner)
+
+
+def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
+    """Home.xml with other values of attributes in the tags that begin at these places; all else is as it was."""
+    parts, done = [], 0
+    for start, values in sorted(changes.items()):
+        tag = re.compile(rb"<[^\s/>]+").match(xml, start)
+        assert tag is not None
+        found, at = {}, tag.end()
+        while attribute := ATTRIBUTE.match(xml, at):
+            found[attribute[1].decode()], at = attribute, attribute.end()
+        edits = []
+        for name, value in values.items():
+            digits = 7 if name == "angle" else 4
+            text = f"{value:.{digits}f}".rstrip("0").rstrip(".").encode()
+            attribute = found.get(name)
+            if _same(float(attribute[2][1:-1]) if attribute else 0.0, value, name):
+                continue
+            if attribute:
+                edits.append((attribute.start(2) + 1, attribute.end(2) - 1, text))
+            else:
+                after = found["y"].end()
+                edits.append((after, after, b" " + name.encode() + b"='" + text + b"'"))
+        for first, last, text in sorted(edits):
+            parts += [xml[done:first], text]
+            done = last
+    return b"".join((*parts, xml[done:]))
+
+
+def _same(old: float, new: float, name: str) -> bool:
+    """Whether a value is what it was, but for the rounding of what is read: it stays as it is written."""
+    if name == "angle":
+        return abs((old - new + math.pi) % math.tau - math.pi) < SAME_ANGLE
+    return abs(old - new) < SAME_PLACE
+
+
+def write_home(path: Path, out: Path, xml: bytes) -> None:
+    """Copy a home, with another Home.xml. What else is in it is copied as it is packed, and never unpacked."""
+    partial = out.with_name(f".{out.name}.part")
+    try:
+        with zipfile.ZipFile(path) as old, zipfile.ZipFile(partial, "w") as new, path.open("rb") as packed:
+            entries = sorted(old.infolist(), key=lambda entry: entry.header_offset)
+            ends = [*(entry.header_offset for entry in entries[1:]), old.start_dir]
+            for entry, end in zip(entries, ends, strict=True):
+                if entry.filename == HOME:
+                    written = zipfile.ZipInfo(HOME, entry.date_time)
+                    written.compress_type, written.external_attr = zipfile.ZIP_DEFLATED, entry.external_attr
+                    new.writestr(written, xml)
+                    continue
+                assert new.fp is not None
+                kept = copy(entry)
+                kept.header_offset = new.start_dir
+                packed.seek(entry.header_offset)
+                new.fp.seek(new.start_dir)
+                _copy(packed, new.fp, end - entry.header_offset)
+                new.filelist.append(kept)
+                new.NameToInfo[kept.filename] = kept
+                new.start_dir = new.fp.tell()
+        partial.replace(out)  # whole or not at all
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _copy(source: IO[bytes], to: IO[bytes], length: int) -> None:
+    while length > 0 and (chunk := source.read(min(length, 2**20))):
+        to.write(chunk)
+        length -= len(chunk)

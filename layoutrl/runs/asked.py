@@ -1,0 +1,78 @@
+"""What is asked of a room of a file: which items are to be placed, which stay, and what nobody can place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import shapely
+
+from layoutrl.env.answerable import Answerable, answerable
+from layoutrl.rooms.brief import missing
+from layoutrl.rooms.clearances import HOSTS
+from layoutrl.rooms.formats import ALL, names_in
+from layoutrl.rooms.room import Room
+from layoutrl.runs.config import PlaceConfig
+from layoutrl.runs.streams import Entry
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a room. An item that stays where the file has it has its center there."""
+
+    can: Answerable  # what of it can be furnished
+    wanted: list[int]  # items that are to be placed
+    left: frozenset[int]  # of these, what nobody places, and stays
+    stays: frozenset[int]  # items that `move=all` could mean, and does not: who is asked does not place them
+
+
+def asked_of(
+    entry: Entry, config: PlaceConfig, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]
+) -> Asked:
+    """What is asked of a room: to place the items of `item=`, or all that have no center, of categories that are known.
+
+    What the file has in the room, and who is asked cannot place, stays there, and is in the way.
+    """
+    assert entry.room is not None
+    room = entry.room
+    inside = {
+        k
+        for k, item in enumerate(entry.stood)
+        if room.furniture[k].center is None and item.center and room.envelope.covers(shapely.Point(item.center))
+    }
+    stood = {k for k in inside if room.holds(entry.stood[k])}  # what reaches beyond the walls is in nobody's way
+    wanted = [k for k in missing(room) if config.item in (None, room.furniture[k].category)]
+    stays = frozenset[int]()
+    if ALL in names_in(config.move):
+        stays = staying(entry, [k for k in wanted if k in inside], known)
+        wanted = [k for k in wanted if k not in stays]
+    others = frozenset(missing(room)) - {*wanted}
+    room = put_back(room, entry, others & stood)
+    others -= stood
+    kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
+    found = answerable(kept, known, elsewhere) if wanted else Answerable(kept, frozenset(), [])
+    places = [k for k in range(len(room.furniture)) if k not in others]
+    refused = frozenset(places[k] for k in found.refused)
+    left = refused & stood
+    return Asked(Answerable(put_back(room, entry, left), others | refused - left, found.lines), wanted, left, stays)
+
+
+def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:
+    """Which of `those` items that the file has in the room stay, where all is to move that is known.
+
+    What nobody knows stays, and chairs that stand under it.
+    """
+    items = entry.stood
+    stays = {k for k in those if items[k].category not in known}
+    hosts = [
+        item.footprint
+        for k, item in enumerate(items)
+        if item.category in HOSTS and item.center and (k in stays or k not in those)
+    ]
+    under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
+    return frozenset(stays | under)
+
+
+def put_back(room: Room, entry: Entry, those: Collection[int]) -> Room:
+    """The room with these items where the file has them."""
+    return replace(room, furniture=tuple(entry.stood[k] if k in those else i for k, i in enumerate(room.furniture)))

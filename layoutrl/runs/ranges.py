@@ -1,0 +1,105 @@
+"""What the values of a configuration may be. Whatever is out of range is answered with what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from layoutrl import InputError
+from layoutrl.agents.method import MOST_ACTIONS, Method
+from layoutrl.rivals.rooms.annealer import MOVES, Annealing
+from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
+from layoutrl.rivals.rooms.search import Searching
+from layoutrl.rooms.sources.parts import Data
+from layoutrl.rooms.units import UNITS
+
+
+def check_method(prefix: str, method: Method) -> None:
+    """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+    within(f"{prefix}.learning_rate", method.learning_rate, method.learning_rate > 0, "more than 0")
+    one_of(f"{prefix}.observation", method.observation, "geometry", "image")
+    one_of(f"{prefix}.scope", method.scope, "item", "room")
+    if method.scope == "room":
+        one_of(f"{prefix}.observation of whole rooms", method.observation, "geometry")
+        one_of(f"{prefix}.on_illegal of whole rooms", method.on_illegal, "mask")
+        within(f"{prefix}.goal_terminates", method.goal_terminates, not method.goal_terminates, "false, of whole rooms")
+    one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
+    one_of(f"{prefix}.on_illegal", method.on_illegal, "stop", "mask")
+    for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
+        value = getattr(method, name)
+        within(f"{prefix}.{name}", value, value >= 1, "1 or more")
+    within(f"{prefix}.climbs", method.climbs, method.climbs >= 0, "0 or more")
+    within(f"{prefix}.snap", method.snap, method.snap >= 0, "0 or more metres")
+    sees_lines = method.observation == "geometry" or not method.snap
+    within(f"{prefix}.snap", method.snap, sees_lines, f"0 with {prefix}.observation=image")
+    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share", "starts_near"):
+        share = getattr(method, name)
+        within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
+    most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
+    within(f"{prefix}.steps", method.steps, len(method.steps) <= most, f"at most {most} lengths")
+    if method.symmetries:
+        within(f"{prefix}.batch", method.batch, method.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
+    given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
+    enough = min(method.updates.values()) >= 1
+    within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")
+    fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
+    within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
+    within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
+    if method.every_move:
+        first = method.discount_start
+        within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
+    for name in ("mean_weight_start", "mean_weight"):
+        value = getattr(method, name)
+        within(f"{prefix}.{name}", value, value > 0, "more than 0")
+    ends_early = method.every_move and method.goal_terminates
+    within(f"{prefix}.goal_terminates", method.goal_terminates, not ends_early, "false with every_move")
+
+
+def check_furnishing(search: Any, annealer: Any) -> None:
+    """Raises InputError for what is out of range in `search` and `annealer` of a configuration, if it has them."""
+    if isinstance(search, Searching):  # it is the text MISSING otherwise
+        within("search.grid", search.grid, search.grid > 0, "more than 0")
+        for name in ("best", "nodes"):
+            value = getattr(search, name)
+            within(f"search.{name}", value, value >= 1, "1 or more")
+        within("search.noise", search.noise, search.noise >= 0, "0 or more")
+        _named_numbers("search.weights", search.weights, PREFERENCES, PREFERENCES)
+    if isinstance(annealer, Annealing):
+        within("annealer.chains", annealer.chains, annealer.chains >= 1, "1 or more")
+        within("annealer.cold", annealer.cold, 0 <= annealer.cold < 1, "0 <= cold < 1")
+        for name in ("temperature", "shift", "rules"):
+            for when in ("first", "last"):
+                value = getattr(annealer, f"{when}_{name}")
+                within(f"annealer.{when}_{name}", value, value > 0, "more than 0")
+        _named_numbers("annealer.moves", annealer.moves, MOVES)
+        often = annealer.moves
+        within("annealer.moves", often, sum(often.values()) > 0, "one kind or more that is more often than 0")
+        terms = (*RULES, *PREFERENCES)
+        _named_numbers("annealer.weights", annealer.weights, terms, terms)
+
+
+def _named_numbers(name: str, values: dict[str, float], allowed: Sequence[str], needed: Sequence[str] = ()) -> None:
+    for key, value in values.items():
+        one_of(name, key, *allowed)
+        within(f"{name}.{key}", value, value >= 0, "0 or more")
+    if lacking := [key for key in needed if key not in values]:
+        raise InputError(f"{name}: expected {', '.join(needed)}; got no {', '.join(lacking)}")
+
+
+def check_data(data: Data) -> None:
+    """Raises InputError for what is out of range."""
+    for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
+        value = getattr(data, name)
+        within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
+    one_of("data.unit", data.unit, "auto", *UNITS)
+
+
+def one_of(name: str, value: str, *allowed: str) -> None:
+    """Raises InputError for a value that is none of those allowed."""
+    within(name, value, value in allowed, f"one of {', '.join(allowed)}")
+
+
+def within(name: str, value: Any, holds: bool, expected: str) -> None:
+    """Raises InputError for a value for which what is expected does not hold."""
+    if not holds:
+        raise InputError(f"{name}: expected {expected}; got {value}")
