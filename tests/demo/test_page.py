@@ -279,7 +279,7 @@ def test_furnish_plays_moves_offers_choices_and_skips(page):
     settled(page)
     expect(page.locator("#plan .item")).to_have_count(4)
     choices = page.locator("#choices").get_by_role("button")
-    assert 2 <= choices.count() <= 3  # as many as a slow machine finds in time
+    assert 2 <= choices.count() <= 3  # as many as the search finds that differ
     expect(choices.first).to_have_attribute("aria-pressed", "true")
     first = room_of(page)["furniture"]
     choices.last.click()

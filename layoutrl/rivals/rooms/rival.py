@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from layoutrl.env.faults import faults
-from layoutrl.rivals.budgets import seconds_budget
+from layoutrl.rivals.budgets import Spent, seconds_budget
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import mine
@@ -48,12 +48,16 @@ class Rival:
         self.settings, self.seconds = settings, seconds
         self.relations = cache(lambda room_type: mine(designed(room_type)))
 
+    def budget(self) -> Spent:
+        """Of one layout."""
+        return seconds_budget(self.seconds, time.process_time)
+
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is how few faults there are."""
         return several(lambda some, seeds: [self._layout(brief, seeds) for brief in some], briefs, choices, seed)
 
     def _layout(self, brief: Room, seeds: Sequence[int]) -> Furnished:
-        spent, rng = seconds_budget(self.seconds, time.process_time), dice(brief, seeds)
+        spent, rng = self.budget(), dice(brief, seeds)
         relations, (_, attempt) = self.relations(brief.room_type), seeds
         often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
         weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}
