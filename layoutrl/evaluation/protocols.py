@@ -44,13 +44,16 @@ class Rollout:
     @property
     def moves(self) -> np.ndarray:
         """Of each episode until the stopping place is reached (B,)."""
-        return self.best + (np.diff(self.settling, axis=0) != 0).any(-1).sum(0)
+        return self.best + self._settles.sum(0)
 
     def way(self, b: int) -> np.ndarray:
         """From the start of an episode to its stopping place: (moves + 1, 2), metres."""
-        settling = self.settling[1:, b]
-        moved = (np.diff(self.settling[:, b], axis=0) != 0).any(-1)
-        return np.concatenate([self.path[: self.best[b] + 1, b], settling[moved]])
+        return np.concatenate([self.path[: self.best[b] + 1, b], self.settling[1:, b][self._settles[:, b]]])
+
+    @property
+    def _settles(self) -> np.ndarray:
+        """Whether an episode moves in a step of its settling: (S - 1, B)."""
+        return (np.diff(self.settling, axis=0) != 0).any(-1)
 
     def choices(self, count: int) -> np.ndarray:
         """The agent's first, second, ... stopping place: (B, count, 2), metres. Real designs leave a choice open.
@@ -120,8 +123,8 @@ class Greedy:
                 break
             path[t + 1 :, active] = reached[goes_on, action.squeeze(1)]
             value[t + 1, active] = highest[goes_on].squeeze(1)
-        best = self._most_promising(simulator, observe, rooms, path, value)
-        climb = self._climb(simulator, observe, rooms, path[best, torch.arange(batch, device=device)])
+        best, promise = self._most_promising(simulator, observe, rooms, path, value)
+        climb = self._climb(simulator, observe, rooms, path[best, torch.arange(batch, device=device)], promise)
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
         found = (rooms, path, value, best, torch.cat([climb, in_line[None]]))
         room, way, values, which, settling = (each.cpu().numpy() for each in found)
@@ -129,21 +132,25 @@ class Greedy:
 
     def _most_promising(
         self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor
-    ) -> Tensor:
-        """Which position of the path (T + 1, B, 2) of each episode promises most, of the SHORTLIST: (B,)."""
+    ) -> tuple[Tensor, Tensor]:
+        """Which position of the path (T + 1, B, 2) of each episode promises most, of the SHORTLIST, and how much.
+
+        (B,) each; of an episode without a move the start.
+        """
         raw, which = value.topk(min(SHORTLIST, len(value)), 0)
+        which = which.where(raw.isfinite(), 0)
         place = path.gather(0, which[..., None].expand(-1, -1, 2)).flatten(0, 1)
         promise = self._promise(simulator, observe, torch.cat([rooms] * len(which)), place).view_as(which)
-        best = promise.where(promise.isfinite(), raw).where(raw.isfinite(), -torch.inf).argmax(0, keepdim=True)
-        return which.gather(0, best).squeeze(0).where(value.isfinite().any(0), 0)
+        ranked = promise.where(promise.isfinite(), raw).where(raw.isfinite(), -torch.inf)
+        best = ranked.argmax(0, keepdim=True)
+        return which.gather(0, best).squeeze(0), promise.gather(0, best).squeeze(0)
 
-    def _climb(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
-        """Where episodes climb from places (B, 2), one move after the other: (climbs + 1, B, 2), metres."""
+    def _climb(
+        self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor, promise: Tensor
+    ) -> Tensor:
+        """Where episodes climb from places (B, 2) that promise so much (B,): (climbs + 1, B, 2), metres."""
         climb = place.repeat(self.climbs + 1, 1, 1)
-        if not self.climbs:
-            return climb
         active = torch.arange(len(place), device=place.device)
-        promise = self._promise(simulator, observe, rooms, place)
         for t in range(self.climbs):
             beside, legal = _beside(simulator, rooms[active], climb[t, active])
             whose = rooms[active].repeat_interleave(4, 0)
