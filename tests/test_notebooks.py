@@ -16,7 +16,7 @@ NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
 SHORT = {
     "01_rooms": "SPACING = 0.2",
     "02_train": """
-SPACING = 0.3
+SPACING, COMPARED = 0.3, 2
 OPTIONS = ["budget=smoke", "data.train_rooms=8", "method.updates.smoke=8", "method.batch=64", "method.warmup_moves=128"]
 OPTIONS += ["method.evaluation_moves=5", "budget.evaluations=1", f"runs={FIGURES}"]
 """,

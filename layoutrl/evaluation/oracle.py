@@ -12,7 +12,7 @@ branch and bound, breadth first, many episodes at once. It minimises discounted 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import shapely
@@ -43,10 +43,43 @@ def perfect_places(
     of this `dtype` has them. No reward may exceed theta1 times the IoU: theta2 and theta3 are at most 0.
     """
     batch_simulator = BatchSimulator(simulator, dtype=dtype)
-    best = best_rewards(simulator, batch_simulator)
-    parts = np.split(np.arange(len(room)), range(EPISODES, len(room), EPISODES))
-    searches = (Search(simulator, batch_simulator, best[room[k]], room[k], starts[k], discount) for k in parts)
-    return np.concatenate([search.stops() for search in searches])
+    best = best_rewards(simulator, batch_simulator)[room]
+    return np.concatenate(
+        [each.stops() for each in _searches(simulator, batch_simulator, best, room, starts, discount)]
+    )
+
+
+def perfect_values(
+    simulator: Simulator, room: np.ndarray, position: np.ndarray, discount: float, dtype: torch.dtype = torch.float32
+) -> np.ndarray:
+    """The optimal Q of every move from positions (B, 2) in metres in rooms (B,): (B, A), of rewards / REWARD_SCALE.
+
+    It is -inf of illegal moves, and up to discount * TOLERANCE too low of others, with moves and rewards as above.
+    """
+    batch_simulator = BatchSimulator(simulator, dtype=dtype)
+    length, legal = _asked(batch_simulator.reach, room, position)
+    which, action = np.nonzero(legal)
+    reached, of = _led_to(position[which], action, length[which, action]), room[which]
+    (reward,) = _asked(lambda *poses: (batch_simulator.reward(*poses).total,), of, reached)
+    best = best_rewards(simulator, batch_simulator)[of]
+    searches = _searches(simulator, batch_simulator, best, of, reached, discount)
+    cost = np.concatenate([np.empty(0), *(search.least_cost for search in searches)])
+    q = np.full(legal.shape, -np.inf)
+    q[which, action] = reward / REWARD_SCALE + discount * (best / (1 - discount) - cost)
+    return q
+
+
+def _searches(
+    simulator: Simulator,
+    batch_simulator: BatchSimulator,
+    best_reward: np.ndarray,
+    room: np.ndarray,
+    starts: np.ndarray,
+    discount: float,
+) -> Iterator[Search]:
+    """Searches from starts (B, 2), EPISODES of them together."""
+    for k in np.split(np.arange(len(room)), range(EPISODES, len(room), EPISODES)):
+        yield Search(simulator, batch_simulator, best_reward[k], room[k], starts[k], discount)
 
 
 def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.ndarray:
@@ -177,7 +210,7 @@ class Search:
         stuck = ~legal.any(1)
         legal[stuck, 0], length[stuck, 0] = True, 0.0  # the item stays
         origin, action = np.nonzero(legal)
-        reached = snap(position[origin] + DIRECTIONS[action % 4] * length[origin, action][:, None])
+        reached = _led_to(position[origin], action, length[origin, action])
         keys, first, of_key = np.unique(self._key(episode[origin], reached), return_index=True, return_inverse=True)
         at = np.searchsorted(self._keys, keys)
         new = self._keys[np.minimum(at, len(self._keys) - 1)] != keys
@@ -214,6 +247,11 @@ class Search:
         """One number for each episode and place on the grid."""
         x, y = np.rint((position - self._starts[episode]) / GRID).astype(np.int64).T + (1 << BITS - 1)
         return (episode << 2 * BITS) + (x << BITS) + y
+
+
+def _led_to(position: np.ndarray, action: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Where moves lead from positions (n, 2)."""
+    return snap(position + DIRECTIONS[action % 4] * length[:, None])
 
 
 def _sizes(simulator: Simulator) -> np.ndarray:

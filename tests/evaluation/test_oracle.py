@@ -19,7 +19,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation import oracle
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.oracle import SLACK, TOLERANCE, Search, best_rewards, perfect_places
+from layoutrl.evaluation.oracle import SLACK, TOLERANCE, Search, best_rewards, perfect_places, perfect_values
 from layoutrl.rooms.room import Item, Room
 from tests.builders import destinations, l_room, random_room, rectangular_room
 
@@ -82,6 +82,8 @@ def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> 
     search = Search(simulator, batch_simulator, bound, room, start[None], discount)
     best = bound[0] / (1 - discount) - search.least_cost[0]
     assert best == pytest.approx(solved.q[solved.leads_to[0]].max(), abs=TIED)
+    (q,) = perfect_values(simulator, room, start[None], discount, torch.float64)
+    assert q[np.isfinite(q)] == pytest.approx(solved.q[solved.leads_to[0]][: np.isfinite(q).sum()], abs=TIED)
     stops = np.array([solved.position[k] for k in solved.loops()])
     place = perfect_places(simulator, room, start[None], discount, torch.float64)[0]
     assert np.abs(stops - place).max(1).min() < GRID / 2
