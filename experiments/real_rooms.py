@@ -38,6 +38,8 @@ METHODS = {
     "best wall or corner": ("own", "rules", "best wall or corner"),
     "random start": ("own", "rules", "random start"),
 }
+# Episodes do not climb or snap into line: most of these cells are of before there was that, and all are to be alike.
+ENDS = {"method.climbs": "0", "method.snap": "0"}
 TRAINED_ON = ("real rooms", "designed rooms", "both")
 RULES = ("hand rule", "nearest room")
 BOUNDS = ("real rooms, best of 3", "both, best of 3", "best wall or corner", "random start")
@@ -53,12 +55,12 @@ def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
         return []
     common = {name: value for name, value in chosen.items() if name not in (*TASKS, "room")}
     common |= {"data.root": str(Path(chosen[source]).absolute()), "task": ",".join(tasks)}
-    labels = {"data.labels": ",".join(LABELS[source])}
+    usual = ENDS | {"data.labels": ",".join(LABELS[source])}
     sweeps = [("rules", "own"), ("geometric", "own,designer,both"), ("scorer", "own")]
     if "column" in chosen:
         sweeps = [(columns, "own") for columns in in_turn(chosen["column"])]
     return [
-        labels | {"trained_on": trained_on} | common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
+        usual | {"trained_on": trained_on} | common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
         for columns, trained_on in sweeps
     ]
 

@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.env.answerable import nowhere
-from layoutrl.env.faults import MISSING, faults_of_all
+from layoutrl.env.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.files import check_new, room_files
@@ -110,8 +110,8 @@ def run(config: PlaceConfig) -> Done:
     """
     if config.run is not None and config.by is not None:
         raise InputError(
-            "run: expected either run=<folder> of a training, or by=search or by=annealer; "
-            "without both, the agents in the package furnish"
+            "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
+            "without both, the agents in the package furnish, and the search where they fail"
         )
     if config.by and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
@@ -243,7 +243,7 @@ class Work:
         before = faults_of_all([what.can.asked for what in asked])
         wrong = iter(faults_of_all(list(chain.from_iterable(rooms))))
         return [
-            Answered(entry, what, some, [_new(next(wrong), was) for _ in some])
+            Answered(entry, what, some, [new_faults(next(wrong), was) for _ in some])
             for entry, what, some, was in zip(entries, asked, rooms, before, strict=True)
         ]
 
@@ -271,11 +271,6 @@ class Work:
                 room_id = re.sub(r"[^\w.-]+", "_", layout.id)[:LONGEST]
                 choice = f"-{n}" if n > 1 else ""
                 draw(layout, wrong, picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}"))
-
-
-def _new(wrong: list[tuple[int, str]], before: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    """What is wrong with a layout, without what was wrong with what stood there before anything was placed."""
-    return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
 
 
 def check_move(config: PlaceConfig) -> None:

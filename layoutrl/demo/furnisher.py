@@ -6,6 +6,7 @@ chooses.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
@@ -13,6 +14,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.rooms.rival import Rival
 from layoutrl.rooms.furnished import Furnishes
 from layoutrl.rooms.room import Room
@@ -45,7 +47,7 @@ class Staff:
 
 def staff_of(config: DemoConfig) -> Staff:
     """The agents in the package, and the constraint search in rooms of a type that has none."""
-    agents, search = box.cards(), Rival(config.search, config.seconds)
+    agents, search = box.cards(), Rival(config.search, lambda: seconds_budget(config.seconds, time.process_time))
 
     @cache
     def agent(room_type: str) -> Furnishes:

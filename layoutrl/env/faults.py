@@ -22,10 +22,11 @@ DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
 ROUNDING = 1e-9  # square metres: no area
 MISSING = "not placed"  # the fault that leaves no room for others
+Fault = tuple[int, str]  # index of an item in its room, what is wrong with it
 CORNERS = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])
 
 
-def faults(layout: Room) -> list[tuple[int, str]]:
+def faults(layout: Room) -> list[Fault]:
     """(index of the item, what is wrong with it), item by item: the names are those of `item_faults`.
 
     Of what is not placed nothing else is said.
@@ -33,7 +34,7 @@ def faults(layout: Room) -> list[tuple[int, str]]:
     return faults_of_all([layout])[0]
 
 
-def faults_of_all(layouts: Sequence[Room]) -> list[list[tuple[int, str]]]:
+def faults_of_all(layouts: Sequence[Room]) -> list[list[Fault]]:
     """The `faults` of each layout, in a tenth of the time that they take one by one."""
     items = Items.of(layouts)
     found, _, _ = item_faults(layouts, items)
@@ -47,6 +48,11 @@ def faults_of_all(layouts: Sequence[Room]) -> list[list[tuple[int, str]]]:
         ]
         for layout, start in zip(layouts, first.tolist(), strict=True)
     ]
+
+
+def new_faults(wrong: Sequence[Fault], before: Sequence[Fault]) -> list[Fault]:
+    """What is wrong with a layout, without what was wrong with what stood there before anything was placed."""
+    return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
 
 
 @dataclass(frozen=True)

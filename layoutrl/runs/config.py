@@ -253,7 +253,7 @@ class PlaceConfig:
         in_range = split is not None and int(split[1]) < int(split[2])
         within("shard", self.shard, in_range, "one of 0/8, 1/8, ..., 7/8 for the eighths of a file")
         if self.by is not None:
-            one_of("by", self.by, "search", "annealer")
+            one_of("by", self.by, "agents", "search", "annealer")
         within("seconds", self.seconds, self.seconds > 0, "more than 0")
         within("seed", self.seed, self.seed >= 0, "0 or more")
         check_furnishing(self.search, self.annealer)

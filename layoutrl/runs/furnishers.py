@@ -5,6 +5,7 @@ All are asked in one way: for up to so many different layouts of each brief, of 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,11 +18,13 @@ from layoutrl import InputError
 from layoutrl.agents.dqn import DQN
 from layoutrl.env.answerable import nowhere
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher, spread
 from layoutrl.evaluation.protocols import greedy
+from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, several
 from layoutrl.rooms.brief import furnished, ways
 from layoutrl.rooms.furnished import Furnished, Furnishes
@@ -34,6 +37,7 @@ from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
+RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
 STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: no layout hangs on chance
 
 
@@ -47,13 +51,15 @@ class Hired:
 
 
 def hired(config: PlaceConfig) -> Hired:
-    """Who the configuration names; without a name, the agents in the package."""
-    if config.by is not None:
-        rival = Rival(config.search if config.by == "search" else config.annealer, config.seconds)
+    """Who the configuration names; without a name, the agents in the package, helped by the search."""
+    if config.by in ("search", "annealer"):
+        settings = config.search if config.by == "search" else config.annealer
+        rival = Rival(settings, lambda: seconds_budget(config.seconds, time.process_time))
         return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
-        return Hired(Boxed(device), box.known, box.types_with)
+        agents, search = Boxed(device), Rival(config.search, lambda: updates_budget(RESTARTS))
+        return Hired(agents if config.by == "agents" else Helped(agents, search), box.known, box.types_with)
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
@@ -64,6 +70,34 @@ def hired(config: PlaceConfig) -> Hired:
         Furnisher(agent, trained.method, categories) if whole else Mover(trained, agent, categories, device),
         lambda room_type: placed if room_type == trained.room.type else (),
     )
+
+
+class Helped:
+    """Furnishes as one does. Where something is wrong with its best layout, another is asked for one, too."""
+
+    def __init__(self, one: Furnishes, another: Furnishes):
+        self.one, self.another = one, another
+
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+        """See Furnishes. The other's layout comes first where it lacks less, or lacks as much and has fewer faults."""
+        found = self.one.furnish(briefs, choices, seed)
+        before = faults_of_all(briefs)
+        wrong = worst_first([answers[0] for answers in found], before)
+        faulty = [k for k, number in enumerate(wrong) if any(number)]
+        others = [best for best, *_ in self.another.furnish([briefs[k] for k in faulty], 1, seed)]
+        for k, other, number in zip(faulty, others, worst_first(others, [before[k] for k in faulty]), strict=True):
+            if number < wrong[k]:
+                found[k] = [other, *found[k]][:choices]
+        return found
+
+
+def worst_first(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int]]:
+    """How many items each layout lacks, and how many new faults it has beside."""
+    counted = []
+    for now, was in zip(faults_of_all([each.layout for each in layouts]), before, strict=True):
+        names = [fault for _, fault in new_faults(now, was)]
+        counted.append((names.count(MISSING), len(names) - names.count(MISSING)))
+    return counted
 
 
 class Mover:

@@ -12,7 +12,7 @@ import pytest
 
 from layoutrl.demo import listening
 from layoutrl.demo.furnisher import Move, Staff
-from layoutrl.rivals.budgets import Spent, updates_budget
+from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.rival import Rival
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs.config import composed
@@ -25,9 +25,6 @@ RESTARTS = 2  # of a search: in so long a time machines find different layouts
 
 class Thinking(Rival):
     """Thinks most of places near the origin, and of the way there."""
-
-    def budget(self) -> Spent:
-        return updates_budget(RESTARTS)
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         x0, y0, x1, y1 = room.indoor.bounds
@@ -48,7 +45,7 @@ def staffed(rival: Rival, thinking: Collection[str] = ()) -> Staff:
 def answers() -> Answers:
     from layoutrl.demo.answers import Answers
 
-    return Answers(staffed(Thinking(composed("demo").search, seconds=0), MAIN_ITEM))
+    return Answers(staffed(Thinking(composed("demo").search, lambda: updates_budget(RESTARTS)), MAIN_ITEM))
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import answerable
 from layoutrl.env.faults import faults
 from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.rival import Rival, same
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
@@ -141,7 +142,7 @@ def test_as_many_layouts_are_found_as_are_asked_for(answers):
 
 def test_the_same_seed_gives_the_same_first_restart(answers):
     room = ROOMS[0]
-    furnisher = Rival(composed("demo").search, 1e-9)  # one restart
+    furnisher = Rival(composed("demo").search, lambda: updates_budget(1))
     first, second = (furnisher.furnish([brief_of(room)], 3, seed=4) for _ in range(2))
     assert [[f.layout for f in found] for found in first] == [[f.layout for f in found] for found in second]
 
@@ -207,7 +208,7 @@ def test_thoughts_are_answered_by_who_thinks(answers):
     assert [move["name"] for move in said["moves"]] == ["left", "down"]
     from layoutrl.demo.answers import Answers
 
-    plain = Answers(staffed(Rival(composed("demo").search, 0.1)))
+    plain = Answers(staffed(Rival(composed("demo").search, lambda: updates_budget(3))))
     assert plain.begin["thinks"] == []
     with pytest.raises(InputError, match="values no places"):
         plain.answer("values", body(room, item=0))

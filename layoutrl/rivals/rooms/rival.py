@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -12,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from layoutrl.env.faults import faults
-from layoutrl.rivals.budgets import Spent, seconds_budget
+from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import mine
@@ -39,18 +38,14 @@ def designed(room_type: str) -> list[Room]:
 
 
 class Rival:
-    """Search or annealer, with so many core-seconds a layout. It keeps relations of designed rooms of each type.
+    """Search or annealer, with a budget a layout. It keeps relations of designed rooms of each type.
 
     Where one layout of a room is there, preferences are weighed otherwise for the next, else it would be the same.
     """
 
-    def __init__(self, settings: Searching | Annealing, seconds: float):
-        self.settings, self.seconds = settings, seconds
+    def __init__(self, settings: Searching | Annealing, budget: Callable[[], Spent]):
+        self.settings, self.budget = settings, budget
         self.relations = cache(lambda room_type: mine(designed(room_type)))
-
-    def budget(self) -> Spent:
-        """Of one layout."""
-        return seconds_budget(self.seconds, time.process_time)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is how few faults there are."""

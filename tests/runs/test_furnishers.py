@@ -1,0 +1,89 @@
+"""Who furnishes rooms of a user's own, and who helps where something is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+
+from layoutrl.env.faults import faults
+from layoutrl.rooms.brief import brief_of, furnished, missing
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.room import Room
+from layoutrl.runs import furnishers
+from layoutrl.runs.box import Boxed
+from layoutrl.runs.config import composed
+from layoutrl.runs.furnishers import Helped, hired
+
+DESIGNS = design_rooms("bedroom", "test", 0, 2).rooms
+
+
+class Known:
+    """Answers each brief with the layouts that it was given for the room of that name."""
+
+    def __init__(self, *layouts: Room):
+        self.layouts, self.asked = layouts, list[str]()
+
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+        self.asked += [brief.id for brief in briefs]
+        return [[Furnished(each, 0.0) for each in self.layouts if each.id == brief.id][:choices] for brief in briefs]
+
+
+def piled(design: Room) -> Room:
+    """Everything in the middle of the room, each item in the others."""
+    (center,) = design.indoor.centroid.coords
+    brief = brief_of(design)
+    return furnished(brief, dict.fromkeys(missing(brief), (center, 0.0)))
+
+
+def lacking(layout: Room) -> Room:
+    """The layout without its first item's place."""
+    first, *others = layout.furniture
+    return replace(layout, furniture=(replace(first, center=None, rotation=None), *others))
+
+
+def test_another_is_asked_where_something_is_wrong_and_heeded_where_it_does_better() -> None:
+    good, bad = DESIGNS[0], piled(DESIGNS[1])
+    assert not faults(good)
+    assert faults(bad)
+    one, another = Known(good, bad), Known(DESIGNS[1])
+    found = Helped(one, another).furnish([brief_of(design) for design in DESIGNS], 2, 0)
+    assert another.asked == [bad.id]
+    assert [[each.layout for each in answers] for answers in found] == [[good], [DESIGNS[1], bad]]
+    (only,) = Helped(one, another).furnish([brief_of(DESIGNS[1])], 1, 0)
+    assert [each.layout for each in only] == [DESIGNS[1]]
+
+
+def test_who_lacks_an_item_does_not_do_better() -> None:
+    bad = piled(DESIGNS[1])
+    (found,) = Helped(Known(bad), Known(lacking(DESIGNS[1]))).furnish([brief_of(DESIGNS[1])], 1, 0)
+    assert [each.layout for each in found] == [bad]
+
+
+def test_what_was_wrong_before_anything_was_placed_asks_for_nobody() -> None:
+    first, *others = DESIGNS[1].furniture
+    stands = replace(DESIGNS[1], furniture=(first, *(replace(item, center=others[0].center) for item in others)))
+    brief = lacking(stands)
+    assert faults(stands)
+    assert {index for index, _ in faults(stands)} <= {index for index, _ in faults(brief)}
+    another = Known(DESIGNS[1])
+    Helped(Known(stands), another).furnish([brief], 1, 0)
+    assert not another.asked
+
+
+@pytest.mark.parametrize(("by", "kind"), [("", Helped), ("by=agents", Boxed), ("by=search", furnishers.Rival)])
+def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None:
+    asked = composed("place", "rooms=any.jsonl", "device=cpu", *filter(None, [by]))
+    assert isinstance(hired(asked).furnisher, kind)
+
+
+def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("layoutrl.rivals.rooms.rival.DESIGNED", 20)
+    brief, helped = brief_of(DESIGNS[1]), hired(composed("place", "rooms=any.jsonl", "device=cpu")).furnisher
+    assert isinstance(helped, Helped)
+    helped.one = Known(piled(DESIGNS[1]))
+    first, second = (helped.furnish([brief], 1, 0)[0][0].layout for _ in range(2))
+    assert first == second
+    assert not faults(first)
