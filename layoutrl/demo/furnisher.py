@@ -53,6 +53,9 @@ def staff_of(config: DemoConfig) -> Staff:
     def agent(room_type: str) -> Furnishes:
         import torch  # which takes seconds: the page is there before
 
+        from layoutrl.runs.machine import use_one_thread
+
+        use_one_thread()
         return box.boxed(room_type, torch.device("cpu"))
 
     return Staff(

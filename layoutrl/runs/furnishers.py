@@ -34,7 +34,7 @@ from layoutrl.runs import box
 from layoutrl.runs.box import Boxed
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.machine import device_of
+from layoutrl.runs.machine import device_of, use_one_thread
 from layoutrl.runs.trained import trained_agent
 
 RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
@@ -57,6 +57,7 @@ def hired(config: PlaceConfig) -> Hired:
         rival = Rival(settings, lambda: seconds_budget(config.seconds, time.process_time))
         return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
+    use_one_thread()
     if config.run is None:
         agents, search = Boxed(device), Rival(config.search, lambda: updates_budget(RESTARTS))
         return Hired(agents if config.by == "agents" else Helped(agents, search), box.known, box.types_with)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
+import torch
 
 from layoutrl.env.faults import faults
 from layoutrl.rooms.brief import brief_of, furnished, missing
@@ -77,6 +78,14 @@ def test_what_was_wrong_before_anything_was_placed_asks_for_nobody() -> None:
 def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None:
     asked = composed("place", "rooms=any.jsonl", "device=cpu", *filter(None, [by]))
     assert isinstance(hired(asked).furnisher, kind)
+
+
+def test_who_furnishes_waits_for_no_other_core() -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    hired(composed("place", "rooms=any.jsonl", "device=cpu"))
+    assert torch.get_num_threads() == 1
+    torch.set_num_threads(before)
 
 
 def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatch) -> None:
