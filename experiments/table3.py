@@ -3,8 +3,8 @@
     python experiments/table3.py [room=kitchen,study] [column=annealer] [designer_rooms=<folder>] [budget=smoke]
 
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
-were asked for; the files have all rooms. The quick methods furnish all held-out rooms, those that take more than a
-second a room a fifth of them. With `designer_rooms`, the folder of the authors' real bedrooms and tatami rooms, these
+were asked for; the files have all rooms. The quick methods furnish all held-out rooms, those that take a second
+a room or more a fifth of them. With `designer_rooms`, the folder of the authors' real bedrooms and tatami rooms, these
 are furnished, too.
 """
 
