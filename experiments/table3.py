@@ -153,9 +153,13 @@ def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
 
 
 def p_value(ours: np.ndarray, rivals: Sequence[np.ndarray], own: Row) -> float:
-    """Against the best rival: paired, over the rooms that all furnished, the first of the held-out ones."""
-    both = min(map(len, [ours, *rivals]))
-    best = max(rivals, key=lambda values: values[:both].mean())
+    """Against the best rival: paired, over the rooms that both furnished, the first of the held-out ones.
+
+    The best is the best in the rooms that all furnished.
+    """
+    every = min(map(len, [ours, *rivals]))
+    best = max(rivals, key=lambda values: values[:every].mean())
+    both = min(len(ours), len(best))
     return paired_p_value(ours[:both], best[:both], own.group[:both], np.random.default_rng(0))
 
 
