@@ -62,6 +62,7 @@ class Answered:
     entry: Entry
     asked: Asked
     layouts: list[Room]
+    by: list[str]  # who made each, where that is not who was asked
     wrong: list[list[tuple[int, str]]]
 
     def placed(self, layout: Room) -> int:
@@ -79,7 +80,7 @@ class Answered:
 
     def lines(self) -> Iterator[str]:
         """What there is to say of each layout."""
-        for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
+        for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
             said = [
@@ -87,7 +88,8 @@ class Answered:
                 for k, some in groupby(told, key=lambda entry: entry[0])
             ]
             found = "; ".join([*self.asked.can.lines, *said]) or "nothing is wrong"
-            yield f"{name}: {self.placed(layout)} of {len(self.asked.wanted)} placed; {found}{self._stays(layout)}"
+            placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
+            yield f"{name}: {placed}; {found}{self._stays(layout)}"
 
     def _stays(self, layout: Room) -> str:
         items = Counter(layout.furniture[k].category for k in sorted(self.asked.stays))
@@ -236,15 +238,16 @@ class Work:
         asked = [self._asked(entry) for entry in entries]
         briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
-        rooms = []  # of each entry
+        rooms, by = list[list[Room]](), list[list[str]]()  # of each entry
         for what in asked:
-            found = [each.layout for each in next(layouts)] if missing(what.can.brief) else []
-            rooms.append([what.can.answer(layout) for layout in found] or [what.can.asked])
+            found = next(layouts) if missing(what.can.brief) else []
+            rooms.append([what.can.answer(each.layout) for each in found] or [what.can.asked])
+            by.append([each.by for each in found] or [""])
         before = faults_of_all([what.can.asked for what in asked])
         wrong = iter(faults_of_all(list(chain.from_iterable(rooms))))
         return [
-            Answered(entry, what, some, [new_faults(next(wrong), was) for _ in some])
-            for entry, what, some, was in zip(entries, asked, rooms, before, strict=True)
+            Answered(entry, what, some, who, [new_faults(next(wrong), was) for _ in some])
+            for entry, what, some, who, was in zip(entries, asked, rooms, by, before, strict=True)
         ]
 
     def _asked(self, entry: Entry) -> Asked:

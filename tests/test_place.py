@@ -22,6 +22,7 @@ from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.protocols import Greedy, Rollout, greedy
 from layoutrl.place import run as place
+from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import rival
 from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rivals.rooms.rival import same
@@ -32,7 +33,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import box, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
-from layoutrl.runs.furnishers import STARTS, Hired, hired
+from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
 from layoutrl.runs.streams import growing
 from layoutrl.train import run as train
 from tests.runs.test_resume import SHORT
@@ -225,7 +226,7 @@ def test_moves_that_are_never_made_are_refused() -> None:
 
 def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
     file = written(tmp_path, DOCUMENTS)
-    with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=search"):
+    with pytest.raises(InputError, match=r"^run: expected either run=<folder> of a training, or by=agents, by=search"):
         place(composed("place", "by=search", "run=runs/bedroom/some", f"rooms={file}"))
     nowhere = tmp_path / "nowhere"
     with pytest.raises(InputError, match=r"^run: .*nowhere.* cannot be read .*; expected the folder of a training run"):
@@ -336,6 +337,18 @@ def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"])
     monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: hired)
     return furnisher
+
+
+def test_what_the_search_placed_where_an_agent_failed_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rival, "DESIGNED", 20)
+    search = rival.Rival(composed("place", "rooms=any.jsonl").search, lambda: updates_budget(2))
+    helped = Hired(Helped(Middle(), search), lambda room_type: search.relations(room_type).alone)
+    monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: helped)
+    (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [bare(DOCUMENTS[0])]))))
+    count = len(room["furniture"])
+    assert f"{room['id']}: {count} of {count} placed by the search; nothing is wrong" in capsys.readouterr().out
 
 
 def many(folder: Path, count: int = 7) -> tuple[Path, list[dict[str, Any]]]:

@@ -18,6 +18,7 @@ class Furnished:
     layout: Room
     value: float  # what who made it thinks of it: the higher, the better
     path: list[Placement] = field(default_factory=list)  # all of the items on their way, in order
+    by: str = ""  # who made it, where that is not who was asked
 
 
 class Furnishes(Protocol):

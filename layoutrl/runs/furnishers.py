@@ -74,21 +74,21 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where something is wrong with its best layout, another is asked for one, too."""
+    """Furnishes as one does. Where something is wrong with its best layout, the search is asked for one, too."""
 
-    def __init__(self, one: Furnishes, another: Furnishes):
-        self.one, self.another = one, another
+    def __init__(self, one: Furnishes, search: Furnishes):
+        self.one, self.search = one, search
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. The other's layout comes first where it lacks less, or lacks as much and has fewer faults."""
+        """See Furnishes. The search's layout comes first where it lacks less, or lacks as much and has fewer faults."""
         found = self.one.furnish(briefs, choices, seed)
         before = faults_of_all(briefs)
         wrong = worst_first([answers[0] for answers in found], before)
         faulty = [k for k, number in enumerate(wrong) if any(number)]
-        others = [best for best, *_ in self.another.furnish([briefs[k] for k in faulty], 1, seed)]
+        others = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
         for k, other, number in zip(faulty, others, worst_first(others, [before[k] for k in faulty]), strict=True):
             if number < wrong[k]:
-                found[k] = [other, *found[k]][:choices]
+                found[k] = [replace(other, by="the search"), *found[k]][:choices]
         return found
 
 

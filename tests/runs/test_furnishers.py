@@ -53,6 +53,7 @@ def test_another_is_asked_where_something_is_wrong_and_heeded_where_it_does_bett
     found = Helped(one, another).furnish([brief_of(design) for design in DESIGNS], 2, 0)
     assert another.asked == [bad.id]
     assert [[each.layout for each in answers] for answers in found] == [[good], [DESIGNS[1], bad]]
+    assert [[each.by for each in answers] for answers in found] == [[""], ["the search", ""]]
     (only,) = Helped(one, another).furnish([brief_of(DESIGNS[1])], 1, 0)
     assert [each.layout for each in only] == [DESIGNS[1]]
 
@@ -92,8 +93,8 @@ def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("layoutrl.rivals.rooms.rival.DESIGNED", 20)
     brief, helped = brief_of(DESIGNS[1]), hired(composed("place", "rooms=any.jsonl", "device=cpu")).furnisher
     assert isinstance(helped, Helped)
-    assert isinstance(helped.another, furnishers.Rival)
-    spent = helped.another.budget()
+    assert isinstance(helped.search, furnishers.Rival)
+    spent = helped.search.budget()
     assert [spent(made) for made in (0, furnishers.RESTARTS)] == [0, 1]
     helped.one = Known(piled(DESIGNS[1]))
     ((found,),) = helped.furnish([brief], 1, 0)
