@@ -162,7 +162,8 @@ def test_ctrl_c_or_a_kill_ends_all_processes_at_once_and_keeps_rooms(
             os.killpg(process.pid, signal.SIGKILL)
     assert time.monotonic() - began < 10
     assert process.returncode == -number
-    assert errors.count("Traceback") == errors.count("KeyboardInterrupt") == (number == signal.SIGINT)
+    assert errors.count("KeyboardInterrupt") == (number == signal.SIGINT)  # of the parent alone
+    assert ("Traceback" in errors) == (number == signal.SIGINT)  # twice, where it comes while another error is handled
 
     monkeypatch.setattr(designer_cache, "BLOCK", 20)
     stop = max(int(file.name.split("-")[4]) for file in tmp_path.glob("*.json")) + 10
