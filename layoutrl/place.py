@@ -115,7 +115,7 @@ def run(config: PlaceConfig) -> Done:
             "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
             "without both, the agents in the package furnish, and the search where they fail"
         )
-    if config.by and config.item:
+    if config.by in ("search", "annealer") and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")

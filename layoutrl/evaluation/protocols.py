@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -50,7 +51,7 @@ class Rollout:
         """From the start of an episode to its stopping place: (moves + 1, 2), metres."""
         return np.concatenate([self.path[: self.best[b] + 1, b], self.settling[1:, b][self._settles[:, b]]])
 
-    @property
+    @cached_property
     def _settles(self) -> np.ndarray:
         """Whether an episode moves in a step of its settling: (S - 1, B)."""
         return (np.diff(self.settling, axis=0) != 0).any(-1)

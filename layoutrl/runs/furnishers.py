@@ -25,7 +25,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher, spread
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
-from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, several
+from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
 from layoutrl.rooms.brief import furnished, ways
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.room import Room
@@ -88,7 +88,8 @@ class Helped:
         others = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
         for k, other, number in zip(faulty, others, worst_first(others, [before[k] for k in faulty]), strict=True):
             if number < wrong[k]:
-                found[k] = [replace(other, by="the search"), *found[k]][:choices]
+                unlike = [each for each in found[k] if not same(other.layout, each.layout)]
+                found[k] = [replace(other, by="the search"), *unlike][:choices]
         return found
 
 
