@@ -25,15 +25,15 @@ import torch
 from shapely.geometry import Polygon, box
 from shapely.geometry.polygon import orient
 
-from layoutrl.env.faults import faults
+from layoutrl.env.faults import Items, faults
 from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
 from layoutrl.rooms.brief import brief_of
-from layoutrl.rooms.clearances import period
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, Ring, Room, wall_band
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Ring, Room, wall_band
 from layoutrl.runs.box import boxed
 from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.machine import use_one_thread
 
 TRIES = 60  # of a disturbance, in a room
 CORNER = (0.3, 1.5)  # metres of each wall that a corner takes, and half of the wall at most
@@ -81,12 +81,10 @@ def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
     """A corner, and how far what is taken there reaches along both of its walls."""
     ring = np.array(room.outline)
     k = rng.integers(len(ring))
-    corner, ways = ring[k], (ring[(k + 1) % len(ring)] - ring[k], ring[k - 1] - ring[k])
-    along, back = (
-        way * rng.uniform(min(CORNER[0] / length, 0.5), min(CORNER[1] / length, 0.5))
-        for way in ways
-        if (length := np.hypot(*way))
-    )
+    corner = ring[k]
+    ways = np.array([ring[(k + 1) % len(ring)], ring[k - 1]]) - corner
+    lengths = np.hypot(*ways.T)
+    along, back = ways * rng.uniform(*(np.minimum(metres / lengths, 0.5) for metres in CORNER))[:, None]
     return corner, along, back
 
 
@@ -141,20 +139,14 @@ def at_the_wall(layouts: Sequence[Room], designs: Sequence[Room]) -> float:
 
 def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
     """(category, whether its back, or of what has no front a side, is at a wall) of each rectangle that stands."""
-    for room in rooms:
-        for item in room.furniture:
-            if item.center is not None and item.form == "rectangle":
-                off = shapely.distance(room.indoor.boundary, shapely.points(_sides(item))).max(1)
-                yield item.category, bool(off.min() <= AT_THE_WALL)
-
-
-def _sides(item: Item) -> np.ndarray:
-    """The ends of each side that may be the back: (n, 2, 2), metres."""
-    angle, half = np.radians(item.degrees), np.array(item.size) / 2
-    axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    back_first = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1)])
-    corners = item.center + back_first * half @ axes
-    return np.stack([corners[:-1], corners[1:]], 1)[: 1 if period(item) == 360 else 4]
+    items = Items.of(rooms)
+    those = np.flatnonzero(items.placed & ~items.round)
+    corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)  # the back is from the second on
+    walls = shapely.boundary([room.indoor for room in rooms])[items.room[those]]
+    off = shapely.distance(walls[:, None], shapely.points(corners))
+    sides = np.maximum(off[:, :-1], off[:, 1:])
+    back = np.where(items.period[those] == 360, sides[:, 1], sides.min(1))
+    return zip(items.category[those].tolist(), (back <= AT_THE_WALL).tolist(), strict=True)
 
 
 @answers_errors()
@@ -165,14 +157,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the designs, none of which was learned from")
     options = parser.parse_args()
 
-    torch.set_num_threads(1)
+    use_one_thread()
     furnisher, rng = boxed(options.room_type, torch.device("cpu")), np.random.default_rng(options.seed)
     pairs, done = list[tuple[Room, Room]](), Counter[str]()
     for room in design_rooms(options.room_type, "test", options.seed, 2 * options.rooms).rooms:
         changed, names = disturbed(room, rng)
-        if names and len(pairs) < options.rooms:
+        if names:
             pairs.append((room, changed))
             done.update(names)
+        if len(pairs) == options.rooms:
+            break
     result: dict[str, Any] = {"rooms": len(pairs), "seed": options.seed, "disturbances": dict(done)}
     for name, designs in zip(("as designed", "disturbed"), zip(*pairs, strict=True), strict=True):
         layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(room) for room in designs], 1)]
