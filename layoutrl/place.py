@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.env.answerable import nowhere
-from layoutrl.env.faults import MISSING, faults_of_all, new_faults
+from layoutrl.env.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.files import check_new, room_files
@@ -63,7 +63,7 @@ class Answered:
     asked: Asked
     layouts: list[Room]
     by: list[str]  # who made each, where that is not who was asked
-    wrong: list[list[tuple[int, str]]]
+    wrong: list[list[Fault]]
 
     def placed(self, layout: Room) -> int:
         """How many items a layout places."""
@@ -170,7 +170,9 @@ class Work:
     def who(self) -> Hired:
         """Who furnishes."""
         from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: what is wrong is said before
+        from layoutrl.runs.machine import use_one_thread
 
+        use_one_thread()
         return hired(self.config)
 
     def say(self, line: str) -> None:

@@ -60,12 +60,11 @@ def perfect_values(
     length, legal = _asked(batch_simulator.reach, room, position)
     which, action = np.nonzero(legal)
     reached, of = _led_to(position[which], action, length[which, action]), room[which]
-    (reward,) = _asked(lambda *poses: (batch_simulator.reward(*poses).total,), of, reached)
     best = best_rewards(simulator, batch_simulator)[of]
     searches = _searches(simulator, batch_simulator, best, of, reached, discount)
-    cost = np.concatenate([np.empty(0), *(search.least_cost for search in searches)])
+    cost = np.concatenate([search.least_cost for search in searches])
     q = np.full(legal.shape, -np.inf)
-    q[which, action] = reward / REWARD_SCALE + discount * (best / (1 - discount) - cost)
+    q[which, action] = _rewards(batch_simulator, of, reached) + discount * (best / (1 - discount) - cost)
     return q
 
 
@@ -96,16 +95,12 @@ def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.nd
     steepest = (steepest + abs(weights.theta3) * 2 / own) / REWARD_SCALE  # of reward, for each square metre swept
     slope = steepest[:, None] * size[:, ::-1]  # for each metre along x and y
 
-    def rewards(of: np.ndarray, place: np.ndarray) -> np.ndarray:
-        (total,) = _asked(lambda *poses: (batch_simulator.reward(*poses).total,), of, place)
-        return total / REWARD_SCALE
-
     of, center = np.arange(rooms), simulator.designer_position
-    best = np.maximum(rewards(of, center), 0)
+    best = np.maximum(_rewards(batch_simulator, of, center), 0)
     least_iou = np.minimum(best * REWARD_SCALE / weights.theta1, 1)[:, None]  # of a better place
     half = size * (1 - least_iou) / (1 + least_iou)
     while len(of):
-        reward = rewards(of, center)
+        reward = _rewards(batch_simulator, of, center)
         np.maximum.at(best, of, reward)
         promising = reward + (slope[of] * half).sum(1) > best[of] + SLACK
         of, center, half = of[promising].repeat(4), center[promising].repeat(4, 0), half[promising].repeat(4, 0) / 2
@@ -229,7 +224,7 @@ class Search:
         """Note new places (n, 2)."""
         if not len(episode):
             return
-        (reward,) = _asked(lambda *poses: (self._batch.reward(*poses).total,), self._room[episode], position)
+        reward = _rewards(self._batch, self._room[episode], position)
         # A move changes one coordinate: after the next one, IoU is at most what the other coordinate allows.
         off = np.abs(position - self._simulator.designer_position[self._room[episode]])
         size = self._size[episode]
@@ -237,7 +232,7 @@ class Search:
         self._episode = np.append(self._episode, episode)
         self._position = np.append(self._position, position, axis=0)
         best_next = self._simulator.weights.theta1 * next_iou / REWARD_SCALE
-        self._cost = np.append(self._cost, self._best_reward[episode] - reward / REWARD_SCALE)
+        self._cost = np.append(self._cost, self._best_reward[episode] - reward)
         self._to_come = np.append(self._to_come, np.maximum(self._best_reward[episode] - best_next, 0))
         self._value = np.append(self._value, np.full(len(episode), np.inf))
         unknown = np.full((len(episode), self._leads_to.shape[1]), -1, dtype=np.int32)
@@ -257,6 +252,12 @@ def _led_to(position: np.ndarray, action: np.ndarray, length: np.ndarray) -> np.
 def _sizes(simulator: Simulator) -> np.ndarray:
     """Of the box around the item of each room: (rooms, 2)."""
     return simulator.item_bounds[:, 2:] - simulator.item_bounds[:, :2]
+
+
+def _rewards(batch_simulator: BatchSimulator, room: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Of entering positions (n, 2) in rooms (n,), divided by REWARD_SCALE: (n,)."""
+    (total,) = _asked(lambda *poses: (batch_simulator.reward(*poses).total,), room, position)
+    return total / REWARD_SCALE
 
 
 def _asked(question: Ask, room: np.ndarray, position: np.ndarray) -> list[np.ndarray]:

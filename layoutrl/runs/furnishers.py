@@ -34,7 +34,7 @@ from layoutrl.runs import box
 from layoutrl.runs.box import Boxed
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.machine import device_of, use_one_thread
+from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
 RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
@@ -57,7 +57,6 @@ def hired(config: PlaceConfig) -> Hired:
         rival = Rival(settings, lambda: seconds_budget(config.seconds, time.process_time))
         return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
-    use_one_thread()
     if config.run is None:
         agents, search = Boxed(device), Rival(config.search, lambda: updates_budget(RESTARTS))
         return Hired(agents if config.by == "agents" else Helped(agents, search), box.known, box.types_with)
@@ -83,17 +82,18 @@ class Helped:
         """See Furnishes. The search's layout comes first where it lacks less, or lacks as much and has fewer faults."""
         found = self.one.furnish(briefs, choices, seed)
         before = faults_of_all(briefs)
-        wrong = worst_first([answers[0] for answers in found], before)
-        faulty = [k for k, number in enumerate(wrong) if any(number)]
-        others = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
-        for k, other, number in zip(faulty, others, worst_first(others, [before[k] for k in faulty]), strict=True):
-            if number < wrong[k]:
+        ours = shortcomings([answers[0] for answers in found], before)
+        faulty = [k for k, lack in enumerate(ours) if any(lack)]
+        layouts = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
+        theirs = shortcomings(layouts, [before[k] for k in faulty])
+        for k, other, lack in zip(faulty, layouts, theirs, strict=True):
+            if lack < ours[k]:
                 unlike = [each for each in found[k] if not same(other.layout, each.layout)]
                 found[k] = [replace(other, by="the search"), *unlike][:choices]
         return found
 
 
-def worst_first(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int]]:
+def shortcomings(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int]]:
     """How many items each layout lacks, and how many new faults it has beside."""
     counted = []
     for now, was in zip(faults_of_all([each.layout for each in layouts]), before, strict=True):

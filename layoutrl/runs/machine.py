@@ -43,7 +43,7 @@ def refuse_chance(device: torch.device) -> None:
 
 
 def use_one_thread() -> None:
-    """Let torch work on one core, for who furnishes a few rooms at once.
+    """Let torch work on one core, for who furnishes rooms.
 
     On an idle machine a second thread saves a tenth of the time. On a busy one, where threads wait for each other, it
     takes up to sixty times as long.

@@ -18,7 +18,7 @@ from layoutrl.env.faults import faults
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parse_room, room_to_dict
 from layoutrl.rooms.room import Item
-from tests.builders import rectangular_room
+from tests.builders import opening, rectangular_room
 
 
 @example("kitchen", 14816751)  # a sliver of floor is left
@@ -52,8 +52,10 @@ def test_nothing_is_taken_where_an_item_stands_or_an_opening_is() -> None:
     assert without(room, box(5, 0, 6, 1)) is None
     assert without(room, box(1.9, 0, 2.1, 3)) is None  # two rooms
     assert without(room, box(2, 2, 3, 3)) is not None
-    window = replace(room, openings=design_rooms("bedroom", "test", 0, 1).rooms[0].openings[:1])
-    assert without(window, window.openings[0].shape.buffer(0.2)) is None
+    before = box(1.4, 0, 2.4, 0.3)
+    assert without(replace(room, furniture=()), before) is not None
+    with_door = replace(room, furniture=(), openings=(opening("door", 1.5, -0.2, 2.3, 0),))
+    assert without(with_door, before) is None
 
 
 def test_what_belongs_to_the_wall_and_stands_off_it_is_counted() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ import pytest
 import torch
 
 from layoutrl.env.faults import faults
+from layoutrl.place import Work
 from layoutrl.rooms.brief import brief_of, furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.furnished import Furnished
@@ -84,7 +86,7 @@ def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None
 def test_who_furnishes_waits_for_no_other_core() -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(2)
-    hired(composed("place", "rooms=any.jsonl", "device=cpu"))
+    assert Work(composed("place", "rooms=any.jsonl", "device=cpu"), None, None, sys.stdout).who
     assert torch.get_num_threads() == 1
     torch.set_num_threads(before)
 

@@ -84,7 +84,7 @@ def xml_of(path: Path) -> bytes:
         raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError) as error:
         reason = str(error)[:80] or "it breaks off"
         raise InputError(f"{path}: expected a home of Sweet Home 3D, which is a whole ZIP file; {reason}") from None
     if len(xml) > LARGEST_XML:
