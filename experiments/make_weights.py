@@ -176,7 +176,7 @@ def page_of(about: Mapping[str, Any]) -> str:
     lines = [
         "# The agents in the package",
         "",
-        f"Each furnishes rooms of one type: {types}. `place` uses them where neither `run=` nor `by=` is given, and",
+        f"Each furnishes rooms of one type: {types}. `place` uses them where no other is named by `run=` or `by=`, and",
         "so does the page of `make demo`. They are networks of DQN agents, trained on designed rooms alone.",
         f"All files are {size:.1f} MB. Licence: {about['licence']}. Version of the weights: {about['version']}.",
         "",
