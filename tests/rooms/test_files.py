@@ -2,42 +2,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.documents import parse_room, room_from_dict, room_to_dict, with_layout
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.files import read_rooms, write_rooms
-from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
-from tests.builders import rectangle, rectangular_room, rooms
+from layoutrl.rooms.room import Room
+from tests.builders import rooms
+from tests.rooms.test_documents import document, polygons
 
 Change = Callable[[dict[str, Any]], object]
-
-
-def document(**fields: Any) -> dict[str, Any]:
-    """A good room as JSON has it: 4 m by 3 m with a door, a bed and a round stool."""
-    return {
-        "id": "b-17",
-        "room_type": "bedroom",
-        "outline": [[0, 0], [4, 0], [4, 3], [0, 3]],
-        "doors": [{"polygon": [[1, -0.2], [2, -0.2], [2, 0], [1, 0]]}],
-        "windows": [{"polygon": [[1, 3], [2, 3], [2, 3.2], [1, 3.2]]}],
-        "furniture": [
-            {"category": "bed", "center": [1.0, 1.5], "size": [2.0, 1.5], "rotation": 0},
-            {"category": "stool", "shape": "circle", "center": [3, 2], "size": [0.5, 0.5]},
-        ],
-    } | fields
-
-
-def polygons(*rings: list[list[float]]) -> list[dict[str, Any]]:
-    return [{"polygon": ring} for ring in rings]
 
 
 def write(path: Path, *lines: str | dict[str, Any]) -> Path:
@@ -57,54 +36,6 @@ def test_written_rooms_are_read_back_equal(tmp_path_factory: pytest.TempPathFact
     assert collection.left_out == []
 
 
-def test_a_tucked_chair_survives() -> None:
-    chair = Item("chair", (0.45, 0.45), (1.0, 1.5), 90.0, tucked=True)
-    assert room_from_dict(json.loads(json.dumps(room_to_dict(rectangular_room(4, 3, chair))))).furniture == (chair,)
-
-
-@pytest.mark.parametrize(
-    ("name", "said"), [("office", "got 'office', which is a study here"), ("crypt", "got 'crypt'")]
-)
-def test_a_room_type_of_another_name_is_refused_with_what_it_is_here(name: str, said: str) -> None:
-    with pytest.raises(RoomError) as refused:
-        room_from_dict(document(room_type=name))
-    assert str(refused.value).endswith(said)
-
-
-@pytest.mark.parametrize(
-    ("host", "said", "tucked"),
-    [
-        ("desk", {}, True),
-        ("table", {"rotation": 90}, True),
-        ("bed", {}, False),
-        ("desk", {"tucked": False}, False),
-        ("desk", {"center": [3, 1]}, False),
-    ],
-)
-def test_a_chair_to_be_placed_may_stand_under_a_desk_or_a_table_but_where_the_file_says_no(
-    host: str, said: dict[str, Any], tucked: bool
-) -> None:
-    furniture = [{"category": host, "size": [0.6, 1.2]}, {"category": "chair", "size": [0.5, 0.5]} | said]
-    room = room_from_dict(document(furniture=furniture))
-    assert [item.tucked for item in room.furniture] == [False, tucked]
-    assert room.furniture[1].rotation == (0 if "center" in said else said.get("rotation"))
-    assert room_from_dict(room_to_dict(room)) == room
-    if "center" not in said:
-        assert lifted(room.furniture, {1})[1].tucked == tucked
-
-
-@given(rooms(group="plan 7", target=None))
-def test_the_group_and_a_target_that_was_not_chosen_survive(room: Room) -> None:
-    read = room_from_dict(json.loads(json.dumps(room_to_dict(room))))
-    assert read.group == "plan 7"
-    assert read.target == 0  # the builder's main item is there once, so that it is the target
-
-
-def test_an_unplaced_item_survives_the_round_trip() -> None:
-    room = rectangular_room(4, 3, item=Item("bed", (1.0, 2.0), None, 90.0))
-    assert parse_room(json.dumps(room_to_dict(room))) == room
-
-
 def test_a_json_file_holds_one_room_and_a_folder_is_read_in_order_of_names(tmp_path: Path) -> None:
     write(tmp_path / "b.json", json.dumps(document(id="second"), indent=2))
     (tmp_path / "c").mkdir()
@@ -116,85 +47,7 @@ def test_a_json_file_holds_one_room_and_a_folder_is_read_in_order_of_names(tmp_p
     assert collection.left_out == []
 
 
-# what may be left out
-
-
-def test_walls_left_out_are_a_band_cut_by_the_openings() -> None:
-    room = room_from_dict(document())
-    assert room.walls == wall_band(room.outline, (), room.openings)
-    assert len(room.walls) == 6
-
-
-def test_walls_that_are_given_are_kept_even_if_there_are_none() -> None:
-    ring = rectangle(-0.1, 0.0, 0.0, 3.0)
-    assert room_from_dict(document(walls=polygons([list(p) for p in ring]))).walls == (ring,)
-    assert room_from_dict(document(walls=[])).walls == ()
-
-
-def test_holes_bound_the_indoor_area_and_may_be_left_out() -> None:
-    assert room_from_dict(document()).holes == ()
-    hole = [[2.5, 0.5], [3, 0.5], [3, 1], [2.5, 1]]
-    room = room_from_dict(document(holes=[hole]))
-    assert room.indoor.area == pytest.approx(12 - 0.25)
-    assert not Polygon(room.holes[0]).exterior.is_ccw
-    assert room_from_dict(document(holes=[hole[::-1]])) == room
-
-
-def test_an_item_without_rotation_shape_and_centre_is_a_rectangle_to_be_placed_and_turned() -> None:
-    bed = {"category": "bed", "size": [2, 1]}
-    room = room_from_dict(document(furniture=[bed]))
-    assert room.furniture == (Item("bed", (2.0, 1.0), None, None, "rectangle"),)
-    assert room_from_dict(room_to_dict(room)) == room
-    turned = room_from_dict(document(furniture=[bed | {"rotation": 90}]))
-    assert turned.furniture == (Item("bed", (2.0, 1.0), None, 90.0),)
-
-
-def test_an_item_that_stands_and_has_no_rotation_is_not_turned() -> None:
-    room = room_from_dict(document(furniture=[{"category": "bed", "size": [2, 1], "center": [1.5, 1.5]}]))
-    assert room.furniture[0].rotation == 0
-
-
-@pytest.mark.parametrize("room_type", list(MAIN_ITEM))
-def test_the_main_item_is_the_target_where_it_is_there_once(room_type: str) -> None:
-    def target(*categories: str) -> int | None:
-        furniture = [{"category": category, "size": [1, 1], "center": [1, 1]} for category in categories]
-        return room_from_dict(document(room_type=room_type, furniture=furniture)).target
-
-    main = MAIN_ITEM[room_type]
-    assert target("plant", main) == 1
-    assert target("plant", "plant") is None
-    assert target(main, main) is None
-
-
-def test_a_target_that_is_given_is_kept_and_the_group_is_the_id_where_none_is_given() -> None:
-    room = room_from_dict(document(target=1))
-    assert room.target == 1
-    assert room.group == "b-17"
-    assert room_from_dict(document(group="plan 3")).group == "plan 3"
-
-
 # what is mended
-
-
-@given(st.integers(0, 3), st.booleans(), st.booleans())
-def test_a_clockwise_outline_and_a_repeated_closing_corner_change_nothing(
-    start: int, clockwise: bool, closed: bool
-) -> None:
-    ring = [[0, 0], [4, 0], [4, 3], [0, 3]]
-    ring = ring[start:] + ring[:start]
-    ring = ring[::-1] if clockwise else ring
-    room = room_from_dict(document(outline=ring + ring[: int(closed)]))
-    assert len(room.outline) == 4
-    assert Polygon(room.outline).exterior.is_ccw
-    assert room.indoor.equals(Polygon(ring))
-    assert sum(wall.area for wall in room.wall_shapes) == pytest.approx(14 * 0.2 + 4 * 0.04 - 2 * 0.2)
-
-
-def test_a_clockwise_door_and_a_corner_named_twice_in_a_row_are_mended() -> None:
-    door = document()["doors"][0]["polygon"]
-    assert room_from_dict(document(doors=polygons([*door[::-1], door[-1]]))).doors[0].shape.exterior.is_ccw
-    twice = [[0, 0], [4, 0], [4, 0], [4, 3], [0, 3]]
-    assert room_from_dict(document(outline=twice)) == room_from_dict(document())
 
 
 def test_a_byte_order_mark_and_blank_lines_are_no_fault(tmp_path: Path) -> None:
@@ -284,22 +137,6 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     **{f"{name} missing": (drop(name), name, "missing") for name in document() if name != "id"},
     **{f"item's {name} missing": (drop_item(name), f"furniture[0].{name}", "missing") for name in ("category", "size")},
 }
-
-
-def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> None:
-    own = document(ceiling=2.5, note="for Ada")
-    own["doors"][0]["width"] = 0.9
-    own["furniture"][0] |= {"colour": "red", "faults": ["overlaps"]}
-    known = room_from_dict(document())
-    assert room_from_dict(own) == known
-    bare = replace(known.furniture[0], center=None, rotation=None)
-    asked = replace(known, furniture=(bare, *known.furniture[1:]))
-    written = with_layout(own, asked, known, [(1, "outside"), (1, "overlaps")])
-    assert written["furniture"][1].pop("faults") == ["outside", "overlaps"]
-    del own["furniture"][0]["faults"]
-    assert written == own
-    nowhere = with_layout(own, asked, asked, [])
-    assert nowhere == own  # what is not placed is left where it was
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))
@@ -407,13 +244,6 @@ def test_a_path_without_rooms_is_answered_in_one_line_that_names_it(strict: bool
         assert "\n" not in str(raised.value)
 
 
-def test_a_room_error_keeps_field_and_problem_apart() -> None:
-    with pytest.raises(RoomError) as raised:
-        room_from_dict(document(target=9))
-    assert raised.value.field == "target"
-    assert raised.value.problem == "expected the index of a piece of furniture, 0 to 1; got 9"
-
-
 def test_a_file_that_is_not_utf8_is_left_out_and_the_rest_of_the_folder_read(tmp_path: Path) -> None:
     (tmp_path / "latin.jsonl").write_bytes(json.dumps(document(id="Küche"), ensure_ascii=False).encode("latin-1"))
     write(tmp_path / "good.jsonl", document(id="good"))
@@ -445,25 +275,6 @@ def test_a_line_separator_inside_a_name_does_not_cut_the_line(separator: str, tm
     path = tmp_path / "rooms.jsonl"
     path.write_text(json.dumps(document(id=f"a{separator}b"), ensure_ascii=False), encoding="utf-8")
     assert [room.id for room in read_rooms(path).rooms] == [f"a{separator}b"]
-
-
-def test_an_opening_that_reaches_beyond_the_walls_is_refused() -> None:
-    doors = [{"polygon": [[1, -5], [2, -5], [2, 0], [1, 0]]}]
-    with pytest.raises(RoomError, match=r"doors\[0\]: expected to lie in the walls"):
-        room_from_dict(document(doors=doors))
-
-
-def test_a_room_in_millimetres_is_refused() -> None:
-    with pytest.raises(RoomError, match="metres"):
-        room_from_dict(document(outline=[[0, 0], [3600, 0], [3600, 4200], [0, 4200]]))
-
-
-@pytest.mark.filterwarnings("ignore:.*encountered in:RuntimeWarning")  # GEOS's own
-def test_an_outline_around_which_no_walls_can_be_drawn_is_answered() -> None:
-    leaning = [[0, -3e-06], [4, 0], [4.000001, 2], [2.000003, 2.000001], [1.999997, 4.000003], [2e-06, 4]]
-    document = {"id": "a", "room_type": "study", "outline": leaning, "doors": [], "windows": [], "furniture": []}
-    with pytest.raises(RoomError, match="walls: cannot be drawn around this outline; expected them to be given"):
-        room_from_dict(document)
 
 
 # units
@@ -526,11 +337,3 @@ def test_a_hall_in_metres_is_no_room_in_centimetres(tmp_path: Path) -> None:
 def test_an_unknown_unit_is_answered(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm; got inches"):
         read_rooms(write(tmp_path / "rooms.jsonl", document()), unit="inches")
-
-
-def test_a_window_through_a_thick_wall_is_read_where_walls_are_given_and_said_so_where_not() -> None:
-    window = polygons([[1, 3], [2, 3], [2, 3.36], [1, 3.36]])
-    with pytest.raises(RoomError, match=r"it reaches 0\.36 m out; give walls that are thicker as `walls`"):
-        room_from_dict(document(windows=window))
-    wall = polygons([[0, 3], [1, 3], [1, 3.36], [0, 3.36]])
-    assert len(room_from_dict(document(windows=window, walls=wall)).windows) == 1
