@@ -24,9 +24,9 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.env.answerable import nowhere
-from layoutrl.env.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
+from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, room_files
 from layoutrl.rooms.formats import ALL, Source, format_of, names_in, opened
 from layoutrl.rooms.room import Room

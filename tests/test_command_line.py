@@ -318,6 +318,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["method.snap=-0.1"], ["method.snap", "0 or more metres"]),
         ("train", ["method=paper", "method.snap=0.01"], ["method.snap", "0 with method.observation=image"]),
         ("train", ["data.train_rooms=0"], ["data.train_rooms", "1 or more"]),
+        ("train", ["data.disturbed=1.5"], ["data.disturbed", "0 to 1"]),
         ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),
         ("train", ["budget.name=foo"], ["budget.name", "smoke"]),
         ("gallery", ["room=bedrom"], ["bedrom", "tatami"]),

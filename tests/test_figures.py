@@ -13,7 +13,6 @@ from matplotlib.patches import Polygon
 from shapely.geometry import Point
 
 from layoutrl import InputError
-from layoutrl.env.faults import faults
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.figures import (
@@ -27,6 +26,7 @@ from layoutrl.figures import (
     save,
     scale_bar,
 )
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
 

@@ -29,7 +29,6 @@ from omegaconf import OmegaConf
 import layoutrl
 from layoutrl import InputError
 from layoutrl.env.answerable import answerable
-from layoutrl.env.faults import faults
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.baselines import random_layout
 from layoutrl.rivals.rooms.relations import mine
@@ -38,6 +37,7 @@ from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.documents import parse_room, room_to_dict
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
 from layoutrl.rooms.sources.categories import names_of

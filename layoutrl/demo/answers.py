@@ -21,12 +21,12 @@ from layoutrl.demo.furnisher import Staff, Thinker
 from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import Answerable, answerable
-from layoutrl.env.faults import MISSING, faults
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.faults import MISSING, faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError

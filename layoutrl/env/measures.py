@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from scipy.optimize import linear_sum_assignment
 
-from layoutrl.env.faults import Items, item_faults, means, pairs, walked
 from layoutrl.rooms.clearances import off
+from layoutrl.rooms.faults import Items, item_faults, means, pairs, walked
 from layoutrl.rooms.room import Room
 
 NEARER = 1e-9  # of IoU a square metre: of matches with the same sum of IoU, the one that moves items less

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from layoutrl.env.faults import Items, faults, item_faults
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.faults import Items, faults, item_faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from layoutrl.env.faults import Items, item_faults
 from layoutrl.env.measures import Measures, matched
 from layoutrl.evaluation.statistics import standard_error
+from layoutrl.rooms.faults import Items, item_faults
 from layoutrl.rooms.room import Room
 
 

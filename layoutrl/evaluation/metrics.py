@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import shapely
 
-from layoutrl.env.faults import kept_free
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.evaluation.statistics import standard_error
+from layoutrl.rooms.faults import kept_free
 from layoutrl.rooms.room import TOLERANCE
 
 

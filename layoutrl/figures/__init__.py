@@ -22,9 +22,9 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from layoutrl import InputError
-from layoutrl.env.faults import faults
 from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
 from layoutrl.env.simulator import Simulator
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import Item, Room
 
 STYLE = "layoutrl.figures.style"

@@ -18,7 +18,6 @@ from layoutrl import InputError
 from layoutrl.agents.dqn import DQN
 from layoutrl.env.answerable import nowhere
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
@@ -27,6 +26,7 @@ from layoutrl.evaluation.protocols import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
 from layoutrl.rooms.brief import furnished, ways
+from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item

@@ -91,6 +91,7 @@ def check_data(data: Data) -> None:
     for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
         value = getattr(data, name)
         within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
+    within("data.disturbed", data.disturbed, 0 <= data.disturbed <= 1, "0 to 1")
     one_of("data.unit", data.unit, "auto", *UNITS)
 
 

@@ -111,7 +111,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
     designed = data.source == own.source == "designer"  # wherever their cache lies
     same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
     if designed and same:
-        data = replace(data, train_rooms=own.train_rooms)  # the agent was trained on no more of them
+        # It was trained on no more of them, and on these.
+        data = replace(data, train_rooms=own.train_rooms, disturbed=own.disturbed)
     whole = trained.method.scope == "room"
 
     def parts_of(data: Data) -> tuple[list[Room], list[Room]]:

@@ -17,13 +17,13 @@ from layoutrl import InputError
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import answerable
-from layoutrl.env.faults import faults
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.rival import Rival, same
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs import box
 from layoutrl.runs.config import composed

@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 
 from layoutrl.benchmarks.serving import browser_of
-from layoutrl.env.faults import faults
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parse_room, room_to_dict
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM
 from tests.demo.conftest import served

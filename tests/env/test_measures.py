@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
-from layoutrl.env.faults import Items, faults, free_fronts, within_reach
 from layoutrl.env.measures import Measures, iou_of, matched, measured
 from layoutrl.evaluation.metrics import blocks_openings
 from layoutrl.rooms.clearances import RAISED, passage
 from layoutrl.rooms.designer.generator import ROOM_TYPES, design_room
+from layoutrl.rooms.faults import Items, faults, free_fronts, within_reach
 from layoutrl.rooms.room import SYMMETRIES, Item, Room
 from tests.builders import opening, random_room, rectangular_room
 

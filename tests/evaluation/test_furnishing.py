@@ -11,7 +11,6 @@ from shapely.geometry import MultiPoint
 
 from layoutrl.agents.learner import untrained
 from layoutrl.agents.method import Method
-from layoutrl.env.faults import faults
 from layoutrl.env.observation import categories_of
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import furnishing
@@ -19,6 +18,7 @@ from layoutrl.evaluation.choosing import APART, Chosen, Options, wrong
 from layoutrl.evaluation.furnishing import Furnisher, _World, spread
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import Item, Room, rotation
 from layoutrl.runs.config import composed
 from tests.builders import opening, rectangular_room

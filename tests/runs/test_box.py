@@ -11,9 +11,9 @@ import pytest
 import torch
 
 from layoutrl import InputError
-from layoutrl.env.faults import MISSING, faults
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import MISSING, faults
 from layoutrl.runs import box
 from tests.commands import PROJECT
 

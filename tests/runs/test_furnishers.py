@@ -9,10 +9,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from layoutrl.env.faults import faults
 from layoutrl.place import Work
 from layoutrl.rooms.brief import brief_of, furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import furnishers

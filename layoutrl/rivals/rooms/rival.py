@@ -10,7 +10,6 @@ from functools import cache
 
 import numpy as np
 
-from layoutrl.env.faults import faults
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
@@ -19,6 +18,7 @@ from layoutrl.rivals.rooms.search import Searching, search
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import off, period
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 

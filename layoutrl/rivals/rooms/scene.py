@@ -15,9 +15,9 @@ import numpy as np
 import shapely
 from shapely.affinity import rotate
 
-from layoutrl.env.faults import DOOR_CLEARANCE
 from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
+from layoutrl.rooms.faults import DOOR_CLEARANCE
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
@@ -116,7 +116,7 @@ def scene_of(brief: Room) -> Scene:
 
 
 def may_share_floor(item: Item, other: Item) -> bool:
-    """Whether two items do not overlap wherever they stand, as `layoutrl.env.faults` has it.
+    """Whether two items do not overlap wherever they stand, as `layoutrl.rooms.faults` has it.
 
     One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands.
     """

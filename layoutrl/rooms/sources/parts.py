@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection, all_standing, choose_item, split
 from layoutrl.rooms.designer.generator import Part
+from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache, read_files
 
@@ -22,6 +25,7 @@ class Data:
     train_rooms: int | None = 5000  # designer: rooms to train on
     test_rooms: int | None = 1000  # designer: held-out rooms, from a seed of their own
     seed: int | None = 0  # designer: of the rooms
+    disturbed: float = 0.0  # designer: share of the rooms to train on that are disturbed as flats are
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
     strict: bool = False  # json: stop at the first room that cannot be used
     unit: str = "auto"  # json: m, cm, mm, or auto, which tells it by how large rooms and doors are
@@ -86,7 +90,18 @@ def _designed(room_type: str, data: Data, part: Part) -> Collection:
         raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
     designs = designer_cache.read(data.path, room_type, part, data.seed, count)
     print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
-    return Collection(f"designer, {part}", designs.rooms, inside=True)
+    rooms = _some_disturbed(designs.rooms, data.disturbed, data.seed) if part == "train" else designs.rooms
+    return Collection(f"designer, {part}", rooms, inside=True)
+
+
+def _some_disturbed(rooms: list[Room], share: float, seed: int) -> list[Room]:
+    """The rooms, of which about this share is disturbed: by index the same, however many there are."""
+    rngs = {k: np.random.default_rng([seed, k]) for k in range(len(rooms)) if share}
+    chosen = {k: rng for k, rng in rngs.items() if rng.random() < share}
+    changed = dict(zip(chosen, disturbed([rooms[k] for k in chosen], list(chosen.values())), strict=True))
+    if changed:
+        print(f"  disturbed as flats are: {sum(bool(names) for _, names in changed.values())} rooms")
+    return [changed[k][0] if k in changed else room for k, room in enumerate(rooms)]
 
 
 def _with_item(collection: Collection, room_type: str, item: str) -> list[Room]:

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutrl.env.faults import faults, kept_free
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.annealer import Annealing, Chains, anneal
 from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.scene import may_share_floor, scene_of
 from layoutrl.rivals.rooms.search import Finder, Searching, search
 from layoutrl.rooms.brief import brief_of, facings
+from layoutrl.rooms.faults import faults, kept_free
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from tests.builders import opening, random_room, rectangular_room
 from tests.rivals.rooms.builders import configured, designed

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.affinity import rotate
 
-from layoutrl.env.faults import faults
 from layoutrl.rivals.rooms.scene import (
     DIRECTIONS,
     SLACK,
@@ -26,6 +25,7 @@ from layoutrl.rivals.rooms.scene import (
     unreached,
 )
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from tests.builders import l_room, opening, random_room, rectangular_room
 from tests.rivals.rooms.builders import random_poses
