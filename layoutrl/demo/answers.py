@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from layoutrl import InputError
-from layoutrl.demo.furnisher import Staff, Thinker
+from layoutrl.demo.furnisher import Staff
 from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import Answerable, answerable
@@ -65,7 +65,6 @@ class Answers:
             "gallery": [shown(room) for rooms in samples.values() for room in rooms[:SHOWN]],
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
-            "thinks": sorted(staff.thinking),
         }
         self.questions: dict[str, Callable[[Any], Answer]] = {
             "look": self.look,
@@ -77,12 +76,11 @@ class Answers:
         }
 
     def warm(self) -> None:
-        """Have who furnishes rooms of each type ready before somebody asks, in a thread that ends with the program."""
+        """Have who furnishes rooms ready before somebody asks, in a thread that ends with the program."""
 
         def ready() -> None:
-            for room_type in MAIN_ITEM:
-                with suppress(InputError):  # that somebody who asks is told
-                    self.staff.of(room_type), self.staff.known(room_type)
+            with suppress(InputError):  # that somebody who asks is told
+                self.staff.ready()
 
         threading.Thread(target=ready, daemon=True).start()
 
@@ -132,16 +130,15 @@ class Answers:
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
         choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
         held = answerable(brief, self.staff.known(room.room_type))
-        (found,) = self.staff.of(room.room_type).furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
+        (found,) = self.staff.furnisher().furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
         return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
     def values(self, asked: Any) -> Answer:
         """What the furnisher thinks of all places of an `item`, a `step` apart."""
         room = room_in(asked)
         item = item_in(asked, room)
-        centers, values, degrees = self._thinker(room).values(
-            room, item, number(asked.get("step", 0.2), "step", *STEPS)
-        )
+        step = number(asked.get("step", 0.2), "step", *STEPS)
+        centers, values, degrees = self.staff.thinker(room.room_type).values(room, item, step)
         known = np.isfinite(values)  # elsewhere it cannot stand
         found = {"centers": np.round(centers, 3), "values": values, "degrees": degrees}
         return {name: array[known].tolist() for name, array in found.items()}
@@ -149,7 +146,7 @@ class Answers:
     def moves(self, asked: Any) -> Answer:
         """The moves of an `item` that the furnisher values highest."""
         room = room_in(asked)
-        found = self._thinker(room).moves(room, item_in(asked, room))
+        found = self.staff.thinker(room.room_type).moves(room, item_in(asked, room))
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
 
     def svg(self, asked: Any) -> Answer:
@@ -185,12 +182,6 @@ class Answers:
         line, _, content = body.partition(b"\n")
         room = room_in(question(line))
         return written_back(room, content) if content else new_home(room)
-
-    def _thinker(self, room: Room) -> Thinker:
-        thinker = self.staff.of(room.room_type)
-        if not isinstance(thinker, Thinker):
-            raise InputError(f"values: who furnishes a {room.room_type} here values no places")
-        return thinker
 
 
 def question(body: bytes) -> dict[str, Any]:
@@ -266,6 +257,7 @@ def choice(held: Answerable, furnished: Furnished) -> Answer:
     asked = [k for k in range(len(layout.furniture)) if k not in held.refused]
     return {
         "furniture": room_to_dict(layout)["furniture"],
+        "by": furnished.by,
         "value": furnished.value if math.isfinite(furnished.value) else None,
         "faults": told(layout),
         "path": [[asked[k], [*center], degrees] for k, center, degrees in furnished.path],

@@ -1,32 +1,24 @@
-"""Who furnishes the page's rooms.
-
-Whoever is a `Thinker` also says what it thinks of places, which the page then shows. `staff_of` is the one place that
-chooses.
-"""
+"""Who furnishes the page's rooms, and says what places are worth there."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
-from layoutrl.rivals.budgets import seconds_budget
-from layoutrl.rivals.rooms.rival import Rival
+from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.furnished import Furnishes
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs import box
-from layoutrl.runs.config import DemoConfig
 
 Move = tuple[str, tuple[float, float], float]
 
 
-@runtime_checkable
-class Thinker(Furnishes, Protocol):
-    """Who furnishes rooms, and says what it thinks of places."""
+class Thinker(Protocol):
+    """Who says what it thinks of places."""
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of an item among what stands: centres (n, 2) a step in metres apart, the value (n,) of the best way to face
@@ -38,28 +30,34 @@ class Thinker(Furnishes, Protocol):
 
 @dataclass(frozen=True)
 class Staff:
-    """Who furnishes rooms, by their type."""
+    """Who furnishes rooms, and who thinks of those of a type: each is loaded when it is first asked for."""
 
-    of: Callable[[str], Furnishes]  # loaded when it is first asked for
-    known: Callable[[str], Collection[str]]  # the categories that are placed
-    thinking: Collection[str]  # room types, in which a Thinker furnishes
+    furnisher: Callable[[], Furnishes]
+    thinker: Callable[[str], Thinker]
+    known: Callable[[str], Collection[str]]  # the categories that are placed in rooms of a type
+    ready: Callable[[], None] = lambda: None  # loads all of them
 
 
-def staff_of(config: DemoConfig) -> Staff:
-    """The agents in the package, and the constraint search in rooms of a type that has none."""
-    agents, search = box.cards(), Rival(config.search, lambda: seconds_budget(config.seconds, time.process_time))
+def staff_of(searching: Searching) -> Staff:
+    """The agents in the package, helped by the search as those of `place` are."""
 
     @cache
-    def agent(room_type: str) -> Furnishes:
+    def agents() -> box.Boxed:
         import torch  # which takes seconds: the page is there before
 
         from layoutrl.runs.machine import use_one_thread
 
         use_one_thread()
-        return box.boxed(room_type, torch.device("cpu"))
+        return box.Boxed(torch.device("cpu"))
 
-    return Staff(
-        of=lambda room_type: agent(room_type) if room_type in agents else search,
-        known=lambda room_type: box.known(room_type) or search.relations(room_type).alone,
-        thinking=agents.keys(),
-    )
+    @cache
+    def furnisher() -> Furnishes:
+        from layoutrl.runs.furnishers import helped
+
+        return helped(agents(), searching)
+
+    def ready() -> None:
+        for room_type in MAIN_ITEM:
+            agents().agent(room_type)
+
+    return Staff(furnisher, lambda room_type: agents().agent(room_type), box.known, ready)

@@ -45,7 +45,7 @@ HEADERS = {
 
 def serve(config: DemoConfig, listener: socket.socket) -> None:
     """Serve the page at a socket until Ctrl-C."""
-    answers = Answers(staff_of(config))
+    answers = Answers(staff_of(config.search))
     answers.warm()
     host, port = listener.getsockname()
     print(f"http://{host}:{port} shows the page; Ctrl-C ends it", flush=True)

@@ -264,13 +264,11 @@ class DemoConfig:
     """A page on this machine, and how whoever furnishes rooms there does it."""
 
     port: int = MISSING
-    seconds: float = MISSING
     timeout: float = MISSING
     search: Searching = MISSING
 
     def __post_init__(self) -> None:
         within("port", self.port, 0 <= self.port <= 65535, "0 to 65535")
-        within("seconds", self.seconds, self.seconds > 0, "more than 0")
         within("timeout", self.timeout, self.timeout > 0, "more than 0")
         check_furnishing(self.search, MISSING)
 

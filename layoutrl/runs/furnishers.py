@@ -25,6 +25,7 @@ from layoutrl.evaluation.furnishing import Furnisher, spread
 from layoutrl.evaluation.protocols import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
+from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import furnished, ways
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
@@ -38,6 +39,7 @@ from layoutrl.runs.machine import device_of
 from layoutrl.runs.trained import trained_agent
 
 RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
+HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: no layout hangs on chance
 
 
@@ -58,8 +60,8 @@ def hired(config: PlaceConfig) -> Hired:
         return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
-        agents, search = Boxed(device), Rival(config.search, lambda: updates_budget(RESTARTS))
-        return Hired(agents if config.by == "agents" else Helped(agents, search), box.known, box.types_with)
+        agents = Boxed(device)
+        return Hired(agents if config.by == "agents" else helped(agents, config.search), box.known, box.types_with)
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
@@ -73,7 +75,10 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where something is wrong with its best layout, the search is asked for one, too."""
+    """Furnishes as one does. Where something is wrong with its best layout, the search is asked for one, too.
+
+    Not of a hall, in which it would take many times as long as the one does.
+    """
 
     def __init__(self, one: Furnishes, search: Furnishes):
         self.one, self.search = one, search
@@ -83,7 +88,7 @@ class Helped:
         found = self.one.furnish(briefs, choices, seed)
         before = faults_of_all(briefs)
         ours = shortcomings([answers[0] for answers in found], before)
-        faulty = [k for k, lack in enumerate(ours) if any(lack)]
+        faulty = [k for k, lack in enumerate(ours) if any(lack) and briefs[k].indoor.area <= HALL]
         layouts = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
         theirs = shortcomings(layouts, [before[k] for k in faulty])
         for k, other, lack in zip(faulty, layouts, theirs, strict=True):
@@ -91,6 +96,11 @@ class Helped:
                 unlike = [each for each in found[k] if not same(other.layout, each.layout)]
                 found[k] = [replace(other, by="the search"), *unlike][:choices]
         return found
+
+
+def helped(agents: Furnishes, searching: Searching) -> Helped:
+    """The agents, helped by a search that makes RESTARTS."""
+    return Helped(agents, Rival(searching, lambda: updates_budget(RESTARTS)))
 
 
 def shortcomings(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from threading import Thread
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from layoutrl.demo import listening
 from layoutrl.demo.furnisher import Move, Staff
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.rival import Rival
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import Room
 from layoutrl.runs.config import composed
 
 if TYPE_CHECKING:
@@ -36,16 +36,16 @@ class Thinking(Rival):
         return [("left", (center[0] - 0.5, center[1]), 2.0), ("down", (center[0], center[1] - 0.3), 1.0)]
 
 
-def staffed(rival: Rival, thinking: Collection[str] = ()) -> Staff:
+def staffed(one: Thinking) -> Staff:
     """One for rooms of all types."""
-    return Staff(lambda room_type: rival, lambda room_type: rival.relations(room_type).alone, thinking)
+    return Staff(lambda: one, lambda room_type: one, lambda room_type: one.relations(room_type).alone)
 
 
 @pytest.fixture(scope="session")
 def answers() -> Answers:
     from layoutrl.demo.answers import Answers
 
-    return Answers(staffed(Thinking(composed("demo").search, lambda: updates_budget(RESTARTS)), MAIN_ITEM))
+    return Answers(staffed(Thinking(composed("demo").search, lambda: updates_budget(RESTARTS))))
 
 
 @contextmanager

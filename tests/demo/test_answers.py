@@ -17,17 +17,16 @@ from layoutrl import InputError
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import answerable
-from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.rivals.budgets import updates_budget
-from layoutrl.rivals.rooms.rival import Rival, same
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rivals.rooms.rival import same
+from layoutrl.rooms.brief import brief_of, furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
+from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs import box
 from layoutrl.runs.config import composed
-from tests.demo.conftest import staffed
+from layoutrl.runs.furnishers import Helped
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 3).rooms]
 any_room = st.sampled_from(ROOMS)
@@ -140,9 +139,8 @@ def test_as_many_layouts_are_found_as_are_asked_for(answers):
         answers.answer("furnish", body(room, movable=movable, choices=4))
 
 
-def test_the_same_seed_gives_the_same_first_restart(answers):
-    room = ROOMS[0]
-    furnisher = Rival(composed("demo").search, lambda: updates_budget(1))
+def test_the_same_seed_gives_the_same_layouts(answers):
+    room, furnisher = ROOMS[0], answers.staff.furnisher()
     first, second = (furnisher.furnish([brief_of(room)], 3, seed=4) for _ in range(2))
     assert [[f.layout for f in found] for found in first] == [[f.layout for f in found] for found in second]
 
@@ -158,26 +156,38 @@ def test_what_nobody_knows_is_named_and_the_others_are_placed(answers):
     assert said["lines"] == answerable(brief_of(room_from_dict(document)), answers.staff.known("bathroom")).lines
 
 
-def test_an_agent_of_the_package_furnishes_where_there_is_one_and_the_search_elsewhere(monkeypatch):
-    agents = box.cards()
-    staff = staff_of(composed("demo"))
-    assert sorted(staff.thinking) == sorted(agents)
-    furnished_by = staff.of("bathroom")
-    assert isinstance(furnished_by, Furnisher)
-    assert staff.of("bathroom") is furnished_by
-    assert staff.known("bathroom") == agents["bathroom"]["categories"]
-    monkeypatch.setattr(box, "cards", dict)
-    staff = staff_of(composed("demo"))
-    assert isinstance(staff.of("bathroom"), Rival)
-    assert "toilet" in staff.known("bathroom")
-    assert not staff.thinking
+def test_the_agents_of_the_package_furnish_and_the_search_helps_them():
+    staff = staff_of(composed("demo").search)
+    helped = staff.furnisher()
+    assert isinstance(helped, Helped)
+    assert staff.furnisher() is helped
+    assert staff.thinker("bathroom") is helped.one.agent("bathroom")
+    assert staff.known("bathroom") == box.cards()["bathroom"]["categories"]
+
+
+def test_who_furnishes_in_an_agents_place_is_named(answers, monkeypatch):
+    class Piler:
+        def furnish(self, briefs, choices, seed):
+            (brief,) = briefs
+            return [[Furnished(furnished(brief, dict.fromkeys(missing(brief), ((1.0, 1.0), 0.0))), 0.0)]]
+
+    room, movable = ROOMS[3], [*range(len(ROOMS[3].furniture))]
+    said = answers.answer("furnish", body(room, movable=movable))
+    assert {choice["by"] for choice in said["choices"]} == {""}
+    helped = Helped(Piler(), answers.staff.furnisher())
+    monkeypatch.setattr(answers, "staff", replace(answers.staff, furnisher=lambda: helped))
+    said = answers.answer("furnish", body(room, movable=movable))
+    assert [choice["by"] for choice in said["choices"]] == ["the search", ""]
+    assert not said["choices"][0]["faults"]
 
 
 def test_a_room_is_furnished_by_the_agent_of_its_type():
     from layoutrl.demo.answers import Answers
 
     room = next(room for room in ROOMS if room.room_type == "bathroom")
-    said = Answers(staff_of(composed("demo"))).answer("furnish", body(room, movable=[*range(len(room.furniture))]))
+    said = Answers(staff_of(composed("demo").search)).answer(
+        "furnish", body(room, movable=[*range(len(room.furniture))])
+    )
     assert said["choices"]
     assert all("center" in item for choice in said["choices"] for item in choice["furniture"])
     assert len(said["choices"][0]["path"]) > len(room.furniture)  # of an agent's moves
@@ -187,7 +197,7 @@ def test_an_agent_of_the_package_says_what_it_thinks_of_places():
     from layoutrl.demo.answers import Answers
 
     room = next(room for room in ROOMS if room.room_type == "bathroom")
-    thinker = Answers(staff_of(composed("demo")))
+    thinker = Answers(staff_of(composed("demo").search))
     said = thinker.answer("values", body(room, item=0, step=0.4))
     places = [
         replace(room.furniture[0], center=tuple(c), rotation=d)
@@ -206,12 +216,6 @@ def test_thoughts_are_answered_by_who_thinks(answers):
     assert len(said["centers"]) == len(said["values"]) == len(said["degrees"]) > 10
     said = answers.answer("moves", body(room, item=0))
     assert [move["name"] for move in said["moves"]] == ["left", "down"]
-    from layoutrl.demo.answers import Answers
-
-    plain = Answers(staffed(Rival(composed("demo").search, lambda: updates_budget(3))))
-    assert plain.begin["thinks"] == []
-    with pytest.raises(InputError, match="values no places"):
-        plain.answer("values", body(room, item=0))
 
 
 def lines_of(rooms: Sequence[Room]) -> bytes:

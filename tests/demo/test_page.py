@@ -354,16 +354,6 @@ def test_what_the_agent_thinks_is_a_map_and_arrows(page):
     expect(page.locator("#plan .value")).to_have_count(0)
 
 
-def test_who_thinks_nothing_has_no_panel(browser, address, answers, monkeypatch):
-    monkeypatch.setitem(answers.begin, "thinks", [])
-    page = next(pages := visited(browser, address))
-    item(page, "bed").focus()
-    settled(page)
-    expect(page.locator("#selected")).to_be_visible()
-    expect(page.locator("#thinking")).to_be_hidden()
-    assert next(pages, None) is None
-
-
 def corner(page: Page, x: float, y: float) -> tuple[float, float]:
     """Where a point in metres is on the screen."""
     return tuple(

@@ -18,7 +18,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.box import Boxed
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import Helped, hired
+from layoutrl.runs.furnishers import HALL, Helped, hired
 
 DESIGNS = design_rooms("bedroom", "test", 0, 2).rooms
 
@@ -75,6 +75,15 @@ def test_what_was_wrong_before_anything_was_placed_asks_for_nobody() -> None:
     another = Known(DESIGNS[1])
     Helped(Known(stands), another).furnish([brief], 1, 0)
     assert not another.asked
+
+
+def test_no_help_is_asked_for_in_a_hall() -> None:
+    bad, another = piled(DESIGNS[1]), Known(DESIGNS[1])
+    side = HALL**0.5 + 0.1
+    hall = replace(bad, outline=((0, 0), (side, 0), (side, side), (0, side)))
+    (found,) = Helped(Known(hall), another).furnish([brief_of(hall)], 1, 0)
+    assert not another.asked
+    assert [each.layout for each in found] == [hall]
 
 
 @pytest.mark.parametrize(("by", "kind"), [("", Helped), ("by=agents", Boxed), ("by=search", furnishers.Rival)])

@@ -1,7 +1,7 @@
-// Furnishing: the moves as they were made, the choices, and what who furnishes thinks of an item.
+// Furnishing: the moves as they were made, the choices, and what the agent thinks of an item.
 
 import { ask } from "./api.js";
-import { $, become, changed, element, known, plan, render, say } from "./page.js";
+import { $, become, changed, element, plan, render, say } from "./page.js";
 import { item, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
@@ -100,8 +100,7 @@ document.addEventListener("take", ({ detail }) => {
 
 // What the agent thinks of the chosen item.
 async function think() {
-  const thinks = known.thinks.includes(state.room?.room_type);
-  const chosen = thinks ? item() : null;
+  const chosen = item();
   $("thinking").hidden = !chosen?.center;
   $("scale").hidden = true;
   $("moves").replaceChildren();

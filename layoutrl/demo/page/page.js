@@ -7,7 +7,7 @@ import { canTravel, commit, item, openings, state, words } from "./store.js";
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
 export const DRAFT_SIZE = [9, 7]; // metres of the grid to draw on
-export const known = { gallery: [], palette: {}, fronts: new Set(), thinks: [] }; // what the server said at first
+export const known = { gallery: [], palette: {}, fronts: new Set() }; // what the server said at first
 
 export function element(tag, attributes = {}, ...children) {
   const node = Object.assign(document.createElement(tag), attributes);
@@ -172,13 +172,14 @@ function renderChoices() {
   const { choices, chosen, room, look } = state;
   $("choices").hidden = choices.length === 0;
   const focus = [...$("choices").children].indexOf(document.activeElement);
-  $("choices").replaceChildren(...choices.map(({ furniture, faults }, k) => {
+  $("choices").replaceChildren(...choices.map(({ furniture, faults, by }, k) => {
     const standing = { ...room, furniture };
     const count = new Set(faults.map(([index]) => index));
     const text = faults.length ? `${faults.length} ${faults.length > 1 ? "faults" : "fault"}` : "no fault";
+    const whose = by ? `, by ${by}` : "";
     const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
     node.setAttribute("aria-pressed", k === chosen);
-    node.append(thumbnail(standing, look.box, count), element("span", { textContent: `Choice ${k + 1}: ${text}` }));
+    node.append(thumbnail(standing, look.box, count), element("span", { textContent: `Choice ${k + 1}${whose}: ${text}` }));
     return node;
   }));
   $("choices").children[focus]?.focus({ preventScroll: true });
