@@ -147,7 +147,8 @@ def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
 
 def command_of(config: Mapping[str, Any]) -> str:
     """What trains the agent of a cell, and scores it."""
-    data = " ".join(f"data.{name}={config['data'][name]}" for name in ("train_rooms", "test_rooms", "seed"))
+    told = ("train_rooms", "test_rooms", "seed", "disturbed")
+    data = " ".join(f"data.{name}={config['data'][name]}" for name in told)
     budget = config["budget"]["name"]
     updates = f"method.updates.{budget}={config['method']['updates'][budget]}"
     what = f"room={config['room']['type']} budget={budget} {updates} {data} seed={config['seed']}"

@@ -55,6 +55,11 @@ def test_a_run_is_evaluated_and_watched(trained: Path, tmp_path: Path, capsys: p
         assert film.n_frames > 4
 
 
+def test_illegal_moves_end_no_furnishing(trained: Path) -> None:
+    with pytest.raises(InputError, match="on_illegal of whole rooms: expected one of mask; got stop"):
+        evaluate(EvaluateConfig(str(trained), on_illegal="stop"))
+
+
 def test_a_training_that_is_stopped_goes_on_as_if_it_had_not(trained: Path, tmp_path: Path) -> None:
     settings = config(tmp_path, f"data.root={trained.parents[1]}/rooms")
     rooms, _ = whole_parts("tatami", settings.data, 0)

@@ -22,7 +22,7 @@ from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.figures.drawing import svg
-from layoutrl.rooms.brief import missing
+from layoutrl.rooms.brief import lifted, missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
@@ -121,10 +121,7 @@ class Answers:
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
-        furniture = [
-            replace(i, center=None, rotation=None) if k in movable else i for k, i in enumerate(room.furniture)
-        ]
-        brief = replace(room, furniture=tuple(furniture))
+        brief = replace(room, furniture=lifted(room.furniture, movable))
         if not missing(brief):
             raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import shapely
 
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.evaluation.statistics import standard_error
-from layoutrl.rooms.faults import kept_free
-from layoutrl.rooms.room import TOLERANCE
+from layoutrl.rooms.faults import blocking
 
 
 @dataclass(frozen=True)
@@ -56,13 +54,10 @@ def summary(iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: 
 
 
 def blocks_openings(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Whether the item (B,) stands in a door, a window, or the 30 cm before and behind a door: `kept_free`.
-
-    By more than TOLERANCE: one that is a film deep in a window blocks nothing.
-    """
-    free = shapely.buffer([kept_free(r) for r in simulator.rooms], -TOLERANCE, join_style="mitre")
-    footprints = [simulator.rooms[k].moving.footprint_at(tuple(p)) for k, p in zip(room, position, strict=True)]
-    return shapely.area(shapely.intersection(free[room], footprints)) > 0
+    """Whether the items stand in a door, a window, or the 30 cm before and behind a door: `blocking`. (B,)"""
+    items = [simulator.rooms[k].moving for k in room]
+    footprints = np.array([item.footprint_at(tuple(p)) for item, p in zip(items, position, strict=True)])
+    return blocking(simulator.rooms, room, [item.category for item in items], footprints)
 
 
 def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) -> np.ndarray:

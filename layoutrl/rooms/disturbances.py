@@ -23,7 +23,9 @@ CORNER = (0.3, 1.5)  # metres of each wall that a corner takes, and half of the 
 COLUMN = (0.2, 0.5)  # metres, of the sides of a column or a pier
 DOOR = (0.7, 1.0)  # metres, of a door's width
 CLEAR_OUTSIDE = 0.9  # metres beyond a door in which the room itself does not lie, as the designer has it
-MICROMETRE = 1e-6  # metres
+GRID = 1e-6  # metres, of the corners of what is left
+LITTLE = 0.01  # square metres: a piece as small takes nothing
+ROUNDING = 1e-6  # square metres: no area
 
 
 def disturbed(rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> list[tuple[Room, list[str]]]:
@@ -91,7 +93,7 @@ def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
     door = outside(thickness)
     too_narrow = np.hypot(*along) < DOOR[0]
     beside = any(opening.shape.distance(door) < thickness for opening in room.openings)
-    if too_narrow or beside or outside(thickness + CLEAR_OUTSIDE).intersection(room.indoor).area > MICROMETRE:
+    if too_narrow or beside or outside(thickness + CLEAR_OUTSIDE).intersection(room.indoor).area > ROUNDING:
         return None
     return _walled(replace(room, openings=(*room.openings, Opening("door", _ring(door.exterior)))))
 
@@ -103,9 +105,9 @@ DISTURBANCES: tuple[Callable[[Room, np.random.Generator], Room | None], ...] = (
 
 def without(room: Room, piece: Polygon) -> Room | None:
     """The room without a piece of its floor; None where an item or an opening is in the way, or nothing is taken."""
-    left = shapely.set_precision(room.indoor.difference(piece), MICROMETRE)
+    left = shapely.set_precision(room.indoor.difference(piece), GRID)
     stands_there = any(item.footprint.buffer(TOLERANCE).intersects(piece) for item in room.furniture)
-    if stands_there or not isinstance(left, Polygon) or left.area > room.indoor.area - TOLERANCE:
+    if stands_there or not isinstance(left, Polygon) or left.area > room.indoor.area - LITTLE:
         return None
     before, after = (shapely.boundary(shape).buffer(TOLERANCE) for shape in (room.indoor, left))
     for opening in room.openings:
@@ -122,7 +124,7 @@ def _walled(room: Room) -> Room:
 
 
 def _thickness(room: Room) -> float:
-    """Metres, of the outer walls."""
+    """Metres, of the walls, which the designer draws alike: the left one's."""
     return room.indoor.bounds[0] - room.envelope.bounds[0]
 
 

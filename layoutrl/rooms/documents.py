@@ -20,7 +20,6 @@ What is wrong is answered with the field and what is expected there.
 
 from __future__ import annotations
 
-import copy
 import difflib
 import json
 from collections.abc import Iterable, Mapping
@@ -83,8 +82,8 @@ def with_layout(
     `wrong` is (index of the item, fault), `unit` that of the document. All else is as it was; so is an item that the
     layout does not place.
     """
-    written = copy.deepcopy(dict(document))
-    for entry, before, item in zip(written["furniture"], asked.furniture, layout.furniture, strict=True):
+    entries = [dict(entry) for entry in document["furniture"]]
+    for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
         entry.pop(FAULTS, None)
         if before.center is None and item.center is not None:
             entry["center"] = [round(metres * UNITS[unit], 6) for metres in item.center]
@@ -93,8 +92,8 @@ def with_layout(
             if item.tucked:
                 entry["tucked"] = True
     for k, fault in wrong:
-        written["furniture"][k].setdefault(FAULTS, []).append(fault)
-    return written
+        entries[k].setdefault(FAULTS, []).append(fault)
+    return {**document, "furniture": entries}
 
 
 def parse_room(text: str | bytes) -> Room:
@@ -300,6 +299,8 @@ def _number(value: Any, field: str) -> float:
 def _text(value: Any, field: str) -> str:
     if not isinstance(value, str) or not value.strip():
         raise RoomError(field, f"expected a name; got {_show(value)}")
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise RoomError(field, f"expected text that can be written as UTF-8; got {_show(value)}")
     return value
 
 

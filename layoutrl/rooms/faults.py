@@ -136,7 +136,7 @@ def item_faults(layouts: Sequence[Room], items: Items) -> tuple[dict[str, np.nda
         MISSING: ~items.placed,
         "overlaps": overlaps,
         "outside": outside,
-        "blocks an opening": blocking(layouts, items),
+        "blocks an opening": blocking(layouts, items.room, items.category, items.footprint),
         "out of reach": ~within_reach(layouts, items),
         "front not free": ~free_fronts(layouts, items),
     }
@@ -169,14 +169,16 @@ def standing_outside(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray,
     return deep, np.nan_to_num(shapely.area(outside) / shapely.area(items.footprint))
 
 
-def blocking(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Which items stand more than 1 cm deep in what is `kept_free` of doors and windows, as in `blocks_openings`.
+def blocking(
+    rooms: Sequence[Room], room: np.ndarray, category: Sequence[str] | np.ndarray, footprint: np.ndarray
+) -> np.ndarray:
+    """Which footprints (N,) stand more than 1 cm deep in what is `kept_free` of doors and windows: (N,).
 
-    What is RAISED is floor, and blocks nothing.
+    Each is in the room of index `room` (N,). What is RAISED is floor, and blocks nothing.
     """
-    free = shapely.buffer([kept_free(layout) for layout in layouts], -TOLERANCE, join_style="mitre")
-    in_the_way = shapely.area(shapely.intersection(free[items.room], items.footprint)) > 0
-    return in_the_way & ~np.isin(items.category, list(RAISED))
+    free = shapely.buffer([kept_free(each) for each in rooms], -TOLERANCE, join_style="mitre")
+    in_the_way = shapely.area(shapely.intersection(free[room], footprint)) > 0
+    return in_the_way & ~np.isin(category, list(RAISED))
 
 
 def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:

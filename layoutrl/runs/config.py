@@ -6,7 +6,7 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import UnionType
@@ -161,14 +161,15 @@ class TrainCommand(TrainConfig):
     resume: str | None = None  # folder of a run to go on with
 
 
+AS_IN_THE_RUN = Data(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
+
+
 @dataclass
 class RunConfig:
     """A trained agent, and rooms to see it in."""
 
     run: str = MISSING
-    data: Data = field(  # null: as in the run
-        default_factory=lambda: Data(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
-    )
+    data: Data = field(default_factory=lambda: replace(AS_IN_THE_RUN))  # but for what is given
     part: Any = None
     checkpoint: Any = "last"
     seed: int = 0

@@ -185,7 +185,7 @@ def checkpoints(folder: Path) -> list[Checkpoint]:
             iou = None if said["iou"] is None else float(said["iou"])
             found.append(Checkpoint(int(said["updates"]), iou, str(said["sha256"]), mark.with_suffix(".pt")))
         except (OSError, ValueError, KeyError, TypeError) as error:
-            print(f"{mark} cannot be read ({error}); its checkpoint is left out")
+            print(f"{mark} cannot be read ({error}); its checkpoint is left out", file=sys.stderr)
     return sorted(found, key=lambda checkpoint: -checkpoint.updates)
 
 
@@ -233,7 +233,7 @@ def load_checkpoint(
                 reason = "it holds other things than tensors and plain values"
             rest = found[tried:]
             instead = f"{rest[0].file.name} is taken instead" if rest else "there is no other"
-            print(f"{checkpoint.file} is damaged ({reason}); {instead}")
+            print(f"{checkpoint.file} is damaged ({reason}); {instead}", file=sys.stderr)
             continue
         if config and (others := differences(state["config"], config)):
             raise InputError(

@@ -217,8 +217,9 @@ def begun(config: Config) -> Path | None:
     for folder in folders_of(wanted_folder(config)):
         with suppress(InputError):  # one of another kind
             theirs = load_config(folder, type(config))
-            elsewhere = config.data.source != "designer" and theirs.data.root != located(config.data).root
-            if not elsewhere and not differences(stated(theirs), stated(config)):
+            ours = located(config.data)
+            elsewhere = (theirs.data.root, theirs.data.categories) != (ours.root, ours.categories)
+            if (config.data.source == "designer" or not elsewhere) and not differences(stated(theirs), stated(config)):
                 return folder
     return None
 
@@ -259,7 +260,7 @@ def finite(state: Any) -> bool:
 
 def stated(config: AnyTraining) -> dict[str, Any]:
     """The configuration as plain values, but for where files lie."""
-    moved = replace(config, runs="", name=None, data=replace(config.data, root=None))
+    moved = replace(config, runs="", name=None, data=replace(config.data, root=None, categories=None))
     return json.loads(json.dumps(asdict(moved)))
 
 

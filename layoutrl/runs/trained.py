@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -21,9 +21,10 @@ from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.protocols import Greedy, greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
-from layoutrl.runs.config import RunConfig, TrainConfig
+from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
 from layoutrl.runs.folder import load_checkpoint, load_config, located, taken
 from layoutrl.runs.machine import device_of
+from layoutrl.runs.ranges import one_of
 from layoutrl.runs.resume import digest, stated
 
 
@@ -106,8 +107,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
     agent, categories, rooms = trained_agent(folder, trained, device, config.checkpoint)
 
     if data.source is None:  # the run's own, but for what is given
-        given = {name: getattr(data, name) for name in ("root", "labels", "train_rooms", "test_rooms", "seed")}
-        data = replace(own, **{name: value for name, value in given.items() if value is not None})
+        unset = asdict(AS_IN_THE_RUN)
+        data = replace(own, **{name: value for name, value in asdict(data).items() if value != unset[name]})
     designed = data.source == own.source == "designer"  # wherever their cache lies
     same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
     if designed and same:
@@ -138,6 +139,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
+    if whole:
+        one_of("on_illegal of whole rooms", method.on_illegal, "mask")
     return TrainedRun(
         agent,
         method,

@@ -68,6 +68,12 @@ def test_an_opening_is_blocked_by_what_stands_in_it_or_right_before_a_door(kind,
     assert score(simulator, index, np.array([room.moving.center])).blocked == blocks
 
 
+def test_a_platform_is_floor_and_blocks_nothing():
+    platform = Item("platform", (2.0, 1.0), (2.0, 0.5), 0.0)
+    room = rectangular_room(4, 3, platform, openings=(opening("door", 1.5, -0.2, 2.5, 0.0),))
+    assert not blocks_openings(simulator_of(room), np.array([0]), np.array([platform.center])).any()
+
+
 def test_what_is_thin_blocks_a_door_too():
     screen = Item("screen", (1.0, 0.015), (2.0, 0.1))
     room = rectangular_room(4, 3, screen, openings=(opening("door", 1.5, -0.2, 2.5, 0.0),))

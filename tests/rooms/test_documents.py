@@ -175,6 +175,21 @@ def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> No
     assert nowhere == own  # what is not placed is left where it was
 
 
+@pytest.mark.parametrize("field", ["id", "group"])
+def test_a_name_that_cannot_be_written_is_refused(field: str) -> None:
+    with pytest.raises(RoomError, match=f"^{field}: expected text that can be written as UTF-8"):
+        room_from_dict(document(**{field: "\ud800"}))
+
+
+def test_notes_are_kept_however_deep_they_are() -> None:
+    deep: list[Any] = []
+    for _ in range(700):
+        deep = [deep]
+    noted = document(notes=deep)
+    room = room_from_dict(noted)
+    assert with_layout(noted, room, room, [])["notes"] is deep
+
+
 def test_a_room_error_keeps_field_and_problem_apart() -> None:
     with pytest.raises(RoomError) as raised:
         room_from_dict(document(target=9))

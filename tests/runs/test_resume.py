@@ -29,7 +29,7 @@ from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs import resume
 from layoutrl.runs.commands import Stopped
-from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
+from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig, composed, part
 from layoutrl.runs.folder import LOCK, checkpoints, load_checkpoint, locked, save_checkpoint
 from layoutrl.runs.resume import resumed
 from layoutrl.runs.trained import trained_run
@@ -204,8 +204,8 @@ def test_the_checkpoint_before_a_damaged_one_is_taken(damage, rooms, whole, tmp_
     last = checkpoints(folder)[0]
     last.file.write_bytes(damage(last.file.read_bytes()))
     resumed(folder, run, TrainConfig)
-    said = capsys.readouterr().out
-    assert f"{last.file} is damaged (its hash is another); {checkpoints(whole)[1].file.name} is taken instead" in said
+    said, warned = capsys.readouterr()
+    assert f"{last.file} is damaged (its hash is another); {checkpoints(whole)[1].file.name} is taken instead" in warned
     assert f"going on after {checkpoints(whole)[1].updates} updates" in said
     assert outcome(folder) == outcome(whole)
 
@@ -216,7 +216,7 @@ def test_a_checkpoint_without_a_whole_mark_is_none(mark, whole, tmp_path, capsys
     last, before, *_ = checkpoints(folder)
     last.file.with_suffix(".json").write_text(mark)
     assert checkpoints(folder)[0] == before
-    assert "its checkpoint is left out" in capsys.readouterr().out
+    assert "its checkpoint is left out" in capsys.readouterr().err
 
 
 def test_where_no_checkpoint_is_whole_it_is_said(whole, tmp_path):
@@ -438,6 +438,25 @@ def test_a_sweep_tells_apart_what_its_runs_names_do_not(rooms, tmp_path):
     assert again.stdout.count("is finished") == 3
     assert "going on after 2 updates" in again.stdout
     assert sorted(folder.name for folder in tmp_path.glob("runs/tatami/*")) == made
+
+
+def test_files_that_are_named_from_here_are_those_that_a_run_names(rooms, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("more.yaml").write_text("{}")
+    few = ("method.updates.smoke=2", "budget.reports=1", "budget.evaluations=1", "data.categories=more.yaml")
+    config = configured(rooms, tmp_path, *few)
+    folder = run(config)
+    assert resume.begun(config) == folder
+    assert trained_run(RunConfig(str(folder))).data.categories == str(tmp_path / "more.yaml")
+    (folder / "evaluation.json").unlink()
+    resumed(folder, run, TrainConfig)
+    other = replace(config, data=replace(config.data, categories="other.yaml"))
+    assert resume.begun(other) is None
+
+
+def test_what_is_given_takes_the_place_of_what_the_run_says(whole):
+    given = trained_run(RunConfig(str(whole), data=replace(AS_IN_THE_RUN, unit="m", strict=True)))
+    assert given.data == replace(trained_run(RunConfig(str(whole))).data, unit="m", strict=True)
 
 
 def test_rooms_that_are_named_from_here_are_known_as_the_runs_own(rooms, whole, monkeypatch):
