@@ -23,7 +23,7 @@ from layoutrl.env.observation import GeometryObservation, categories_of, observa
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.oracle import perfect_places
-from layoutrl.evaluation.protocols import greedy
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.placement import Placer

@@ -28,10 +28,10 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.faults import Items
 from layoutrl.rooms.room import MAIN_ITEM, Room
-from layoutrl.runs.box import boxed
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.folder import write_json
 from layoutrl.runs.machine import use_one_thread
+from layoutrl.runs.pretrained import load
 from layoutrl.runs.ranges import within
 
 AT_THE_WALL = 0.02  # metres from it, at most
@@ -73,7 +73,7 @@ def main() -> None:
     within("--seed", options.seed, options.seed >= 0, "0 or more")
 
     use_one_thread()
-    furnisher = boxed(options.room_type, torch.device("cpu"))
+    furnisher = load(options.room_type, torch.device("cpu"))
     designs = design_rooms(options.room_type, "test", options.seed, 2 * options.rooms).rooms
     changed = disturbed(designs, [np.random.default_rng([options.seed, k]) for k in range(len(designs))])
     those = [k for k, (_, names) in enumerate(changed) if names][: options.rooms]

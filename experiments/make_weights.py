@@ -35,10 +35,10 @@ from layoutrl.evaluation.layouts import by_category
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.runs.box import ABOUT, unpacked
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import TrainConfig
 from layoutrl.runs.folder import differences, load_config, write_json
+from layoutrl.runs.pretrained import ABOUT, unpacked
 from layoutrl.runs.resume import stated
 from layoutrl.runs.trained import trained_agent
 

@@ -19,7 +19,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.env.observation import observation_of
     from layoutrl.env.simulator import Simulator
     from layoutrl.evaluation.furnishing import Furnisher
-    from layoutrl.evaluation.protocols import greedy
+    from layoutrl.evaluation.policy import greedy
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import evaluate, table

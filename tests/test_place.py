@@ -20,7 +20,7 @@ import pytest
 import layoutrl.place
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.protocols import Greedy, Rollout, greedy
+from layoutrl.evaluation.policy import GreedyPolicy, Rollout, greedy
 from layoutrl.place import run as place
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import rival
@@ -31,7 +31,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
-from layoutrl.runs import box, streams
+from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
 from layoutrl.runs.streams import growing
@@ -125,7 +125,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
     chosen: list[np.ndarray] = []
 
     def rotations(facing: int) -> list[float]:
-        class Best(Greedy):
+        class Best(GreedyPolicy):
             def rollout(self, *args: Any) -> Rollout:
                 found = super().rollout(*args)
                 way, start = np.divmod(np.arange(len(found.room)), STARTS)
@@ -276,13 +276,15 @@ def test_layouts_are_the_same_where_every_item_has_one_like_it_in_its_place() ->
 def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    types = [*box.cards()]
+    types = [*pretrained.cards()]
     rooms = [design_rooms(kind, "test", 4, 1).rooms[0] for kind in types]
     documents = [bare(room_to_dict(replace(room, furniture=room.furniture[:2]))) for room in rooms]
     middle = [*rooms[0].indoor.representative_point().coords[0]]
     documents[0]["furniture"].append({"category": "totem", "size": [0.3, 0.3], "center": middle})  # no matter
     file = written(tmp_path, documents + DOCUMENTS[:1] + [bare(DOCUMENTS[0]) | {"id": "left"}])
-    monkeypatch.setattr(box, "known", lambda kind, known=box.known: () if kind == "bedroom" else known(kind))
+    monkeypatch.setattr(
+        pretrained, "known", lambda kind, known=pretrained.known: () if kind == "bedroom" else known(kind)
+    )
     first, second = (
         run(composed("place", f"rooms={file}", "device=cpu", f"out={tmp_path / name}"))
         for name in ("1.jsonl", "2.jsonl")

@@ -1,1 +1,1 @@
-"""What `layoutrl.bench` measures: simulation, learning, curves."""
+"""What `layoutrl.bench` measures: simulation, learning, curves, serving."""

@@ -24,7 +24,7 @@ from layoutrl.agents.training import transitions
 from layoutrl.benchmarks.simulation import moves, random_moves, seconds_of
 from layoutrl.env.observation import categories_of, observation_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.protocols import greedy
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import keep_freed_memory

@@ -12,7 +12,7 @@ import numpy as np
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.furnished import Furnishes
 from layoutrl.rooms.room import MAIN_ITEM, Room
-from layoutrl.runs import box
+from layoutrl.runs import pretrained
 
 Move = tuple[str, tuple[float, float], float]
 
@@ -42,13 +42,13 @@ def staff_of(searching: Searching) -> Staff:
     """The agents in the package, helped by the search as those of `place` are."""
 
     @cache
-    def agents() -> box.Boxed:
+    def agents() -> pretrained.Agents:
         import torch  # which takes seconds: the page is there before
 
         from layoutrl.runs.machine import use_one_thread
 
         use_one_thread()
-        return box.Boxed(torch.device("cpu"))
+        return pretrained.Agents(torch.device("cpu"))
 
     @cache
     def furnisher() -> Furnishes:
@@ -60,4 +60,4 @@ def staff_of(searching: Searching) -> Staff:
         for room_type in MAIN_ITEM:
             agents().agent(room_type)
 
-    return Staff(furnisher, lambda room_type: agents().agent(room_type), box.known, ready)
+    return Staff(furnisher, lambda room_type: agents().agent(room_type), pretrained.known, ready)

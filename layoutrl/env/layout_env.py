@@ -50,7 +50,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     action: Discrete(A), see Moves. observation: `geometry` float32 (elements, columns) or `image`
     uint8 (128, 128, 3). reward: the paper's, -200 to 100.
-    info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`; `iou`;
+    info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`, `r4`; `iou`;
     `position`; `room`, its index; `illegal`, whether this move was. `action_masks()` is `legal` as
     sb3-contrib's MaskablePPO asks for it.
 

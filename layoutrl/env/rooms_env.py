@@ -35,8 +35,8 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     action: Discrete(A): those of Moves; a quarter turn to the left, one to the right; to take item 0, 1, ... of the
     list, which then moves: from where it stands, or from a pose that was drawn. observation: RoomsObservation.
     reward: the paper's, -200 to 100, of the item that moves, among what stands now; 0 until one is taken.
-    info: `legal`, the mask (A,) of actions; `item`, which one moves; `r1`, `r2`, `r3`, `iou` of it; `room`, the index;
-    `illegal`, whether this action was: it is dropped, nothing changes, and the caller should not store it.
+    info: `legal`, the mask (A,) of actions; `item`, which one moves; `r1`, `r2`, `r3`, `r4`, `iou` of it; `room`, the
+    index; `illegal`, whether this action was: it is dropped, nothing changes, and the caller should not store it.
     At the end of an episode info has `measures`, by their names in `Measures`, of designs alone.
 
     An episode is truncated after `max_moves` actions, dropped ones included; it never ends otherwise.

@@ -1,1 +1,1 @@
-"""How good the result is: rollouts, metrics, yardsticks."""
+"""How good the result is: policies, metrics, the exact model."""

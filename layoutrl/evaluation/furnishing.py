@@ -19,7 +19,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.choosing import Chosen, Options, best_of, faulty_items, unlike, wrong
-from layoutrl.evaluation.protocols import greedy
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.room import Item, Point, Room, rotation

@@ -22,7 +22,7 @@ from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher, spread
-from layoutrl.evaluation.protocols import greedy
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
@@ -31,11 +31,11 @@ from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
-from layoutrl.runs import box
-from layoutrl.runs.box import Boxed
+from layoutrl.runs import pretrained
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
+from layoutrl.runs.pretrained import Agents
 from layoutrl.runs.trained import trained_agent
 
 RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
@@ -60,8 +60,9 @@ def hired(config: PlaceConfig) -> Hired:
         return Hired(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
-        agents = Boxed(device)
-        return Hired(agents if config.by == "agents" else helped(agents, config.search), box.known, box.types_with)
+        agents: Furnishes = Agents(device)
+        furnisher = agents if config.by == "agents" else helped(agents, config.search)
+        return Hired(furnisher, pretrained.known, pretrained.types_with)
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
     agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)

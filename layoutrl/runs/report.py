@@ -11,7 +11,7 @@ from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import lattice_ceiling, score
-from layoutrl.evaluation.protocols import Greedy
+from layoutrl.evaluation.policy import GreedyPolicy
 from layoutrl.rivals.rules import nearest_room_place, random_wall_place
 from layoutrl.rooms.room import Room
 
@@ -19,7 +19,7 @@ AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner pl
 
 
 def evaluate(
-    policy: Greedy,
+    policy: GreedyPolicy,
     simulator: Simulator,
     observe: Observe,
     training: Sequence[Room],

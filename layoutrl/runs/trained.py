@@ -18,7 +18,7 @@ from layoutrl.env.observation import GeometryObservation, ImageObservation, obse
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.protocols import Greedy, greedy
+from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
@@ -67,7 +67,7 @@ class TrainedRun:
         return Furnisher(self.agent, self.method, self.categories)
 
     @property
-    def policy(self) -> Greedy:
+    def policy(self) -> GreedyPolicy:
         """The agent, as it moves one item."""
         return greedy(self.agent, self.method)
 

@@ -14,8 +14,8 @@ from layoutrl.agents.learner import Learner
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.policy import greedy
 from layoutrl.evaluation.probe import Probe, RoomsProbe
-from layoutrl.evaluation.protocols import greedy
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import TrainConfig
 from layoutrl.runs.machine import keep_freed_memory, refuse_chance

@@ -24,7 +24,7 @@ from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.protocols import Greedy, greedy
+from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.rooms.room import Item, Room, symmetry
 from layoutrl.runs.config import composed
 from tests.builders import l_room, opening, rectangular_room
@@ -472,7 +472,7 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     list(training(agent, home, observe, Replay(10_000, 4), schedule, **settings))
     simulator, index = Simulator(rooms, moves, Reward()), np.repeat([0, 1], 60)
     starts = simulator.starts(index, np.random.default_rng(1))
-    final = Greedy(agent, 40, "mask", views[:1]).rollout(BatchSimulator(simulator), turned, index, starts).final
+    final = GreedyPolicy(agent, 40, "mask", views[:1]).rollout(BatchSimulator(simulator), turned, index, starts).final
     iou, ceiling = simulator.reward(index, final).iou, lattice_ceiling(simulator, index, starts)
     assert (iou <= ceiling + 1e-6).all()
     assert (iou.reshape(2, 60).mean(1) > 0.95 * ceiling.reshape(2, 60).mean(1)).all()

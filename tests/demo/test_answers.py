@@ -24,7 +24,7 @@ from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import MAIN_ITEM, Room
-from layoutrl.runs import box
+from layoutrl.runs import pretrained
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import Helped
 
@@ -162,7 +162,7 @@ def test_the_agents_of_the_package_furnish_and_the_search_helps_them():
     assert isinstance(helped, Helped)
     assert staff.furnisher() is helped
     assert staff.thinker("bathroom") is helped.one.agent("bathroom")
-    assert staff.known("bathroom") == box.cards()["bathroom"]["categories"]
+    assert staff.known("bathroom") == pretrained.cards()["bathroom"]["categories"]
 
 
 def test_who_furnishes_in_an_agents_place_is_named(answers, monkeypatch):

@@ -10,7 +10,7 @@ import torch
 from make_weights import COLUMN, page_of
 from table3 import METHODS
 
-from layoutrl.runs.box import ABOUT, unpacked
+from layoutrl.runs.pretrained import ABOUT, unpacked
 from tests.experiments.builders import script
 
 

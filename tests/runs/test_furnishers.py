@@ -16,9 +16,9 @@ from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import furnishers
-from layoutrl.runs.box import Boxed
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import HALL, Helped, hired
+from layoutrl.runs.pretrained import Agents
 
 DESIGNS = design_rooms("bedroom", "test", 0, 2).rooms
 
@@ -86,7 +86,7 @@ def test_no_help_is_asked_for_in_a_hall() -> None:
     assert [each.layout for each in found] == [hall]
 
 
-@pytest.mark.parametrize(("by", "kind"), [("", Helped), ("by=agents", Boxed), ("by=search", furnishers.Rival)])
+@pytest.mark.parametrize(("by", "kind"), [("", Helped), ("by=agents", Agents), ("by=search", furnishers.Rival)])
 def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None:
     asked = composed("place", "rooms=any.jsonl", "device=cpu", *filter(None, [by]))
     assert isinstance(hired(asked).furnisher, kind)

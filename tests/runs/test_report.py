@@ -14,8 +14,8 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
+from layoutrl.evaluation.policy import GreedyPolicy
 from layoutrl.evaluation.probe import Probe
-from layoutrl.evaluation.protocols import Greedy
 from layoutrl.rooms.room import Item
 from layoutrl.runs.report import AGENT, evaluate
 from tests.builders import l_room, rectangular_room
@@ -37,8 +37,8 @@ def agent() -> DQN:
     return DQN(network, 1e-3, 10, 10, double=True)
 
 
-def greedy(agent: DQN) -> Greedy:
-    return Greedy(agent, 20, "mask", symmetries(EXACT.moves))
+def greedy(agent: DQN) -> GreedyPolicy:
+    return GreedyPolicy(agent, 20, "mask", symmetries(EXACT.moves))
 
 
 def test_an_evaluation_scores_the_stopping_places_exactly(agent):

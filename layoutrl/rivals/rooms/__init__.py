@@ -1,1 +1,1 @@
-"""What furnishes whole rooms without a network: chance, the nearest training room, annealing, constraint search."""
+"""Who else furnishes whole rooms: chance, the nearest training room, annealer, search, supervised pointer."""

@@ -21,7 +21,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
-from layoutrl.evaluation.protocols import BLOCK, SHORTLIST, Greedy, Rollout
+from layoutrl.evaluation.policy import BLOCK, SHORTLIST, GreedyPolicy, Rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -67,7 +67,7 @@ def unturned(moves: Moves) -> list[Symmetry]:
 
 def follow(agent, start, max_moves=20, on_illegal="mask", room: Room | None = None) -> Rollout:
     simulator = BatchSimulator(Simulator([room or wide_room()], STEPS, Reward()))
-    policy = Greedy(agent, max_moves, on_illegal, unturned(STEPS))
+    policy = GreedyPolicy(agent, max_moves, on_illegal, unturned(STEPS))
     return policy.rollout(simulator, Place(), np.array([0]), np.array([start]))
 
 
@@ -101,7 +101,7 @@ def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_mo
     agent, simulator = nearing((2.0, 1.5)), BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
     index, start = np.array([0]), np.array([(1.0, 1.5)])
     for climbs, ends in ((0, 1.5), (1, 2.0), (4, 2.0)):  # two moves from it, of which it looks for one
-        run = Greedy(agent, 1, "mask", unturned(STEPS), climbs).rollout(simulator, Place(), index, start)
+        run = GreedyPolicy(agent, 1, "mask", unturned(STEPS), climbs).rollout(simulator, Place(), index, start)
         assert run.final.tolist() == [[ends, 1.5]]
         assert run.way(0)[:, 0].tolist() == [1.0, 1.5, 2.0][: len(run.way(0))]
         assert run.moves.tolist() == [len(run.way(0)) - 1]
@@ -119,7 +119,7 @@ def test_last_it_is_put_in_line_with_what_is_near(start, snap, ends):
     case = Item("bookcase", (0.4, 1.0), (3.0, 2.0), 0.0)
     room = rectangular_room(4, 4, Item("bed", (2.0, 1.0), (1.5, 2.0)), others=(case,))
     simulator = BatchSimulator(Simulator([room], STEPS, Reward()))
-    policy = Greedy(Flat(), 0, "mask", unturned(STEPS), snap=snap)
+    policy = GreedyPolicy(Flat(), 0, "mask", unturned(STEPS), snap=snap)
     run = policy.rollout(simulator, GeometryObservation([room], ["bed"]), np.array([0]), np.array([start]))
     np.testing.assert_allclose(run.final, [ends], atol=1e-6)
     np.testing.assert_array_equal(run.way(0)[-1], run.final[0])
@@ -142,7 +142,7 @@ def test_it_is_put_in_line_the_same_way_however_the_item_is_turned(seed):
     scene = scenes.of(State(*map(torch.as_tensor, state)))
     names = categories_of(one.rooms)
     observe = ScenesObservation(scenes, RoomsObservation(rooms, names))
-    policy = Greedy(Flat(), 0, "mask", unturned(STEPS), snap=0.1)
+    policy = GreedyPolicy(Flat(), 0, "mask", unturned(STEPS), snap=0.1)
     here = GeometryObservation(one.rooms, names)
     expected = policy.rollout(BatchSimulator(one), here, np.zeros(8, dtype=int), start)
     assert (expected.final != start).any()
@@ -221,7 +221,7 @@ def test_a_place_that_no_shortest_move_leads_into_is_worth_what_led_there():
     moves = Moves((3.3,), slide=True)  # of a room that the item spans, 4 m long: from end to end at most 3.4 m
     simulator = Simulator([rectangular_room(4, 1, Item("bed", (1.0, 1.0), (2.0, 0.5)))], moves, Reward())
     agent = Scripted(lambda x, y: [1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0])  # steps, then slides
-    policy = Greedy(agent, 2, "mask", unturned(moves))
+    policy = GreedyPolicy(agent, 2, "mask", unturned(moves))
     run = policy.rollout(BatchSimulator(simulator), Place(), np.array([0]), np.array([(0.35, 0.5)]))
     np.testing.assert_allclose(run.path[:, 0], [[0.35, 0.5], [3.65, 0.5], [3.5, 0.5]], atol=1e-5)
     assert run.final.tolist() == [[3.65, 0.5]]
@@ -231,12 +231,16 @@ def test_values_are_the_mean_over_all_views_of_a_room():
     """Seen in all eight views, nothing is left of a preference for one direction; a wish to be right remains."""
     views = symmetries(STEPS)
     right = Scripted(lambda x, y: [8.0, 0.0, 0.0, 0.0])
-    q = Greedy(right, 1, "mask", views).values(Place(), torch.zeros(1), torch.tensor([[1.0, 2.0]], dtype=torch.float64))
+    q = GreedyPolicy(right, 1, "mask", views).values(
+        Place(), torch.zeros(1), torch.tensor([[1.0, 2.0]], dtype=torch.float64)
+    )
     np.testing.assert_allclose(q, [[2.0] * 4])
     # What an agent wants that sees all rooms alike is what it wants in each view, turned back: to the origin.
     home = Scripted(lambda x, y: [-x, x, y, -y])
     for place, best in (((3.0, 1.0), LEFT), ((-3.0, 1.0), RIGHT), ((1.0, 3.0), BELOW), ((1.0, -3.0), UP)):
-        q = Greedy(home, 1, "mask", views).values(Place(), torch.zeros(1), torch.tensor([place], dtype=torch.float64))
+        q = GreedyPolicy(home, 1, "mask", views).values(
+            Place(), torch.zeros(1), torch.tensor([place], dtype=torch.float64)
+        )
         assert q.argmax().item() == best
         np.testing.assert_allclose(q, home.values(torch.tensor([place], dtype=torch.float64)))
 
@@ -247,7 +251,7 @@ def test_values_of_however_many_places_are_those_of_each_and_no_more_than_a_bloc
     expected = home.values(places)
     values, blocks = home.values, []
     home.values = lambda block: blocks.append(len(block)) or values(block)
-    q = Greedy(home, 1, "mask", symmetries(STEPS)).values(Place(), torch.zeros(len(places)), places)
+    q = GreedyPolicy(home, 1, "mask", symmetries(STEPS)).values(Place(), torch.zeros(len(places)), places)
     np.testing.assert_allclose(q, expected, atol=1e-6)
     assert max(blocks) <= BLOCK
     assert sum(blocks) == 8 * len(places)
@@ -327,7 +331,7 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
     room = rng.integers(3, size=8)
     starts = exact.starts(room, rng)
     values = hashed(seed, exact.moves.count)
-    policy = Greedy(Scripted(values), max_moves, on_illegal, unturned(exact.moves), climbs)
+    policy = GreedyPolicy(Scripted(values), max_moves, on_illegal, unturned(exact.moves), climbs)
     run = policy.rollout(simulator, Place(), room, starts)
     np.testing.assert_array_equal(run.path[0], starts)
     for b in range(8):
@@ -364,7 +368,7 @@ def test_rollouts_never_hang_on_the_designers_place(seed, on_illegal):
             observe = GeometryObservation([moved], [room.moving.category])
             torch.manual_seed(seed)
             agent = network(observe.space.shape[1], simulator.moves.count)
-            policy = Greedy(agent, 30, on_illegal, symmetries(simulator.moves))
+            policy = GreedyPolicy(agent, 30, on_illegal, symmetries(simulator.moves))
             runs.append(policy.rollout(batch_simulator, observe, index, starts))
     for run in runs[1:]:
         np.testing.assert_array_equal(run.path, runs[0].path)
@@ -376,7 +380,7 @@ def test_neither_starts_nor_agent_are_changed_by_a_rollout():
     simulator, observe = Simulator([room], STEPS, Reward()), GeometryObservation([room], ["bed"])
     batch_simulator = BatchSimulator(simulator)
     agent = network(observe.space.shape[1], 4)
-    policy = Greedy(agent, 10, "mask", unturned(STEPS))
+    policy = GreedyPolicy(agent, 10, "mask", unturned(STEPS))
     starts = simulator.starts(np.zeros(5, dtype=int), np.random.default_rng(0))
     copies, weights = starts.copy(), [p.clone() for p in agent.network.parameters()]
     runs = [policy.rollout(batch_simulator, observe, np.zeros(5, dtype=int), starts) for _ in range(2)]
@@ -389,10 +393,10 @@ def test_neither_starts_nor_agent_are_changed_by_a_rollout():
 
 def test_the_best_move_is_legal_and_leads_to_where_the_agent_wants_to_be():
     simulator = BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
-    policy = Greedy(nearing((2.0, 1.5)), 5, "mask", unturned(STEPS))
+    policy = GreedyPolicy(nearing((2.0, 1.5)), 5, "mask", unturned(STEPS))
     places = np.array([(1.0, 1.5), (3.0, 1.5), (2.0, 2.5), (2.0, 0.5)])
     moves, values = policy.best_moves(simulator, Place(), np.zeros(4, int), places)
     assert moves.tolist() == [RIGHT, LEFT, BELOW, UP]
     assert values.tolist() == [-0.5, -0.5, -0.5, -0.5]
-    beyond = Greedy(nearing((9.0, 1.5)), 5, "mask", unturned(STEPS))
+    beyond = GreedyPolicy(nearing((9.0, 1.5)), 5, "mask", unturned(STEPS))
     assert beyond.best_moves(simulator, Place(), np.zeros(1, int), np.array([(3.5, 1.5)]))[0] != RIGHT

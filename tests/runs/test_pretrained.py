@@ -14,30 +14,30 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import MISSING, faults
-from layoutrl.runs import box
+from layoutrl.runs import pretrained
 from tests.commands import PROJECT
 
 CPU = torch.device("cpu")
-TYPES = [*box.cards()]
+TYPES = [*pretrained.cards()]
 
 
 @pytest.mark.parametrize("room_type", TYPES)
 def test_every_agent_is_what_is_said_of_it_and_places_all_items_the_same_again(room_type: str) -> None:
-    furnisher = box.boxed(room_type, CPU)  # which compares the hash
+    furnisher = pretrained.load(room_type, CPU)  # which compares the hash
     briefs = [brief_of(room) for room in design_rooms(room_type, "test", 5, 1).rooms]
     layouts, again = ([one.layout for one, *_ in furnisher.furnish(briefs, 1, seed)] for seed in (3, 4))
     assert layouts == again
     assert not any(fault == MISSING for layout in layouts for _, fault in faults(layout))
-    assert {item.category for brief in briefs for item in brief.furniture} <= {*box.known(room_type)}
-    card = box.cards()[room_type]
+    assert {item.category for brief in briefs for item in brief.furniture} <= {*pretrained.known(room_type)}
+    card = pretrained.cards()[room_type]
     assert {"licence", "command", "seed", "data", "updates", "commit", "layoutrl", "measures"} <= card.keys()
 
 
 def test_all_files_are_named_and_small() -> None:
     there = {path.name: path.stat().st_size for path in (PROJECT / "layoutrl/weights").iterdir()}
-    assert {*there} == {box.ABOUT} | {card["file"] for card in box.cards().values()}
+    assert {*there} == {pretrained.ABOUT} | {card["file"] for card in pretrained.cards().values()}
     assert sum(there.values()) < 5_000_000
-    assert all(there[card["file"]] == card["bytes"] for card in box.cards().values())
+    assert all(there[card["file"]] == card["bytes"] for card in pretrained.cards().values())
 
 
 def test_a_damaged_file_and_a_type_without_an_agent_are_answered_in_a_line(
@@ -46,26 +46,26 @@ def test_a_damaged_file_and_a_type_without_an_agent_are_answered_in_a_line(
     with pytest.raises(
         InputError, match=rf"^room_type: no agent furnishes a cellar; expected one of {TYPES[0]}[\w, ]*$"
     ):
-        box.boxed("cellar", CPU)
+        pretrained.load("cellar", CPU)
     shutil.copytree(PROJECT / "layoutrl/weights", tmp_path / "weights")
-    monkeypatch.setattr(box, "FOLDER", tmp_path / "weights")
-    file = tmp_path / "weights" / box.cards()[TYPES[0]]["file"]
+    monkeypatch.setattr(pretrained, "FOLDER", tmp_path / "weights")
+    file = tmp_path / "weights" / pretrained.cards()[TYPES[0]]["file"]
     content = bytearray(file.read_bytes())
     content[1000] ^= 1
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"^weights: .* is damaged or missing; expected it as installed: .*$"):
-        box.boxed(TYPES[0], CPU)
+        pretrained.load(TYPES[0], CPU)
     file.unlink()
     with pytest.raises(InputError, match=r"^weights: .* is damaged or missing"):
-        box.boxed(TYPES[0], CPU)
+        pretrained.load(TYPES[0], CPU)
 
 
 def test_the_page_is_what_weights_json_implies() -> None:
-    about = json.loads((make_weights.WEIGHTS / box.ABOUT).read_text(encoding="utf-8"))
+    about = json.loads((make_weights.WEIGHTS / pretrained.ABOUT).read_text(encoding="utf-8"))
     assert make_weights.PAGE.read_text(encoding="utf-8") == make_weights.page_of(about)
 
 
 def test_the_types_whose_agents_place_a_category_are_those_that_know_it() -> None:
-    assert box.types_with("bed")
-    assert box.types_with("totem") == []
-    assert all("chair" in box.known(room_type) for room_type in box.types_with("chair"))
+    assert pretrained.types_with("bed")
+    assert pretrained.types_with("totem") == []
+    assert all("chair" in pretrained.known(room_type) for room_type in pretrained.types_with("chair"))

@@ -36,7 +36,7 @@ def cards() -> dict[str, dict[str, Any]]:
     return json.loads((FOLDER / ABOUT).read_text(encoding="utf-8"))["agents"]
 
 
-def boxed(room_type: str, device: torch.device) -> Furnisher:
+def load(room_type: str, device: torch.device) -> Furnisher:
     """The agent of a room type. Raises InputError where there is none, or its file is damaged."""
     if (card := cards().get(room_type)) is None:
         raise InputError(f"room_type: no agent furnishes a {room_type}; expected one of {', '.join(cards())}")
@@ -60,11 +60,11 @@ def unpacked(content: bytes, card: dict[str, Any], device: torch.device) -> Furn
     return Furnisher(agent, method, card["categories"])
 
 
-class Boxed:
+class Agents:
     """Furnishes rooms of several types, each by the agent of its type, which is loaded when it is first needed."""
 
     def __init__(self, device: torch.device):
-        self.agent = cache(lambda room_type: boxed(room_type, device))
+        self.agent = cache(lambda room_type: load(room_type, device))
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Raises InputError as `boxed` does."""

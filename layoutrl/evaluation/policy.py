@@ -76,7 +76,7 @@ class Rollout:
 
 
 @dataclass(frozen=True)
-class Greedy:
+class GreedyPolicy:
     """The greedy policy of an agent, as it is tested.
 
     There is no move that stays, so that it would end in a loop; instead it never goes back to where it has been, and
@@ -231,7 +231,7 @@ def _shortest(moves: Moves) -> int:
     return 4 * int(np.argmin(moves.steps))
 
 
-def greedy(agent: DQN, method: Method) -> Greedy:
+def greedy(agent: DQN, method: Method) -> GreedyPolicy:
     """The agent's policy, as the method tests it."""
-    device = next(agent.network.parameters()).device
-    return Greedy(agent, method.evaluation_moves, method.on_illegal, method.views(device), method.climbs, method.snap)
+    views = method.views(next(agent.network.parameters()).device)
+    return GreedyPolicy(agent, method.evaluation_moves, method.on_illegal, views, method.climbs, method.snap)
