@@ -259,9 +259,10 @@ def finite(state: Any) -> bool:
 
 
 def stated(config: AnyTraining) -> dict[str, Any]:
-    """The configuration as plain values, but for where files lie."""
+    """The configuration as plain values, but for where files lie; how long is in method.updates."""
     moved = replace(config, runs="", name=None, data=replace(config.data, root=None, categories=None))
-    return json.loads(json.dumps(asdict(moved)))
+    plain = json.loads(json.dumps(asdict(moved)))
+    return plain | {"room": {"type": plain["room"]["type"], "item": plain["room"]["item"]}}
 
 
 def digest(rooms: Sequence[Room]) -> str:

@@ -71,9 +71,7 @@ def test_a_checkpoint_of_another_run_is_refused(copy: Path, tmp_path: Path) -> N
     other = trained(tmp_path, "kitchen")
     shutil.rmtree(copy / "checkpoints")
     shutil.copytree(other / "checkpoints", copy / "checkpoints")
-    with pytest.raises(
-        InputError, match=r"is of another .*room\.type, room\.updates, room\.whole_updates; expected the same"
-    ):
+    with pytest.raises(InputError, match=r"is of another .*room\.type; expected the same"):
         trained_run(RunConfig(str(copy)))
 
 
