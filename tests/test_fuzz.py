@@ -45,8 +45,8 @@ from layoutrl.rooms.sources.sweethome3d import read_home
 from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.folder import load_checkpoint, load_config, save_checkpoint
 from tests.builders import random_room
-from tests.rooms import test_front3d, test_procthor
-from tests.rooms.test_sweethome3d import home_file
+from tests.rooms.sources import test_front3d, test_procthor
+from tests.rooms.sources.test_sweethome3d import home_file
 
 resource = pytest.importorskip("resource", reason="time and memory are watched as POSIX has it")
 DATA = Path(__file__).parents[2] / "shared" / "data"

@@ -19,7 +19,7 @@ from layoutrl.rooms.sources.floorplans import MAIN_ITEM, _snapped, read
 from layoutrl.rooms.sources.plans import HALF_WALL, near_copies
 
 SHARE = 5  # of so many plans one is read; with -m slow, all
-REAL = Path(__file__).parents[3] / "shared" / "data" / "floorplans"
+REAL = Path(__file__).parents[4] / "shared" / "data" / "floorplans"
 real_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"the floor plans are not in {REAL}")
 
 METRES_PER_PIXEL = 0.02  # of the plan below: its squares and its inner door are drawn to it

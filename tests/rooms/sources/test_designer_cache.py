@@ -27,7 +27,7 @@ from layoutrl.rooms.designer.generator import Designs, design_room, design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources import designer_cache
 
-PROJECT = Path(__file__).parents[2]
+PROJECT = Path(__file__).parents[3]
 DESIGN = """
 import multiprocessing, signal, sys
 from pathlib import Path

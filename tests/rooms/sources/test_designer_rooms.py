@@ -14,7 +14,7 @@ from shapely.geometry import Polygon, box
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.sources.designer_rooms import read, rectangles, runs
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "designer_rooms"
+REAL = Path(__file__).parents[4] / "shared" / "data" / "designer_rooms"
 real_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"the designers' rooms are not in {REAL}")
 
 Layout = dict[str, Any]
