@@ -46,7 +46,7 @@ from layoutrl.rivals.supervised import (
 )
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import Data, designed_rooms, two_parts, whole_parts
+from layoutrl.rooms.sources.parts import Data, both, designed_rooms, two_parts, whole_parts
 from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, part
@@ -384,7 +384,7 @@ class WholeRooms:
 
 def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
     """The whole rooms of a cell: the same for every column and seed, or the first of them."""
-    training, designs = whole_parts(config.room.type, config.data, config.fold)
+    training, designs = both(*whole_parts(config.room.type, config.data, config.fold))
     if config.trained_on != "own":
         raise InputError(f"trained_on: expected own, as whole rooms are learned from; got {config.trained_on}")
     return WholeRooms(training, designs[: max(1, round(config.share_of_rooms * len(designs)))], device)

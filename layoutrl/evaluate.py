@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from layoutrl import InputError
+from layoutrl.rooms.files import check_new
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import EvaluateConfig
 
@@ -26,6 +27,8 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
     from layoutrl.runs.trained import trained_run
 
+    if config.out:
+        check_new(Path(config.out), ".json")
     shown = trained_run(config)
     if shown.furnishes and config.starts > 1:
         raise InputError(f"starts: a whole room is furnished once, from nothing; expected 1; got {config.starts}")

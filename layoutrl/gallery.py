@@ -22,10 +22,11 @@ CELL = 2.4  # inches, width and height of one room
 
 
 def sheet(rooms: Sequence[Room]) -> Figure:
-    """Rooms in rows of six, each to its own scale."""
-    rows = -(-len(rooms) // COLUMNS)
-    figure = Figure(figsize=(CELL * COLUMNS, CELL * rows))
-    grid = figure.subplots(rows, COLUMNS, squeeze=False)
+    """Rooms in rows of up to six, each to its own scale."""
+    columns = min(COLUMNS, len(rooms))
+    rows = -(-len(rooms) // columns)
+    figure = Figure(figsize=(CELL * columns, CELL * rows))
+    grid = figure.subplots(rows, columns, squeeze=False)
     for axes in grid.flat:
         axes.axis("off")
     for axes, room in zip(grid.flat, rooms, strict=False):
@@ -45,8 +46,9 @@ def run(config: GalleryConfig) -> list[Path]:
             f"room: {config.data.source} has no {' or '.join(types)} to draw; expected another room=<type>"
         )
     name = "all_types" if config.all_types else config.room.type
+    which = f"seed{config.data.seed}" if config.data.source == "designer" else Path(str(config.data.root)).stem
     with style.context(STYLE):
-        files = save(sheet(rooms), Path(config.out) / f"{name}-{config.data.source}-seed{config.data.seed}", dpi=120)
+        files = save(sheet(rooms), Path(config.out) / f"{name}-{config.data.source}-{which}", dpi=120)
     for file in files:
         print(f"wrote {file}")
     return files

@@ -27,8 +27,8 @@ from layoutrl.env.answerable import nowhere
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
-from layoutrl.rooms.files import check_new, room_files
-from layoutrl.rooms.formats import ALL, Source, format_of, names_in, opened
+from layoutrl.rooms.files import check_new, files_below
+from layoutrl.rooms.formats import ALL, FORMATS, Source, format_of, names_in, opened
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.categories import names_of, nearest
 from layoutrl.runs.asked import Asked, asked_of
@@ -43,6 +43,7 @@ from layoutrl.runs.streams import (
     blocks,
     count,
     growing,
+    inputs,
     json_entries,
     source_entries,
 )
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 100  # letters of a room's id in the name of its picture
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
 
@@ -126,12 +128,14 @@ def run(config: PlaceConfig) -> Done:
     piped = (config.out or config.rooms) == STANDARD
     if piped and suffix != JSON:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
-    total = len(source.collection.rooms) if source else count(config.rooms)  # says, too, where there is no such file
+    total = len(source.collection.rooms) if source else count(config)  # says, too, where there is no such file
     if config.run is not None:
         load_config(Path(config.run).expanduser(), TrainConfig)  # what is wrong with it is said before anything is made
     files = [] if piped else out_files(config, suffix)
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
     if suffix == JSON:
+        if piped and sys.stdout is None:
+            raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
         grown = nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config))
         with grown as sheet:
             work.tally = sheet.tally
@@ -149,7 +153,8 @@ def run(config: PlaceConfig) -> Done:
     if not work.asked and not work.readable:
         raise InputError(f"rooms: no room of {config.rooms} could be read, as is said above; expected one or more")
     if not work.asked:
-        raise InputError(f"rooms: {config.rooms} has no room with an item without a center; expected one or more")
+        what = f"a {config.item}" if config.item else "an item"
+        raise InputError(f"rooms: {config.rooms} has no room with {what} without a center; expected one or more")
     work.say(str(work.tally))
     for file in files:
         work.say(f"wrote {file}")
@@ -165,6 +170,7 @@ class Work:
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
+        self._ids = set[str]()
         self._objects = 0  # entries that are JSON objects, right or wrong
 
     @cached_property
@@ -177,8 +183,8 @@ class Work:
         return hired(self.config)
 
     def say(self, line: str) -> None:
-        """Print it, above the bar of progress."""
-        tqdm.write(line, file=self._says)
+        """Print it, above the bar of progress; a name in it cannot command the terminal."""
+        tqdm.write(CONTROL.sub(lambda found: repr(found[0])[1:-1], line), file=self._says)
 
     @property
     def asked(self) -> bool:
@@ -207,7 +213,8 @@ class Work:
             self._seen = None
         entries: Iterator[Entry | None]
         if self.source:
-            self.say(str(self.source.collection))
+            for line in str(self.source.collection).splitlines():
+                self.say(line)
             entries = islice(source_entries(self.source), first, None, shards)
         else:
             entries = json_entries(self.config, first, shards)
@@ -232,6 +239,9 @@ class Work:
                     if entry.unit not in self._units:
                         self._units.add(entry.unit)
                         self.say(f"lengths are read as {entry.unit}, as rooms are large (unit=m if they are)")
+                    if entry.room.id in self._ids:
+                        self.say(f"{entry.where}: an earlier room is called {entry.room.id}, too")
+                    self._ids.add(entry.room.id)
                     answered.append(answer := next(answers))
                     self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
                 yield answered
@@ -298,6 +308,8 @@ def source_of(config: PlaceConfig) -> Source | None:
                     f"{name}: rooms of {config.rooms} say themselves what and where they are; expected no {name}="
                 )
         return None
+    if config.unit != "auto":
+        raise InputError(f"unit: {config.rooms} says itself how long a metre is; expected no unit=")
     return opened(
         path,
         move=config.move,
@@ -337,7 +349,11 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
 
 def about(config: PlaceConfig) -> dict[str, Any]:
     """All that decides what is placed where, as JSON keeps it: a run that was stopped goes on only with the same."""
-    files = [] if config.rooms == STANDARD else room_files(Path(config.rooms).expanduser())
+    path = Path(config.rooms).expanduser()
+    if config.rooms == STANDARD:
+        files = []
+    else:
+        files = inputs(config) if format_of(path) == "json" else files_below(path, FORMATS)
     stats = [(str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
     said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
     kept: dict[str, Any] = json.loads(json.dumps(said | {"rooms": stats, "version": __version__}))
@@ -346,8 +362,11 @@ def about(config: PlaceConfig) -> dict[str, Any]:
 
 def carry_out(config: PlaceConfig) -> None:
     """Place as configured. Raises Incomplete where something is not placed, or a room cannot be read."""
-    if not run(config).tally.whole:
+    tally = run(config).tally
+    if tally.placed < tally.items:
         raise Incomplete("not everything is placed, as is said above")
+    if tally.left_out:
+        raise Incomplete("not all rooms could be read, as is said above")
 
 
 main = command("place", PlaceConfig, carry_out)

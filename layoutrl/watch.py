@@ -20,6 +20,7 @@ from layoutrl.env.measures import measured
 from layoutrl.env.render import MOVING, color_of
 from layoutrl.figures import DESIGNER, STYLE, draw_item, draw_room, rgb
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.files import check_new
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import WatchConfig
@@ -40,6 +41,9 @@ def run(config: WatchConfig) -> list[Path]:
     from layoutrl.env.batch import BatchSimulator
     from layoutrl.runs.trained import trained_run
 
+    if config.out:
+        for file in files_of(Path(config.out)):
+            check_new(file, file.suffix)
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
     chosen = rng.permutation(len(shown.rooms))[: config.rooms]
@@ -148,10 +152,16 @@ def _picture(canvas: FigureCanvasAgg) -> Image.Image:
     return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
+def files_of(base: Path) -> list[Path]:
+    """<base>.gif and <base>.webp, also where the base has such a suffix itself."""
+    stem = base.stem if base.suffix in (".gif", ".webp") else base.name
+    return [base.with_name(f"{stem}.{suffix}") for suffix in ("gif", "webp")]
+
+
 def write(pictures: Sequence[Image.Image], base: Path) -> list[Path]:
-    """Write <base>.gif and <base>.webp. Raises InputError where they cannot be written."""
+    """Write `files_of` a base. Raises InputError where they cannot be written."""
     palette = pictures[-1].quantize(COLORS, Image.Quantize.MAXCOVERAGE)  # white stays white
-    files = [base.with_name(f"{base.name}.{suffix}") for suffix in ("gif", "webp")]
+    files = files_of(base)
     durations = [START_MS, *[FRAME_MS] * (len(pictures) - 2), HELD_MS]
     few_colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     try:

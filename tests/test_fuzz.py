@@ -466,7 +466,7 @@ def test_a_loaded_checkpoint_never_runs_code(tmp_path, capsys):
             file.with_suffix(".json").write_text(json.dumps(mark | {"sha256": hashlib.sha256(content).hexdigest()}))
         with pytest.raises(InputError, match="no whole checkpoint"):
             load_checkpoint(folder, torch.device("cpu"))
-        said = capsys.readouterr().out
+        said = capsys.readouterr().err
         assert "it holds other things than tensors and plain values" in said
         assert "weights_only" not in said  # torch's advice would run it
     assert not made.exists()

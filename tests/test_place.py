@@ -36,6 +36,7 @@ from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
 from layoutrl.runs.streams import growing
 from layoutrl.train import run as train
+from tests.rooms.sources.test_sweethome3d import home_file
 from tests.runs.test_resume import SHORT
 
 DOCUMENTS = [room_to_dict(room) for room in design_rooms("bedroom", "test", 3, 3).rooms]
@@ -94,7 +95,8 @@ def test_an_item_that_the_agent_does_not_know_is_not_placed_and_other_furniture_
     assert ["center" in item for item in items] == [False, True, True]
     assert items[0]["faults"] == ["not placed"]
     said = capsys.readouterr().out
-    assert f"{rooms[0]['id']}: 0 of 1 placed; the waterbed is not placed: nobody knows it; expected a " in said
+    unknown = "the waterbed is not placed: who is asked does not know it; expected a "
+    assert f"{rooms[0]['id']}: 0 of 1 placed; {unknown}" in said
     assert "placed 2 of 3 items in 3 rooms" in said
 
 
@@ -160,9 +162,8 @@ def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is
     assert all({"center", "rotation"} <= item.keys() for item in rooms[0]["furniture"])
     assert [k for k, item in enumerate(rooms[1]["furniture"]) if "center" not in item] == [0, 1]
     said = capsys.readouterr().out
-    assert (
-        f"{rooms[1]['id']}: 3 of 5 placed; the waterbed is not placed: nobody knows it; expected a category as " in said
-    )
+    unknown = "the waterbed is not placed: who is asked does not know it; expected a category as "
+    assert f"{rooms[1]['id']}: 3 of 5 placed; {unknown}" in said
     assert f"the {documents[1]['furniture'][1]['category']} of 9 by 9 m is not placed: it fits into the room" in said
 
 
@@ -423,7 +424,7 @@ def test_what_is_named_and_nobody_places_stays_where_it_was(
     assert [item["center"] for item in room["furniture"][:2]] == [[3.0, 1.0], [4.0, 3.0]]
     said = capsys.readouterr().out
     assert "flat: 2 of 4 placed; the bed of 6.2 by 1.5 m is not placed" in said
-    assert "the table is not placed: nobody knows it" in said
+    assert "the table is not placed: who is asked does not know it" in said
     assert "they stay" not in said
 
 
@@ -491,6 +492,56 @@ def test_shards_are_all_of_a_file(middle: Middle, tmp_path: Path) -> None:
     assert names == [*(f"rooms-placed-{k}of3.jsonl" for k in range(3)), "rooms.jsonl"]
 
 
+def test_a_folder_of_homes_is_furnished(middle: Middle, tmp_path: Path) -> None:
+    homes = tmp_path / "homes"
+    homes.mkdir()
+    for name in ("one", "two"):
+        home_file(homes / f"{name}.sh3d")
+    assert len(run(PlaceConfig(by="search", rooms=str(homes), move="all"))) > 1
+
+
+def test_what_is_written_into_the_folder_of_rooms_is_none_of_them(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for k in range(4):
+        (tmp_path / f"r{k}.json").write_text(json.dumps(bare(DOCUMENTS[0]) | {"id": f"r{k}"}))
+    config = PlaceConfig(by="search", rooms=str(tmp_path), out=str(tmp_path / "x.jsonl"))
+    shards = [run(replace(config, shard=f"{k}/2")) for k in range(2)]
+    assert [[room["id"] for room in rooms] for rooms in shards] == [["r0", "r2"], ["r1", "r3"]]
+    layout, seen = Middle.layout, []
+
+    def until_the_third(self: Middle, brief: Room) -> Room:
+        seen.append(brief.id)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+        return layout(self, brief)
+
+    monkeypatch.setattr(Middle, "layout", until_the_third)
+    with pytest.raises(KeyboardInterrupt):
+        place(config)
+    assert [room["id"] for room in run(config)] == ["r0", "r1", "r2", "r3"]
+
+
+def test_rooms_of_one_name_and_names_that_command_the_terminal_are_told(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, [bare(DOCUMENTS[0]) | {"id": "a\x1b[31m"}] * 2)
+    assert len(run(PlaceConfig(by="search", rooms=str(file)))) == 2
+    said = capsys.readouterr().out
+    assert f"{file}:2: an earlier room is called a\\x1b[31m, too" in said
+    assert "\x1b" not in said
+
+
+@pytest.mark.parametrize(("stream", "given"), [("stdin", {"rooms": "-"}), ("stdout", {"out": "-"})])
+def test_a_closed_stream_is_answered(
+    stream: str, given: dict[str, str], middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, _ = many(tmp_path, 1)
+    monkeypatch.setattr(f"sys.{stream}", None)
+    with pytest.raises(InputError, match="is closed; expected"):
+        place(PlaceConfig(**{"by": "search", "rooms": str(file)} | given))
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -503,6 +554,12 @@ def test_an_option_that_would_be_ignored_is_refused(given: dict[str, Any], said:
     file, _ = many(tmp_path, 1)
     with pytest.raises(InputError, match=f"^{said}$"):
         place(PlaceConfig(by="search", rooms=str(file), **given))
+
+
+def test_an_item_that_no_room_lacks_is_named(middle: Middle, tmp_path: Path) -> None:
+    file, _ = many(tmp_path, 1)
+    with pytest.raises(InputError, match="has no room with a zebra without a center; expected one or more"):
+        place(PlaceConfig(rooms=str(file), item="zebra"))
 
 
 def test_what_is_to_move_and_is_in_no_room_is_said(
@@ -558,6 +615,14 @@ def test_each_layout_is_drawn(drawing: str, middle: Middle, tmp_path: Path) -> N
     file, _ = many(tmp_path, 3)
     run(PlaceConfig(by="search", rooms=str(file), pictures=str(tmp_path / "p"), drawing=drawing))
     assert sorted(path.name for path in (tmp_path / "p").iterdir()) == [f"{k + 1}-room_{k}.{drawing}" for k in range(3)]
+
+
+def test_a_drawing_says_what_has_no_place(middle: Middle, tmp_path: Path) -> None:
+    waterbed = {"category": "waterbed", "size": [2, 2]}
+    file = written(tmp_path, [DOCUMENTS[0] | {"furniture": [waterbed]}])
+    run(PlaceConfig(by="search", rooms=str(file), pictures=str(tmp_path / "p")))
+    (drawn,) = (tmp_path / "p").iterdir()
+    assert ">not placed: waterbed</text>" in drawn.read_text()
 
 
 def test_rooms_come_and_go_by_standard_input_and_output(
@@ -640,7 +705,9 @@ def test_what_is_not_placed_or_not_read_is_the_exit_status(
         out = tmp_path / "rooms-placed.jsonl"
         assert out.exists() == (status != 1)
         out.unlink(missing_ok=True)
-    said = capsys.readouterr().out
+    said, warned = capsys.readouterr()
+    assert "error: not everything is placed" in warned
+    assert "error: not all rooms could be read" in warned
     assert "rooms.jsonl:2: left out: room 'b': room_type: missing" in said
     assert "; 1 of 2 rooms could not be read, and are not in what is written" in said
 
@@ -668,3 +735,18 @@ def test_no_more_of_a_file_is_in_memory_than_a_block(
 def test_a_shard_that_is_none_is_refused(shard: str) -> None:
     with pytest.raises(InputError, match=r"^shard: expected one of 0/8"):
         composed("place", "by=search", "rooms=rooms.jsonl", f"shard='{shard}'")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("rooms=", "rooms: expected a name; it is empty"),
+        ("pictures=", "pictures: expected a name; it is empty"),
+        ("choices=21", "choices: expected 1 to 20"),
+        ("seconds=inf", "seconds: expected more than 0, 3600 at most"),
+        ("shard='0/2,1/2'", "; several need -m"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(given: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        composed("place", "rooms=rooms.jsonl", given)

@@ -61,7 +61,7 @@ def answerable(room: Room, known: Collection[str], elsewhere: Callable[[str], Se
                 why = f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
             else:
                 near = nearest(item.category, known) or sorted(known)
-                why = f"nobody knows it; expected a category as {', '.join(near)}"
+                why = f"who is asked does not know it; expected a category as {', '.join(near)}"
             lines.append(f"the {item.category} is not placed: {why}")
             refused.add(k)
         elif not fits(room, item):

@@ -1,6 +1,7 @@
 """A room as a drawing to true size: SVG in layers for the web and for print, PNG, and DXF for CAD.
 
-What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named. Lengths are metres; y points
+What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named; what has no place is named
+above the room. Lengths are metres; y points
 up in DXF and down in SVG.
 """
 
@@ -59,6 +60,9 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
         "furniture": [_item(k, item, faults[k]) for k, item in items],
         "labels": [_label(item, faults[k]) for k, item in items],
     }
+    if absent := _not_placed(room):
+        at = f'x="{_number(x0)}" y="{_number(0.85 * MARGIN - y1)}" font-size="{0.9 * MARGIN:g}"'
+        layers["labels"].append(f"<text {at}>{escape(absent)}</text>")
     groups = [
         "\n".join([f'<g class="{name}" inkscape:groupmode="layer" inkscape:label="{name}">', *shapes, "</g>"])
         for name, shapes in layers.items()
@@ -93,6 +97,7 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
                 said = "\n".join(faults)
                 at = item.center[0], item.center[1] - 0.12
                 axes.text(*at, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
+        axes.text(x0, y1, _not_placed(room), fontsize=6, va="top")
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
         figure.savefig(path, dpi=150)
 
@@ -120,6 +125,10 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
             space.add_line(*_front(item), dxfattribs={"layer": "A-FURN"})
         looks = {"layer": "A-FURN", "insert": item.center, "char_height": LETTERS[1], "attachment_point": MIDDLE}
         space.add_mtext("\\P".join([item.category, *faults[k]]), dxfattribs=looks)
+    if absent := _not_placed(room):
+        x0, _, _, y1 = room.envelope.bounds
+        looks = {"layer": "A-FURN", "insert": (x0, y1 + 2 * LETTERS[1]), "char_height": LETTERS[1]}
+        space.add_mtext(absent, dxfattribs=looks)
     document.saveas(path)
 
 
@@ -134,6 +143,12 @@ def _standing(room: Room) -> list[tuple[int, Item]]:
     """The items that have a place, with their indices: what others stand on first, then what is under a table."""
     placed = [(k, item) for k, item in enumerate(room.furniture) if item.center is not None]
     return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
+
+
+def _not_placed(room: Room) -> str:
+    """Which items have no place, in words; nothing where all have one."""
+    names = [item.category.replace("_", " ") for item in room.furniture if item.center is None]
+    return f"not placed: {', '.join(names)}" if names else ""
 
 
 def _corners(item: Item) -> list[Point]:

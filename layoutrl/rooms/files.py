@@ -13,6 +13,9 @@ from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.room import Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
 
+SUFFIXES = (".json", ".jsonl")
+PART = ".part"  # the suffix of a folder in which a file grows
+
 
 def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collection:
     """Read one .json or .jsonl file, or every such file below a folder.
@@ -65,15 +68,24 @@ def room_files(path: Path) -> list[Path]:
     """The files of rooms at `path`, in order of their names. Raises InputError where there is none."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
-    files = files_below(path, (".json", ".jsonl"))
+    files = files_below(path, SUFFIXES)
     if not files:
-        raise InputError(f"{path}: expected .json or .jsonl files of rooms in this folder; found none")
+        where = "files of rooms in this folder; found none" if path.is_dir() else "file; rooms=- reads what is none"
+        raise InputError(f"{path}: expected {' or '.join(SUFFIXES)} {where}")
     return files
 
 
 def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) -> list[Path]:
-    """A file, or all of these suffixes and not of the names `but` below a folder, in one order on all systems."""
-    found = [path] if path.is_file() else [f for f in path.rglob("*") if f.suffix in suffixes and f.name not in but]
+    """A file, or all of these suffixes and not of the names `but` below a folder, in one order on all systems.
+
+    What grows in a folder <name>.part is none yet.
+    """
+
+    def suits(file: Path) -> bool:
+        growing = any(Path(part).suffix == PART for part in file.relative_to(path).parts[:-1])
+        return file.suffix.lower() in suffixes and file.name not in but and file.is_file() and not growing
+
+    found = [path] if path.is_file() else filter(suits, path.rglob("*"))
     return sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
 
 
@@ -81,7 +93,7 @@ def texts_of(file: Path) -> Iterator[tuple[str, bytes]]:
     """(where, text) of every room in a file, as it is read. Raises InputError where it cannot be."""
     try:
         with file.open("rb") as stream:
-            if file.suffix == ".jsonl":
+            if file.suffix.lower() == ".jsonl":
                 yield from ((f"{file}:{n}", line) for n, line in enumerate(stream, 1) if line.strip())
             else:
                 yield f"{file}:1", stream.read()

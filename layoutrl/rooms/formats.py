@@ -1,9 +1,11 @@
 """Files of rooms, of whichever format: read into rooms, and layouts written back as what they came from.
 
-source = opened(Path("home.sh3d"), move="bed,wardrobe")
-print(source.collection)           # what was read, and what was left out, and why
-...                                # furnish rooms of source.collection.rooms that lack an item's center
-source.write(layouts, Path("home-placed.sh3d"))
+    source = opened(Path("home.sh3d"), move="bed,wardrobe")
+    print(source.collection)           # what was read, and what was left out, and why
+    ...                                # furnish rooms of source.collection.rooms that lack an item's center
+    source.write(layouts, Path("home-placed.sh3d"))
+
+A format is found out from the content.
 """
 
 from __future__ import annotations
@@ -112,11 +114,11 @@ def format_of(path: Path) -> str:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected one of {SUFFIXES}")
     file = next(iter(files_below(path, FORMATS, (ASSETS, MODELS))), path)
-    if file.suffix not in FORMATS or file.name in (ASSETS, MODELS):
+    if file.suffix.lower() not in FORMATS or file.name in (ASSETS, MODELS):
         raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
-    if file.suffix == ".sh3d":
+    if file.suffix.lower() == ".sh3d":
         return "sweethome3d"
-    if file.suffix == ".gz":
+    if file.suffix.lower() == ".gz":
         return "procthor"
     try:
         with file.open("rb") as text:

@@ -95,7 +95,8 @@ def answers_errors() -> Iterator[None]:
     """Answer what the user can mend in one line, without a traceback."""
     try:
         yield
-        sys.stdout.flush()
+        if sys.stdout:  # None where it is closed
+            sys.stdout.flush()
     except Incomplete as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(INCOMPLETE)
@@ -199,9 +200,8 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
             return f"{found[1]}: {found[2]} is not installed; expected it to be, as by pip install 'layoutrl[tables]'"
         offered = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
         return f"{found[1]}: expected one of {', '.join(offered)}; got {found[2] or 'nothing'}"
-    if isinstance(cause, ConfigAttributeError | ConfigKeyError) and (
-        found := re.match(r"Could not (?:override|append to|find) '([^']+)'", text)
-    ):
+    unknown = isinstance(cause, ConfigAttributeError | ConfigKeyError) or "No match in the defaults list" in text
+    if unknown and (found := re.match(r"Could not (?:override|append to|find) '([^']+)'", text)):
         return f"{found[1]}: unknown; {nearest(found[1], known)}"
     if isinstance(cause, OmegaConfBaseException) and (
         found := re.match(r"Error merging override [^=]+=(.*)", text, re.DOTALL)
@@ -233,4 +233,5 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
         escaped = re.sub(r"(\\*)('|$)", lambda found: 2 * found[1] + ("\\'" if found[2] else ""), value)
         return f"{key}='{escaped}'"
 
-    return [quoted(argument) for argument in arguments]
+    # Hydra takes what stands before -m for another kind of argument.
+    return sorted(map(quoted, arguments), key=lambda argument: argument not in ("-m", "--multirun"))

@@ -28,6 +28,9 @@ from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.ranges import check_data, check_furnishing, check_method, one_of, within
 
+MOST_CHOICES = 20  # layouts of a room: ten take some seconds
+MOST_SECONDS = 3600  # of a core, a layout
+
 
 def config_directory() -> Path:
     """conf/ beside the package in a checkout, inside it when installed: found from any working directory."""
@@ -249,13 +252,17 @@ class PlaceConfig:
         one_of("unit", self.unit, "auto", *UNITS)
         if self.room_type is not None:
             one_of("room_type", self.room_type, *MAIN_ITEM)
-        within("choices", self.choices, self.choices >= 1, "1 or more")
+        within("choices", self.choices, 1 <= self.choices <= MOST_CHOICES, f"1 to {MOST_CHOICES}")
+        for name in ("rooms", "out", "pictures", "run"):
+            value = getattr(self, name)
+            within(name, value, value is None or value.strip() != "", "a name; it is empty")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
         in_range = split is not None and int(split[1]) < int(split[2])
-        within("shard", self.shard, in_range, "one of 0/8, 1/8, ..., 7/8 for the eighths of a file")
+        several = "; several need -m" if "," in self.shard else ""
+        within("shard", self.shard, in_range, f"one of 0/8, 1/8, ..., 7/8 for the eighths of a file{several}")
         if self.by is not None:
             one_of("by", self.by, "agents", "search", "annealer")
-        within("seconds", self.seconds, self.seconds > 0, "more than 0")
+        within("seconds", self.seconds, 0 < self.seconds <= MOST_SECONDS, f"more than 0, {MOST_SECONDS} at most")
         within("seed", self.seed, self.seed >= 0, "0 or more")
         check_furnishing(self.search, self.annealer)
 

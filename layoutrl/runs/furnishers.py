@@ -27,6 +27,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import furnished, ways
+from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.room import Room
@@ -76,7 +77,7 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where something is wrong with its best layout, the search is asked for one, too.
+    """Furnishes as one does. Where its best layout has `shortcomings`, the search is asked for one, too.
 
     Not of a hall, in which it would take many times as long as the one does.
     """
@@ -85,7 +86,7 @@ class Helped:
         self.one, self.search = one, search
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. The search's layout comes first where it lacks less, or lacks as much and has fewer faults."""
+        """See Furnishes. The search's layout comes first where it has fewer `shortcomings`."""
         found = self.one.furnish(briefs, choices, seed)
         before = faults_of_all(briefs)
         ours = shortcomings([answers[0] for answers in found], before)
@@ -104,13 +105,21 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
     return Helped(agents, Rival(searching, lambda: updates_budget(RESTARTS)))
 
 
-def shortcomings(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int]]:
-    """How many items each layout lacks, and how many new faults it has beside."""
+def shortcomings(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int, int]]:
+    """How many items each layout lacks, how many new faults it has beside, and how many chairs stray."""
     counted = []
-    for now, was in zip(faults_of_all([each.layout for each in layouts]), before, strict=True):
+    for each, now, was in zip(layouts, faults_of_all([each.layout for each in layouts]), before, strict=True):
         names = [fault for _, fault in new_faults(now, was)]
-        counted.append((names.count(MISSING), len(names) - names.count(MISSING)))
+        counted.append((names.count(MISSING), len(names) - names.count(MISSING), strays(each.layout)))
     return counted
+
+
+def strays(layout: Room) -> int:
+    """How many chairs that may stand under a table or a desk stand under none, where there are some."""
+    standing = [item for item in layout.furniture if item.center is not None]
+    hosts = [item.footprint for item in standing if item.category in HOSTS and not item.tucked]
+    under = [any(item.footprint.intersects(host) for host in hosts) for item in standing if item.tucked]
+    return under.count(False) if hosts else 0
 
 
 class Mover:

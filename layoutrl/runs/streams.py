@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 import time
@@ -15,7 +16,7 @@ from typing import IO, Any, TypeVar
 
 from layoutrl import InputError
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.files import room_files, texts_of
+from layoutrl.rooms.files import PART, room_files, texts_of
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
@@ -74,16 +75,28 @@ def _entry(where: str, text: bytes, unit: str, move: str | None) -> Entry:
 
 def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str] | None]:
     """(where, text, unit) of each room. The first rooms of a file tell its unit, where it is not said."""
-    files = [None] if config.rooms == STANDARD else room_files(Path(config.rooms).expanduser())
-    for file in files:
+    for file in [None] if config.rooms == STANDARD else inputs(config):
         texts = texts_of(file) if file else standard_input()
         first = list(islice((each for each in texts if each), HEAD if file else 1))  # of standard input: none waits
         unit = unit_of(parsed(text) for _, text in first) if config.unit == "auto" else config.unit
         yield from (each and (*each, unit) for each in chain(first, texts))
 
 
+def inputs(config: PlaceConfig) -> list[Path]:
+    """The files of rooms that are read: of a folder that is written into, none that this command writes."""
+    path = Path(config.rooms).expanduser()
+    files = room_files(path)
+    if path.is_file() or not config.out:
+        return files
+    out = Path(config.out).expanduser().absolute()
+    own = re.compile(rf"{re.escape(out.stem)}(-\d+of\d+)?{re.escape(out.suffix)}")
+    return [file for file in files if file.absolute().parent != out.parent or not own.fullmatch(file.name)]
+
+
 def standard_input() -> Iterator[tuple[str, bytes] | None]:
     """(where, text) of each line, and None where no more is there yet: who writes may wait for an answer."""
+    if sys.stdin is None:
+        raise InputError("rooms: standard input is closed; expected rooms there, or rooms=<file>")
     stream: Any = sys.stdin.buffer
     number = 1
     begun: list[bytes] = []  # of the line of this number
@@ -105,17 +118,17 @@ def source_entries(source: Source) -> Iterator[Entry]:
         yield Entry(room.id, room, room_to_dict(replace(room, furniture=stood)), stood=stood)
 
 
-def count(path: str) -> int | None:
+def count(config: PlaceConfig) -> int | None:
     """How many rooms in JSON there are, quickly: a blank line counts as one. None of standard input."""
-    if path == STANDARD:
+    if config.rooms == STANDARD:
         return None
     total = 0
-    for file in room_files(Path(path).expanduser()):
+    for file in inputs(config):
         lines, last = 0, b"\n"
         with file.open("rb") as stream:
             for block in iter(lambda: stream.read(1 << 20), b""):
                 lines, last = lines + block.count(b"\n"), block[-1:]
-        total += lines + (last != b"\n") if file.suffix == ".jsonl" else 1
+        total += lines + (last != b"\n") if file.suffix.lower() == ".jsonl" else 1
     return total
 
 
@@ -184,7 +197,7 @@ def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
     Where that folder is left of a run that was stopped, and was `about` the same, this goes on with it. Raises
     InputError where it was about something else, another process is at it, or the file is there by then.
     """
-    folder = out.with_name(f"{out.name}.part")
+    folder = out.with_name(f"{out.name}{PART}")
     folder.mkdir(parents=True, exist_ok=True)
     lines, state = folder / "rooms.jsonl", folder / "state.json"
     with locked(folder / LOCK, wait=False):

@@ -62,6 +62,7 @@ def ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         ("updates=5", "expected the name of an option, of which room.updates is nearest; --help shows all options"),
         ("gpu=1", "gpu: unknown; expected the name of an option; --help shows all options"),
         ("method.optimizer=sgd", "expected the name of an option; --help shows all options"),
+        ("rom=bedroom", "rom: unknown; expected the name of an option, of which room is nearest"),
         ("sed=1", "sed: unknown; expected the name of an option, of which seed is nearest"),
         ("+data.sed=1", "data.sed: unknown; expected the name of an option, of which data.seed is nearest"),
         ("room=bedrom", "room: expected one of balcony, bathroom, bedroom, dining_room, kitchen, living_room, study"),
@@ -149,6 +150,7 @@ def test_only_texts_are_quoted_and_a_sweep_goes_on_to_be_one() -> None:
     expected = ["name='1e3'", "seed=1e3", "data.root='my rooms'", "room=bedroom", "+name=x", "out", "name=null"]
     assert as_written(arguments, TrainCommand) == expected
     assert as_written(["-m", "name=a,b", "name=a b"], TrainCommand) == ["-m", "name=a,b", "name='a b'"]
+    assert as_written(["seed=0", "-m", "fold=0,1"], TrainCommand) == ["-m", "seed=0", "fold=0,1"]
     assert as_written(["name=a,b", "name=a b"], TrainCommand, sweeps=True) == ["name=a,b", "name='a b'"]
 
 

@@ -14,11 +14,12 @@ from layoutrl.rooms.brief import brief_of, furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import HALL, Helped, hired
+from layoutrl.runs.furnishers import HALL, Helped, hired, strays
 from layoutrl.runs.pretrained import Agents
+from tests.builders import rectangular_room
 
 DESIGNS = design_rooms("bedroom", "test", 0, 2).rooms
 
@@ -75,6 +76,19 @@ def test_what_was_wrong_before_anything_was_placed_asks_for_nobody() -> None:
     another = Known(DESIGNS[1])
     Helped(Known(stands), another).furnish([brief], 1, 0)
     assert not another.asked
+
+
+def test_a_chair_strays_that_stands_under_no_desk() -> None:
+    desk, chair = Item("desk", (0.6, 1.2), (0.5, 1.0)), Item("chair", (0.4, 0.4), (0.9, 1.0), tucked=True)
+    layout = replace(rectangular_room(4, 3), furniture=(desk, chair), target=None)
+    assert not faults(layout)
+    assert strays(layout) == 0
+    away = replace(layout, furniture=(desk, replace(chair, center=(2.0, 1.0))))
+    assert strays(away) == 1
+    assert strays(replace(away, furniture=away.furniture[1:])) == 0
+    another = Known(layout)
+    (found,) = Helped(Known(away), another).furnish([brief_of(layout)], 1, 0)
+    assert [each.by for each in found] == ["the search"]
 
 
 def test_no_help_is_asked_for_in_a_hall() -> None:

@@ -54,23 +54,21 @@ def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[R
 
 
 def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
-    """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why.
-
-    Raises InputError where either part is empty.
-    """
+    """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why."""
     if data.source == "designer":
         return _designed(room_type, data, "train").rooms, _designed(room_type, data, "test").rooms
     chosen = all_standing(data.read(room_type))
     print(chosen)
-    return _both(*split(chosen.rooms, fold))
+    return split(chosen.rooms, fold)
 
 
 def two_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms as `read_parts` has them. Raises InputError where either part is empty."""
-    return _both(*read_parts(room_type, item, data, fold))
+    return both(*read_parts(room_type, item, data, fold))
 
 
-def _both(training: list[Room], held_out: list[Room]) -> tuple[list[Room], list[Room]]:
+def both(training: list[Room], held_out: list[Room]) -> tuple[list[Room], list[Room]]:
+    """The two parts. Raises InputError where either is empty."""
     if not training or not held_out:
         raise InputError(
             f"fold: {len(training)} rooms to train on and {len(held_out)} held out; expected some of both "
@@ -88,6 +86,10 @@ def _designed(room_type: str, data: Data, part: Part) -> Collection:
     count = {"train": data.train_rooms, "test": data.test_rooms}[part]
     if count is None or data.seed is None:
         raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
+    if data.path and data.path.is_file():
+        raise InputError(
+            f"data.root: {data.path} is a file; the designer expects the folder of its cache (data=json reads rooms)"
+        )
     designs = designer_cache.read(data.path, room_type, part, data.seed, count)
     print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
     rooms = _some_disturbed(designs.rooms, data.disturbed, data.seed) if part == "train" else designs.rooms
