@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,10 @@ from layoutrl.agents.learner import Learner
 from layoutrl.agents.training import Training
 from layoutrl.env.reward import Reward
 from layoutrl.evaluate import run as evaluate
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.sources.parts import whole_parts
-from layoutrl.runs.config import EvaluateConfig, TrainConfig, WatchConfig, composed, part
+from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, part
 from layoutrl.runs.monitor import FINAL_OF_ROOMS
 from layoutrl.train import run as train
 from layoutrl.watch import run as watch
@@ -53,6 +56,15 @@ def test_a_run_is_evaluated_and_watched(trained: Path, tmp_path: Path, capsys: p
     files = watch(WatchConfig(str(trained), rooms=2, width=200, out=str(tmp_path / "film")))
     with Image.open(files[0]) as film:
         assert film.n_frames > 4
+
+
+def test_an_agent_is_scored_in_a_single_room_of_a_file(trained: Path, tmp_path: Path) -> None:
+    file = tmp_path / "one.jsonl"
+    file.write_text(json.dumps(room_to_dict(design_rooms("tatami", "test", 9, 1).rooms[0])))
+    data = replace(AS_IN_THE_RUN, source="json", root=str(file))
+    assert evaluate(EvaluateConfig(str(trained), data=data, part="all"))["rooms"] == 1
+    with pytest.raises(InputError, match=r"^out: .* is there already; expected the name of a new \.json file"):
+        evaluate(EvaluateConfig(str(trained), out=str(next(trained.glob("evaluation-*.json")))))
 
 
 def test_illegal_moves_end_no_furnishing(trained: Path) -> None:
