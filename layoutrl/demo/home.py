@@ -10,7 +10,6 @@ import math
 import zipfile
 from collections.abc import Iterable
 from pathlib import Path
-from statistics import median
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element, SubElement, tostring
 
@@ -21,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Room
+from layoutrl.rooms.room import Room, along_and_through, wall_thickness
 
 VERSION = "5300"
 WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
@@ -59,19 +58,10 @@ def new_home(room: Room) -> bytes:
     for number, opening in enumerate(room.openings):
         piece = SubElement(home, "doorOrWindow", id=f"opening{number}", catalogId=f"layoutrl#{opening.kind}")
         low, high = (0.0, DOOR_HEIGHT) if opening.kind == "door" else (SILL, WINDOW_HEIGHT)
-        corners = np.array(shapely.minimum_rotated_rectangle(opening.shape).exterior.coords)
-        sides = np.diff(corners[:3], axis=0)
-        lengths = np.hypot(*sides.T)
-        along = sides[lengths.argmax()]
-        _set(
-            piece,
-            opening.kind,
-            corners[:4].mean(0),
-            -math.atan2(along[1], along[0]),
-            lengths.max(),
-            lengths.min(),
-            high,
-        )
+        along, through = along_and_through(opening.shape)
+        center = shapely.minimum_rotated_rectangle(opening.shape).centroid.coords[0]
+        angle, width, depth = -math.atan2(along[1], along[0]), np.hypot(*along), np.hypot(*through)
+        _set(piece, opening.kind, center, angle, width, depth, high)
         piece.set("elevation", f"{low:g}")
     for number, item in enumerate(room.furniture):
         if item.center is None:
@@ -80,7 +70,7 @@ def new_home(room: Room) -> bytes:
         name = f"{'round ' if item.form == 'circle' else ''}{item.category.replace('_', ' ')}"
         high = HEIGHTS.get(item.category, HEIGHT)
         _set(piece, name, item.center, math.radians(270 - item.degrees) % math.tau, item.size[1], item.size[0], high)
-    thickness = thickness_of(room)
+    thickness = wall_thickness(room)
     line = orient(Polygon(room.outline).buffer(thickness / 2, join_style="mitre")).exterior.coords[:-1]
     for k, (start, end) in enumerate(zip(line, [*line[1:], line[0]], strict=True)):
         wall = SubElement(home, "wall", id=f"wall{k}", height=f"{WALL_HEIGHT:g}", thickness=_cm(thickness))
@@ -95,14 +85,6 @@ def new_home(room: Room) -> bytes:
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Home.xml", tostring(home, "utf-8", xml_declaration=True))
     return content.getvalue()
-
-
-def thickness_of(room: Room) -> float:
-    """How thick the walls of a room are, as most of its sides have it, in metres."""
-    sides = zip(room.outline, [*room.outline[1:], room.outline[0]], strict=True)
-    border = room.envelope.exterior
-    depth = median(shapely.distance(border, shapely.Point(np.mean(side, 0))) for side in sides)
-    return depth if depth > TOLERANCE else WALL_THICKNESS
 
 
 def _set(

@@ -15,7 +15,7 @@ from shapely.geometry import Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.faults import faults_of_all
-from layoutrl.rooms.room import TOLERANCE, Opening, Ring, Room, wall_band
+from layoutrl.rooms.room import TOLERANCE, Opening, Ring, Room, wall_band, wall_thickness
 
 MOST = 2  # disturbances of a room
 TRIES = 8  # of each kind, in a room
@@ -85,7 +85,7 @@ def bricked_up(room: Room, _: np.random.Generator) -> Room | None:
 def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
     """A door where the wall has no opening yet, that leads out of the room."""
     start, along, inwards = _along_a_wall(room, rng, rng.uniform(*DOOR))
-    thickness = _thickness(room)
+    thickness = wall_thickness(room)
 
     def outside(depth: float) -> Polygon:
         return Polygon([start - depth * inwards, start + along - depth * inwards, start + along, start])
@@ -120,12 +120,7 @@ def without(room: Room, piece: Polygon) -> Room | None:
 
 def _walled(room: Room) -> Room:
     """The room with the walls that its outline, holes and openings make, as thick as they were."""
-    return replace(room, walls=wall_band(room.outline, room.holes, room.openings, _thickness(room)))
-
-
-def _thickness(room: Room) -> float:
-    """Metres, of the walls, which the designer draws alike: the left one's."""
-    return room.indoor.bounds[0] - room.envelope.bounds[0]
+    return replace(room, walls=wall_band(room.outline, room.holes, room.openings, wall_thickness(room)))
 
 
 def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

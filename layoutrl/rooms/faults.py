@@ -16,7 +16,7 @@ import shapely
 from shapely.affinity import translate
 
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, may_stand_before, passage
-from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
+from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room, along_and_through
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
@@ -286,11 +286,7 @@ def kept_free(room: Room) -> shapely.Geometry:
     """Doors and windows, and the floor before and behind each door."""
     zones = [window.shape for window in room.windows]
     for door in room.doors:
-        corners = np.array(shapely.minimum_rotated_rectangle(door.shape).exterior.coords)
-        sides = np.diff(corners[:3], axis=0)
-        lengths = np.hypot(*sides.T)
-        x, y = (
-            DOOR_CLEARANCE * sides[lengths.argmin()] / lengths.min()
-        )  # through the wall, which is less thick than doors wide
+        _, through = along_and_through(door.shape)
+        x, y = DOOR_CLEARANCE * through / np.hypot(*through)
         zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
     return shapely.union_all(zones)

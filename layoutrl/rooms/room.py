@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from statistics import median
 from typing import Literal
 
 import numpy as np
@@ -306,6 +307,24 @@ def _envelopes(rooms: Sequence[Room]) -> np.ndarray:
     for k in np.flatnonzero(shapely.get_num_geometries(joined) > 1):
         joined[k] = max(joined[k].geoms, key=lambda part: part.area)
     return shapely.polygons(shapely.get_exterior_ring(joined))
+
+
+def along_and_through(opening: shapely.Geometry) -> tuple[np.ndarray, np.ndarray]:
+    """The sides of an opening's rectangle as vectors (2,) in metres, the longer first.
+
+    The shorter leads through the wall, which is less thick than openings are wide.
+    """
+    corners = np.array(shapely.minimum_rotated_rectangle(opening).exterior.coords)
+    one, other = np.diff(corners[:3], axis=0)
+    return (one, other) if np.hypot(*one) >= np.hypot(*other) else (other, one)
+
+
+def wall_thickness(room: Room) -> float:
+    """How thick the walls of a room are, as most of its sides have it, in metres."""
+    sides = zip(room.outline, [*room.outline[1:], room.outline[0]], strict=True)
+    border = room.envelope.exterior
+    depth = median(shapely.distance(border, shapely.Point(np.mean(side, 0))) for side in sides)
+    return depth if depth > TOLERANCE else WALL_THICKNESS
 
 
 def rings(shape: shapely.Geometry) -> list[Ring]:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,7 +13,18 @@ from hypothesis import strategies as st
 from shapely.affinity import affine_transform, rotate
 from shapely.geometry import Polygon, box
 
-from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, envelopes, wall_band
+from layoutrl.rooms.room import (
+    TOLERANCE,
+    WALL_THICKNESS,
+    Item,
+    Opening,
+    Ring,
+    Room,
+    along_and_through,
+    envelopes,
+    wall_band,
+    wall_thickness,
+)
 from tests.builders import L_OUTLINE, l_room, opening, random_room, rectangle, rectangular_room, rooms
 
 GRID = 1e-8  # metres, of the overlays that are compared
@@ -341,3 +353,20 @@ def test_an_envelope_at_an_angle_loses_no_part(seed: int) -> None:
     openings = tuple(Opening(o.kind, turned(o.polygon)) for o in room.openings)
     slanting = Room("slanting", "study", turned(room.outline), tuple(map(turned, room.walls)), openings)
     assert slanting.envelope.area == pytest.approx(room.envelope.area, abs=1e-4)
+
+
+@given(st.floats(0.5, 3), st.floats(0.05, 0.4), st.floats(0, 360))
+def test_an_opening_is_longer_along_its_wall_than_through_it(width: float, depth: float, degrees: float) -> None:
+    along, through = along_and_through(rotate(box(0, 0, width, depth), degrees))
+    assert np.hypot(*along) == pytest.approx(width)
+    assert np.hypot(*through) == pytest.approx(depth)
+    assert along @ through == pytest.approx(0, abs=1e-9)
+    turned = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    assert abs(along @ turned) == pytest.approx(width)
+
+
+@pytest.mark.parametrize("thickness", [0.1, 0.2, 0.36])
+def test_walls_are_as_thick_as_their_band(thickness: float) -> None:
+    room = rectangular_room()
+    assert wall_thickness(replace(room, walls=wall_band(room.outline, (), (), thickness))) == pytest.approx(thickness)
+    assert wall_thickness(replace(room, walls=())) == WALL_THICKNESS

@@ -18,7 +18,7 @@ from shapely.affinity import rotate
 from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.faults import DOOR_CLEARANCE
-from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room
+from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
 THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them; any large number
@@ -147,15 +147,12 @@ def _item(item: Item, base: float) -> tuple[Array, int]:
 
 def _gate(opening: Opening, base: float, indoor: shapely.Polygon) -> Gate:
     shape = rotate(opening.shape, -base, origin=(0, 0))
-    corners = np.array(shapely.minimum_rotated_rectangle(shape).exterior.coords)
-    sides = np.diff(corners[:3], axis=0)
-    lengths = np.hypot(*sides.T)
-    through = sides[lengths.argmin()] / 2  # through the wall, which is less thick than openings are wide
+    along, through = along_and_through(shape)
     middle = np.array(shape.centroid.coords[0])
-    ends = middle + through, middle - through
+    ends = middle + through / 2, middle - through / 2
     inner = min(ends, key=lambda end: indoor.distance(shapely.Point(end + 0.5 * (end - middle))))
     inward = int((DIRECTIONS @ (inner - middle)).argmax())
-    return Gate(np.array(shape.bounds), inward, inner, float(lengths.max()))
+    return Gate(np.array(shape.bounds), inward, inner, float(np.hypot(*along)))
 
 
 def solid_boxes(indoor: shapely.Polygon) -> Array:

@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
-from layoutrl.rooms.room import FILM, TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, rings
+from layoutrl.rooms.room import FILM, TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, along_and_through, rings
 from layoutrl.rooms.sources.categories import NO_ROOM, Names
 from layoutrl.rooms.sources.plans import is_drawn_before
 
@@ -303,17 +303,16 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[l
 
 def _drawn_out(shape: Polygon) -> Polygon:
     """An opening, deeper by ACROSS on both sides."""
-    (x0, y0), (x1, y1), (x2, y2) = shape.minimum_rotated_rectangle.exterior.coords[:3]
-    one, other = math.dist((x0, y0), (x1, y1)), math.dist((x1, y1), (x2, y2))
-    degrees = math.degrees(math.atan2(y1 - y0, x1 - x0)) + (0 if one >= other else 90)
+    along, through = along_and_through(shape)
+    degrees = math.degrees(math.atan2(along[1], along[0]))
     center = shape.minimum_rotated_rectangle.centroid
-    return oblong(center.x, center.y, max(one, other), min(one, other) + 2 * ACROSS, degrees)
+    return oblong(center.x, center.y, math.hypot(*along), math.hypot(*through) + 2 * ACROSS, degrees)
 
 
 def _width(shape: Polygon) -> float:
     """The longer side of an opening."""
-    corners = shape.minimum_rotated_rectangle.exterior.coords
-    return max(math.dist(a, b) for a, b in pairwise(corners))
+    along, _ = along_and_through(shape)
+    return math.hypot(*along)
 
 
 def _tucked(items: list[Item]) -> list[Item]:
