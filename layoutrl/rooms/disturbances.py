@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -79,7 +80,7 @@ def pier(room: Room, rng: np.random.Generator) -> Room | None:
 
 def bricked_up(room: Room, _: np.random.Generator) -> Room | None:
     """No windows are left."""
-    return _walled(replace(room, openings=room.doors)) if room.windows else None
+    return _changed(room, openings=room.doors) if room.windows else None
 
 
 def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
@@ -95,7 +96,7 @@ def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
     beside = any(opening.shape.distance(door) < thickness for opening in room.openings)
     if too_narrow or beside or outside(thickness + CLEAR_OUTSIDE).intersection(room.indoor).area > ROUNDING:
         return None
-    return _walled(replace(room, openings=(*room.openings, Opening("door", _ring(door.exterior)))))
+    return _changed(room, openings=(*room.openings, Opening("door", _ring(door.exterior))))
 
 
 DISTURBANCES: tuple[Callable[[Room, np.random.Generator], Room | None], ...] = (
@@ -113,14 +114,14 @@ def without(room: Room, piece: Polygon) -> Room | None:
     for opening in room.openings:
         if shapely.area(opening.shape.intersection(after)) < 0.99 * shapely.area(opening.shape.intersection(before)):
             return None
-    return _walled(
-        replace(room, outline=_ring(left.exterior), holes=tuple(_ring(hole)[::-1] for hole in left.interiors))
-    )
+    return _changed(room, outline=_ring(left.exterior), holes=tuple(_ring(hole)[::-1] for hole in left.interiors))
 
 
-def _walled(room: Room) -> Room:
-    """The room with the walls that its outline, holes and openings make, as thick as they were."""
-    return replace(room, walls=wall_band(room.outline, room.holes, room.openings, wall_thickness(room)))
+def _changed(room: Room, **fields: Any) -> Room:
+    """The room with other fields, and with the walls that they make, as thick as its own."""
+    changed = replace(room, **fields)
+    walls = wall_band(changed.outline, changed.holes, changed.openings, wall_thickness(room))
+    return replace(changed, walls=walls)
 
 
 def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
