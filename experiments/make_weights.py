@@ -34,6 +34,7 @@ from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import by_category
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import FAULTS, MISSING
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import TrainConfig
@@ -49,7 +50,6 @@ LICENCE = "MIT"
 LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what is furnished at once
 WORST = 0.8  # IoU below which an agent is said to be bad at an item
 FEW = 10  # items of a category, of which nothing is said
-FAULTS = ("overlaps", "outside", "blocks an opening", "out of reach", "front not free")
 MEASURES = {
     "iou": "IoU",
     "facing": "facing",
@@ -227,7 +227,7 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
         *(
             f"| {kind} | {row['count']} | {row['iou']:.3f} | "
-            + " | ".join(f"{row[fault]:.3f}" for fault in FAULTS)
+            + " | ".join(f"{row[fault]:.3f}" for fault in FAULTS if fault != MISSING)
             + " |"
             for kind, row in kinds.items()
         ),

@@ -26,7 +26,7 @@ from layoutrl.rooms.brief import lifted, missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.faults import MISSING, faults
+from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
@@ -45,11 +45,11 @@ STEPS = (0.05, 1.0)  # metres between the places of a heat map
 # What a fault is, to who has not read of it.
 WORDS = {
     MISSING: "is still to be placed",
-    "overlaps": "overlaps something",
-    "outside": "stands in a wall or outside",
-    "blocks an opening": "blocks a door or window",
-    "out of reach": "cannot be reached from the door",
-    "front not free": "needs free floor before it",
+    OVERLAPS: "overlaps something",
+    OUTSIDE: "stands in a wall or outside",
+    BLOCKS: "blocks a door or window",
+    OUT_OF_REACH: "cannot be reached from the door",
+    FRONT_NOT_FREE: "needs free floor before it",
 }
 
 Answer = dict[str, Any]

@@ -9,9 +9,24 @@ import numpy as np
 import shapely
 from scipy.optimize import linear_sum_assignment
 
-from layoutrl.rooms.clearances import off
-from layoutrl.rooms.faults import Items, item_faults, means, pairs, walked
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.clearances import RAISED, off
+from layoutrl.rooms.faults import (
+    BLOCKS,
+    FRONT_NOT_FREE,
+    OUT_OF_REACH,
+    OUTSIDE,
+    OVERLAPS,
+    ROUNDING,
+    Items,
+    free_floor,
+    item_faults,
+    meeting,
+    pairs,
+    unions,
+)
+from layoutrl.rooms.room import TOLERANCE, Room
+
+ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
 
 NEARER = 1e-9  # of IoU a square metre: of matches with the same sum of IoU, the one that moves items less
 
@@ -45,7 +60,7 @@ def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
     """All measures of layouts beside the designer's (B,), of the same rooms in the same order."""
     assert len(layouts) == len(designed)
     count, items, matches = len(layouts), Items.of(layouts), matched(layouts, designed)
-    found, covered, beyond = item_faults(layouts, items)
+    found = item_faults(layouts, items)
     walkable, reach = walked(layouts, items)
 
     def share(value: np.ndarray) -> np.ndarray:
@@ -56,13 +71,13 @@ def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
     return Measures(
         iou=means(matches.iou, matches.room, count),
         facing=means(matches.facing, matches.room, count),
-        overlap=share(found["overlaps"]),
-        overlap_area=share(covered),
-        outside=share(found["outside"]),
-        outside_area=share(beyond),
-        blocked=share(found["blocks an opening"]),
-        reached=share(~found["out of reach"]),
-        fronts=share(np.where(items.front > 0, ~found["front not free"], np.nan)),
+        overlap=share(found[OVERLAPS]),
+        overlap_area=share(covered(items)),
+        outside=share(found[OUTSIDE]),
+        outside_area=share(beyond(layouts, items)),
+        blocked=share(found[BLOCKS]),
+        reached=share(~found[OUT_OF_REACH]),
+        fronts=share(np.where(items.front > 0, ~found[FRONT_NOT_FREE], np.nan)),
         walkable=walkable,
         reach=reach,
         moved=means(matches.moved, matches.room, count),
@@ -70,6 +85,41 @@ def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
         faultless=1.0 * ~(faulty | (missing > 0)),
         group=np.array([room.group for room in designed]),
     )
+
+
+def covered(items: Items) -> np.ndarray:
+    """The share of each item's footprint that others cover, but for those that it shares the floor with: (N,)."""
+    a, b = meeting(items)
+    shared = unions(shapely.intersection(items.footprint[a], items.footprint[b]), a, len(items.room))
+    return np.nan_to_num(shapely.area(shared) / shapely.area(items.footprint))
+
+
+def beyond(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """The share of each item's footprint that is not indoors: (N,)."""
+    indoor = np.array([layout.indoor for layout in layouts])[items.room]
+    outside = shapely.difference(items.footprint, indoor)
+    return np.nan_to_num(shapely.area(outside) / shapely.area(items.footprint))
+
+
+def walked(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray, np.ndarray]:
+    """PhyScene's walkable area and reach (B,), of a ROBOT that walks on what is RAISED; 0 where it can be nowhere."""
+    count, radius = len(layouts), ROBOT / 2
+    floor = free_floor(layouts, items, ~np.isin(items.category, list(RAISED)), np.full(count, radius))
+    area = shapely.area(floor.part)
+    whole = np.bincount(floor.room, area, count)
+    walkable = np.bincount(floor.room, area * floor.entered, count) / np.maximum(whole, ROUNDING)
+    a, b = pairs(floor.room, items.room)
+    touched = np.bincount(a, shapely.dwithin(floor.part[a], items.footprint[b], radius + TOLERANCE), len(area))
+    of = np.bincount(items.room, minlength=count)
+    reach = np.bincount(floor.room, touched * area, count) / np.maximum(whole, ROUNDING) / np.maximum(of, 1)
+    return walkable, np.where(of, reach, np.nan)
+
+
+def means(value: np.ndarray, room: np.ndarray, count: int) -> np.ndarray:
+    """The mean of the values (n,) of each of `count` rooms, NaN left out; NaN where there is none."""
+    known = ~np.isnan(value)
+    total, number = np.bincount(room[known], value[known], count), np.bincount(room[known], minlength=count)
+    return np.where(number, total / np.maximum(number, 1), np.nan)
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ def wrong(layouts: Sequence[Room]) -> np.ndarray:
         replace(room, furniture=tuple(item for item in room.furniture if item.center), target=None) for room in layouts
     ]
     items = Items.of(standing)
-    found, _, _ = item_faults(standing, items)
+    found = item_faults(standing, items)
     return np.bincount(items.room, np.any(list(found.values()), axis=0), len(layouts)).astype(int)
 
 

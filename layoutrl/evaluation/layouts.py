@@ -29,7 +29,7 @@ def by_category(layouts: Sequence[Room], designed: Sequence[Room]) -> dict[str, 
     """Of each category: how many the designer has; their mean IoU with the match; and the share of those in the
     layouts that each fault has. Worst IoU first."""
     matches, items = matched(layouts, designed), Items.of(layouts)
-    found, _, _ = item_faults(layouts, items)
+    found = item_faults(layouts, items)
     result: dict[str, dict[str, float]] = {}
     for category in np.unique(matches.category):
         designer, ours = matches.category == category, items.category == category

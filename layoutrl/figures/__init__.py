@@ -24,7 +24,7 @@ from matplotlib.patheffects import withStroke
 from layoutrl import InputError
 from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.faults import faults
+from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
 from layoutrl.rooms.room import Item, Room
 
 STYLE = "layoutrl.figures.style"
@@ -41,13 +41,8 @@ OUTLINE: dict[str, Any] = {
 }
 
 
-FAULT_MARKS = {
-    "overlaps": "O",
-    "outside": "W",
-    "blocks an opening": "B",
-    "out of reach": "R",
-    "front not free": "F",
-}  # of what a picture shows: overlaps, in a wall, blocks, not reached, front
+# Of what a picture shows: overlaps, in a wall, blocks, not reached, front.
+FAULT_MARKS = {OVERLAPS: "O", OUTSIDE: "W", BLOCKS: "B", OUT_OF_REACH: "R", FRONT_NOT_FREE: "F"}
 
 
 def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4) -> None:

@@ -19,9 +19,11 @@ from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, may_stand_befo
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room, along_and_through
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
-ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
 ROUNDING = 1e-9  # square metres: no area
 MISSING = "not placed"  # the fault that leaves no room for others
+OVERLAPS, OUTSIDE, BLOCKS = "overlaps", "outside", "blocks an opening"
+OUT_OF_REACH, FRONT_NOT_FREE = "out of reach", "front not free"
+FAULTS = (MISSING, OVERLAPS, OUTSIDE, BLOCKS, OUT_OF_REACH, FRONT_NOT_FREE)
 Fault = tuple[int, str]  # index of an item in its room, what is wrong with it
 CORNERS = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])
 
@@ -37,7 +39,7 @@ def faults(layout: Room) -> list[Fault]:
 def faults_of_all(layouts: Sequence[Room]) -> list[list[Fault]]:
     """The `faults` of each layout, in a tenth of the time that they take one by one."""
     items = Items.of(layouts)
-    found, _, _ = item_faults(layouts, items)
+    found = item_faults(layouts, items)
     first = np.searchsorted(items.room, np.arange(len(layouts)))
     return [
         [
@@ -125,28 +127,33 @@ def rectangles(center: np.ndarray, size: np.ndarray, degrees: np.ndarray) -> np.
     return result
 
 
-def item_faults(layouts: Sequence[Room], items: Items) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Which items have each fault, (N,) by its name; and how much of each others cover, and is outside, (N,).
+def item_faults(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
+    """Which items have each of the FAULTS, (N,) by its name.
 
     What is not placed has the first, is out of reach and has no free front if it should; it has no other.
     """
-    overlaps, covered = overlapping(items)
-    outside, beyond = standing_outside(layouts, items)
-    found = {
-        MISSING: ~items.placed,
-        "overlaps": overlaps,
-        "outside": outside,
-        "blocks an opening": blocking(layouts, items.room, items.category, items.footprint),
-        "out of reach": ~within_reach(layouts, items),
-        "front not free": ~free_fronts(layouts, items),
-    }
-    return found, covered, beyond
+    found = (
+        ~items.placed,
+        overlapping(items),
+        standing_outside(layouts, items),
+        blocking(layouts, items.room, items.category, items.footprint),
+        ~within_reach(layouts, items),
+        ~free_fronts(layouts, items),
+    )
+    return dict(zip(FAULTS, found, strict=True))
 
 
-def overlapping(items: Items) -> tuple[np.ndarray, np.ndarray]:
-    """Which items are more than 1 cm deep in another, and the share of each that others cover: (N,).
+def overlapping(items: Items) -> np.ndarray:
+    """Which items are more than 1 cm deep in another that they do not share the floor with: (N,)."""
+    a, b = meeting(items)
+    core = items.grown(-TOLERANCE / 2)
+    return np.bincount(a, shapely.intersects(core[a], core[b]), len(items.room)) > 0
 
-    What is tucked and what it may stand under, one of the HOSTS, do not overlap; nor do what is RAISED and what stands
+
+def meeting(items: Items) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of items that touch or overlap, each twice, as indices (n,) of the one and of the other.
+
+    What is tucked and what it may stand under, one of the HOSTS, share the floor; so do what is RAISED and what stands
     on it.
     """
     raised = np.isin(items.category, list(RAISED))
@@ -154,19 +161,13 @@ def overlapping(items: Items) -> tuple[np.ndarray, np.ndarray]:
     a, b = pairs(items.room, items.room)
     hosted = items.tucked[a] & is_host[b] | is_host[a] & items.tucked[b]
     meet = (a != b) & ~hosted & (raised[a] == raised[b]) & shapely.intersects(items.footprint[a], items.footprint[b])
-    a, b = a[meet], b[meet]
-    core = items.grown(-TOLERANCE / 2)
-    deep = np.bincount(a, shapely.intersects(core[a], core[b]), len(items.room)) > 0
-    covered = unions(shapely.intersection(items.footprint[a], items.footprint[b]), a, len(items.room))
-    return deep, np.nan_to_num(shapely.area(covered) / shapely.area(items.footprint))
+    return a[meet], b[meet]
 
 
-def standing_outside(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray, np.ndarray]:
-    """Which items are more than 1 cm deep outside the indoor area, and the share of each that is: (N,)."""
+def standing_outside(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Which items are more than 1 cm deep outside the indoor area: (N,)."""
     indoor = np.array([layout.indoor for layout in layouts])[items.room]
-    deep = shapely.area(shapely.difference(items.grown(-TOLERANCE), indoor)) > ROUNDING
-    outside = shapely.difference(items.footprint, indoor)
-    return deep, np.nan_to_num(shapely.area(outside) / shapely.area(items.footprint))
+    return shapely.area(shapely.difference(items.grown(-TOLERANCE), indoor)) > ROUNDING
 
 
 def blocking(
@@ -245,20 +246,6 @@ def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
     return shapely.dwithin(entered, items.footprint, radius[items.room] + TOLERANCE)
 
 
-def walked(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray, np.ndarray]:
-    """PhyScene's walkable area and reach (B,), of a ROBOT that walks on what is RAISED; 0 where it can be nowhere."""
-    count, radius = len(layouts), ROBOT / 2
-    floor = free_floor(layouts, items, ~np.isin(items.category, list(RAISED)), np.full(count, radius))
-    area = shapely.area(floor.part)
-    whole = np.bincount(floor.room, area, count)
-    walkable = np.bincount(floor.room, area * floor.entered, count) / np.maximum(whole, ROUNDING)
-    a, b = pairs(floor.room, items.room)
-    touched = np.bincount(a, shapely.dwithin(floor.part[a], items.footprint[b], radius + TOLERANCE), len(area))
-    of = np.bincount(items.room, minlength=count)
-    reach = np.bincount(floor.room, touched * area, count) / np.maximum(whole, ROUNDING) / np.maximum(of, 1)
-    return walkable, np.where(of, reach, np.nan)
-
-
 def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(indices into the first, into the second) of all pairs of one room; both are rooms (n,), ascending."""
     start, stop = np.searchsorted(second, first, "left"), np.searchsorted(second, first, "right")
@@ -273,13 +260,6 @@ def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     owned = np.full(count, None)
     shapely.geometrycollections(shapes[order], indices=owner[order], out=owned)
     return shapely.union_all(owned[:, None], axis=1)
-
-
-def means(value: np.ndarray, room: np.ndarray, count: int) -> np.ndarray:
-    """The mean of the values (n,) of each of `count` rooms, NaN left out; NaN where there is none."""
-    known = ~np.isnan(value)
-    total, number = np.bincount(room[known], value[known], count), np.bincount(room[known], minlength=count)
-    return np.where(number, total / np.maximum(number, 1), np.nan)
 
 
 def kept_free(room: Room) -> shapely.Geometry:
