@@ -11,7 +11,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from layoutrl.rooms.designer.generator import ROOM_TYPES
 from layoutrl.rooms.room import Item
 
 Angle = TypeVar("Angle", float, np.ndarray)
@@ -57,7 +56,8 @@ HOSTS = frozenset({"desk", "table"})
 # end.
 MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset({"wardrobe"})}
 
-PASSAGE = 0.6  # to every item, in rooms of which the designer knows nothing
+PASSAGE = 0.6  # to every item,
+NARROW = {"bathroom": 0.5, "kitchen": 0.5}  # but in these types
 
 
 def may_tuck(item: Item, items: Iterable[Item]) -> bool:
@@ -82,8 +82,8 @@ def may_stand_before(category: str, other: str) -> bool:
 
 
 def passage(room_type: str) -> float:
-    """How wide the way to every item is at least: 0.6, in kitchens and bathrooms 0.5."""
-    return ROOM_TYPES[room_type].passage / 100 if room_type in ROOM_TYPES else PASSAGE
+    """How wide the way to every item is at least."""
+    return NARROW.get(room_type, PASSAGE)
 
 
 def period(item: Item) -> float:
