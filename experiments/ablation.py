@@ -28,7 +28,8 @@ from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import composed
-from layoutrl.runs.folder import folders_of, write_json
+from layoutrl.runs.files import write_json
+from layoutrl.runs.folder import folders_of
 from layoutrl.runs.resume import EVALUATION
 
 RESULTS = Path(__file__).parent / "results" / "ablation"

@@ -46,7 +46,8 @@ from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs import resume
 from layoutrl.runs.commands import command, groups, nearest
 from layoutrl.runs.config import config_directory, options
-from layoutrl.runs.folder import differences, write_json
+from layoutrl.runs.files import write_json
+from layoutrl.runs.folder import differences
 from layoutrl.runs.machine import device_of, machine
 
 LAYOUTS = "layouts"  # the row of whole rooms

@@ -50,7 +50,8 @@ from layoutrl.rooms.sources.parts import Data, both, designed_rooms, two_parts, 
 from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, part
-from layoutrl.runs.folder import differences, folders_of, load_config, locked, wanted_folder, write_json
+from layoutrl.runs.files import locked, write_json
+from layoutrl.runs.folder import differences, folders_of, load_config, wanted_folder
 from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 from layoutrl.runs.ranges import check_furnishing, one_of
 from layoutrl.runs.trained import trained_agent as load_agent

@@ -29,7 +29,7 @@ from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.faults import Items
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.folder import write_json
+from layoutrl.runs.files import write_json
 from layoutrl.runs.machine import use_one_thread
 from layoutrl.runs.pretrained import load
 from layoutrl.runs.ranges import within

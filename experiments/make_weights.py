@@ -38,7 +38,8 @@ from layoutrl.rooms.faults import FAULTS, MISSING
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import TrainConfig
-from layoutrl.runs.folder import differences, load_config, write_json
+from layoutrl.runs.files import write_json
+from layoutrl.runs.folder import differences, load_config
 from layoutrl.runs.pretrained import ABOUT, unpacked
 from layoutrl.runs.resume import stated
 from layoutrl.runs.trained import trained_agent

@@ -17,7 +17,8 @@ from columns import refuse_other_rooms
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
-from layoutrl.runs.folder import differences, write_json
+from layoutrl.runs.files import write_json
+from layoutrl.runs.folder import differences
 
 NOT_RUN = "not run"
 Record = Mapping[str, Any]  # one row of a CSV: a number or a name in each column, None where it was not run

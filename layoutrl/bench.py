@@ -23,7 +23,8 @@ def run(config: BenchConfig) -> Path:
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.benchmarks.parts import PARTS, table
     from layoutrl.benchmarks.simulation import plot
-    from layoutrl.runs.folder import make_folder, write_json
+    from layoutrl.runs.files import write_json
+    from layoutrl.runs.folder import make_folder
     from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 
     device = device_of(config.device)

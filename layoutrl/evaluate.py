@@ -21,7 +21,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     Raises InputError, before it scores, where that cannot be written to.
     """
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
-    from layoutrl.runs.folder import write_json
+    from layoutrl.runs.files import write_json
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import evaluate, table
     from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table

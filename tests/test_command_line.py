@@ -25,8 +25,9 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import spread
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
+from layoutrl.runs.checkpoints import checkpoints
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
-from layoutrl.runs.folder import checkpoints, load_config
+from layoutrl.runs.folder import load_config
 from layoutrl.runs.furnishers import STARTS, dice
 from layoutrl.runs.trained import trained_agent, trained_run
 from tests.commands import PROJECT, fresh, layoutrl

@@ -42,8 +42,9 @@ from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
 from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.sweethome3d import read_home
+from layoutrl.runs.checkpoints import load_checkpoint, save_checkpoint
 from layoutrl.runs.config import TrainConfig, composed
-from layoutrl.runs.folder import load_checkpoint, load_config, save_checkpoint
+from layoutrl.runs.folder import load_config
 from tests.builders import random_room
 from tests.rooms.sources import test_front3d, test_procthor
 from tests.rooms.sources.test_sweethome3d import home_file

@@ -18,8 +18,9 @@ from layoutrl.rivals.planit.placement import Placer, Search
 from layoutrl.rivals.planit.scoring import given_query, scored
 from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
+from layoutrl.runs.checkpoints import load_checkpoint, taken
 from layoutrl.runs.config import PlanitConfig
-from layoutrl.runs.folder import load_checkpoint, load_config, taken
+from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import reported
 from layoutrl.runs.resume import seeds, session, stated

@@ -24,23 +24,11 @@ from hydra.types import RunMode
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.room import Room
+from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint, taken
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import AnyTraining, Config
-from layoutrl.runs.folder import (
-    LOCK,
-    checkpoints,
-    differences,
-    folders_of,
-    load_checkpoint,
-    load_config,
-    located,
-    locked,
-    new_folder,
-    save_checkpoint,
-    taken,
-    wanted_folder,
-    write_json,
-)
+from layoutrl.runs.files import LOCK, locked, write_json
+from layoutrl.runs.folder import differences, folders_of, load_config, located, new_folder, wanted_folder
 from layoutrl.runs.machine import machine
 
 EVALUATION = "evaluation.json"  # a run that has it is finished

@@ -21,7 +21,7 @@ from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
 from layoutrl.runs.config import PlaceConfig
-from layoutrl.runs.folder import LOCK, locked
+from layoutrl.runs.files import LOCK, locked
 
 STANDARD = "-"  # the name of standard input and output
 HEAD = 100  # rooms of a file

@@ -21,8 +21,9 @@ from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
+from layoutrl.runs.checkpoints import load_checkpoint, taken
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
-from layoutrl.runs.folder import load_checkpoint, load_config, located, taken
+from layoutrl.runs.folder import load_config, located
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.ranges import one_of
 from layoutrl.runs.resume import digest, stated

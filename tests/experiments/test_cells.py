@@ -21,8 +21,8 @@ from hydra import compose, initialize_config_dir
 from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
 from layoutrl.runs import planit_training
+from layoutrl.runs.checkpoints import checkpoints
 from layoutrl.runs.config import config_directory
-from layoutrl.runs.folder import checkpoints
 from layoutrl.runs.monitor import watched
 from tests.commands import script
 from tests.experiments.builders import LITTLE, cell, configured

@@ -17,9 +17,9 @@ from layoutrl.rivals.planit.training import Training
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
+from layoutrl.runs.checkpoints import load_checkpoint
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import PlanitConfig, composed, part
-from layoutrl.runs.folder import load_checkpoint
 from layoutrl.runs.planit_training import load, usable
 from layoutrl.runs.resume import resumed
 from tests.commands import layoutrl

@@ -28,9 +28,10 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs import resume
+from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig, composed, part
-from layoutrl.runs.folder import LOCK, checkpoints, load_checkpoint, locked, save_checkpoint
+from layoutrl.runs.files import LOCK, locked
 from layoutrl.runs.resume import resumed
 from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
@@ -171,7 +172,7 @@ def test_a_full_disk_as_a_run_begins_is_answered_and_leaves_nothing_behind(rooms
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("layoutrl.runs.folder.os.fsync", full)
+    monkeypatch.setattr("layoutrl.runs.files.os.fsync", full)
     with pytest.raises(InputError, match=r"cannot write to .*one \(No space left on device\); expected a disk"):
         run(configured(rooms, tmp_path))
     assert not list(tmp_path.glob("tatami/*"))

@@ -13,8 +13,8 @@ import torch
 from layoutrl import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
+from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
-from layoutrl.runs.folder import checkpoints, load_checkpoint, save_checkpoint
 from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
 from tests.runs.test_resume import SHORT

@@ -1,4 +1,4 @@
-"""A run's folder: checkpoints stay whole, whatever is on the disk, and what is locked is waited for."""
+"""Checkpoints stay whole, whatever is on the disk."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ import errno
 import hashlib
 import json
 import os
-import sys
-import threading
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,8 +14,9 @@ import torch
 
 import layoutrl
 from layoutrl import InputError
-from layoutrl.runs import folder
-from layoutrl.runs.folder import checkpoints, load_checkpoint, locked, save_checkpoint
+from layoutrl.runs import checkpoints as checkpoints_module
+from layoutrl.runs import files
+from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 
 CPU = torch.device("cpu")
 STATE = {"version": layoutrl.__version__, "config": {"seed": 3}, "rooms": "", "seconds": 1.0, "training": {}}
@@ -45,69 +43,6 @@ def test_what_was_damaged_gives_way_to_what_goes_on_before_it(tmp_path):
     assert len(list((tmp_path / "checkpoints").iterdir())) == 4
 
 
-LK_NBLCK = 2  # of Windows
-
-
-def locking(descriptor: int, mode: int, count: int) -> None:
-    """As Windows locks bytes: what another has is answered at once, by the error of missing rights."""
-    import fcntl
-
-    assert (mode, count) == (LK_NBLCK, 1)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES)) from None
-
-
-@pytest.fixture(params=["this system", "Windows"])
-def system(request, monkeypatch) -> str:
-    """Where files are locked. On Windows nothing is changed; elsewhere its locks are played by those that there are."""
-    if request.param == "Windows" and sys.platform != "win32":
-        monkeypatch.setattr(folder, "sys", SimpleNamespace(platform="win32"))
-        monkeypatch.setitem(sys.modules, "msvcrt", SimpleNamespace(locking=locking, LK_NBLCK=LK_NBLCK))
-    return request.param
-
-
-def test_who_waits_for_a_file_goes_on_when_it_is_let_go_of(system, tmp_path):
-    order = []
-
-    def second():
-        with locked(tmp_path / "lock", wait=True):
-            order.append("second")
-
-    waiting = threading.Thread(target=second)
-    with locked(tmp_path / "lock", wait=True):
-        waiting.start()
-        waiting.join(0.2)
-        order.append("first")
-    waiting.join(10)
-    assert order == ["first", "second"]
-
-
-def test_who_does_not_wait_for_a_file_is_answered(system, tmp_path):
-    with (
-        locked(tmp_path / "lock", wait=False),
-        pytest.raises(InputError, match="is in use by another process; expected it to end first"),
-        locked(tmp_path / "lock", wait=False),
-    ):
-        pass
-    with locked(tmp_path / "lock", wait=False):
-        pass
-
-
-def test_a_file_system_without_locks_is_answered(system, tmp_path, monkeypatch):
-    def no_locks(*_):
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-
-    on_windows = system == "Windows" or sys.platform == "win32"
-    monkeypatch.setattr("msvcrt.locking" if on_windows else "fcntl.flock", no_locks)
-    with (
-        pytest.raises(InputError, match="expected a folder on a file system with locks"),
-        locked(tmp_path / "lock", wait=True),
-    ):
-        pass
-
-
 @pytest.mark.parametrize("step", ["write", "fsync", "replace"])
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.ENOENT])
 def test_what_cannot_be_written_is_answered_and_the_last_checkpoint_stays_whole(step, code, tmp_path, monkeypatch):
@@ -121,7 +56,7 @@ def test_what_cannot_be_written_is_answered_and_the_last_checkpoint_stays_whole(
     if step == "write":
         monkeypatch.setattr(Path, "open", lambda *a, **k: fails() if "wb" in a else opens(*a, **k))
     elif step == "fsync":
-        monkeypatch.setattr(folder.os, "fsync", fails)
+        monkeypatch.setattr(files.os, "fsync", fails)
     else:
         monkeypatch.setattr(Path, "replace", fails)
     with pytest.raises(InputError) as caught:
@@ -156,7 +91,7 @@ def test_what_is_taken_instead_of_a_damaged_checkpoint_is_said_once_of_each(tmp_
         file.write_bytes(b"")
     with pytest.raises(InputError, match="has no whole checkpoint"):
         load_checkpoint(tmp_path, CPU, "best")
-    said = [line.replace(f"{tmp_path}/checkpoints/", "") for line in capsys.readouterr().out.splitlines()]
+    said = [line.replace(f"{tmp_path}/checkpoints/", "") for line in capsys.readouterr().err.splitlines()]
     assert said == [
         "00000010.pt is damaged (its hash is another); 00000030.pt is taken instead",
         "00000030.pt is damaged (its hash is another); 00000020.pt is taken instead",
@@ -168,17 +103,17 @@ def test_what_is_no_state_is_not_told_as_one_of_an_older_format(tmp_path, capsys
     written(tmp_path, 20, {"weights": torch.ones(2)})
     with pytest.raises(InputError, match="has no whole checkpoint"):
         load_checkpoint(tmp_path, CPU)
-    assert "00000020.pt is damaged (it is no state of a training); there is no other" in capsys.readouterr().out
+    assert "00000020.pt is damaged (it is no state of a training); there is no other" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", [None, *folder.STATE])
+@pytest.mark.parametrize("name", [None, *checkpoints_module.STATE])
 @pytest.mark.parametrize("value", [None, [], 3, torch.ones(2)])
 def test_whatever_is_saved_under_a_right_hash_a_state_of_a_training_is_taken(name, value, tmp_path, capsys):
     save_checkpoint(tmp_path, STATE, 10)
     written(tmp_path, 20, value if name is None else STATE | {"format": 2, name: value})
     assert load_checkpoint(tmp_path, CPU) == STATE | {"format": 2}
     assert f"00000020.pt is damaged (it is no state of a training{': it lacks ' + name if name else ''})" in (
-        capsys.readouterr().out
+        capsys.readouterr().err
     )
 
 

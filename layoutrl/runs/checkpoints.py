@@ -1,0 +1,150 @@
+"""Checkpoints of a run: whole or not there, with a mark that has their hash; nothing in one is ever run."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import pickle
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import layoutrl
+from layoutrl import InputError
+from layoutrl.runs.files import write_whole
+from layoutrl.runs.folder import differences
+
+if TYPE_CHECKING:
+    import torch  # it takes seconds
+
+CHECKPOINTS = "checkpoints"  # folder of a run
+KEPT = 2  # checkpoints, beside the best
+FORMAT = 2  # of checkpoints: those of another cannot be read. In 1, of layoutrl 0.1 and 0.2, agents saw no facings.
+STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
+
+
+def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:
+    """Keep a state (tensors and plain values) as `checkpoints/<updates>.pt`, whole or not at all.
+
+    A mark beside it, written last, has its hash, and the mean IoU in training rooms if it was asked for. The last two
+    and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
+    """
+    import torch
+
+    buffer = io.BytesIO()
+    torch.save({"format": FORMAT} | state, buffer)
+    content = buffer.getvalue()
+    file = folder / CHECKPOINTS / f"{updates:08d}.pt"
+    mark = {"sha256": hashlib.sha256(content).hexdigest(), "updates": updates, "iou": iou}
+    try:
+        file.parent.mkdir(exist_ok=True)
+        file.with_suffix(".json").unlink(missing_ok=True)
+        write_whole(file, content)
+        write_whole(file.with_suffix(".json"), (json.dumps(mark) + "\n").encode())
+    except OSError as error:
+        before = checkpoints(folder)
+        safe = f"that of {before[0].updates} updates is whole" if before else "no checkpoint was saved before"
+        raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
+    marks = checkpoints(folder)
+    later = [mark for mark in marks if mark.updates > updates]  # damaged, and what it went on from was before them
+    marks = marks[len(later) :]
+    for old in [*later, *marks[KEPT:]]:
+        if old != best(marks):
+            old.file.with_suffix(".json").unlink()  # the mark first: what has none is none
+            old.file.unlink(missing_ok=True)
+
+
+class Checkpoint(NamedTuple):
+    """What the mark of one says."""
+
+    updates: int
+    iou: float | None
+    sha256: str
+    file: Path
+
+
+def checkpoints(folder: Path) -> list[Checkpoint]:
+    """Those of a run that have a mark that can be read, the last one first."""
+    found = []
+    for mark in (folder / CHECKPOINTS).glob("*.json"):
+        try:
+            said = json.loads(mark.read_text(encoding="utf-8"))
+            iou = None if said["iou"] is None else float(said["iou"])
+            found.append(Checkpoint(int(said["updates"]), iou, str(said["sha256"]), mark.with_suffix(".pt")))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            print(f"{mark} cannot be read ({error}); its checkpoint is left out", file=sys.stderr)
+    return sorted(found, key=lambda checkpoint: -checkpoint.updates)
+
+
+def best(found: list[Checkpoint]) -> Checkpoint:
+    """The one with the highest IoU in training rooms, and of equals the last: what is held out chooses nothing."""
+    return max(found, key=lambda checkpoint: -1.0 if checkpoint.iou is None else checkpoint.iou)
+
+
+def load_checkpoint(
+    folder: Path,
+    device: torch.device,
+    which: Literal["last", "best"] = "last",
+    config: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The last whole state that was saved, or the best; says where one is damaged and another is taken.
+
+    Nothing in a file is run. Raises InputError where none is whole, where it is of another format, or of another
+    configuration than the run's, if that is given.
+    """
+    import torch
+
+    found = checkpoints(folder)
+    if which == "best" and found:
+        found.sort(key=best(found).__ne__)  # it first; the others stay in order
+    for tried, checkpoint in enumerate(found, 1):
+        try:
+            content = checkpoint.file.read_bytes()
+            if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+                raise ValueError("its hash is another")
+            state = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
+            if not isinstance(state, dict) or not isinstance(version := state.get("version"), str):
+                raise ValueError("it is no state of a training")
+            if (theirs := state.get("format", 1)) != FORMAT:
+                raise InputError(
+                    f"run: {checkpoint.file} is of format {theirs}, of layoutrl {version}; "
+                    f"expected {FORMAT}, of layoutrl {layoutrl.__version__}: train it again"
+                )
+            if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
+                raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")
+        except (InputError, MemoryError, torch.OutOfMemoryError):  # says nothing of the one before
+            raise
+        except Exception as error:  # torch answers a damaged file with whatever it meets in it
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            if isinstance(error, pickle.UnpicklingError):  # torch's own words say how to run what is in it
+                reason = "it holds other things than tensors and plain values"
+            rest = found[tried:]
+            instead = f"{rest[0].file.name} is taken instead" if rest else "there is no other"
+            print(f"{checkpoint.file} is damaged ({reason}); {instead}", file=sys.stderr)
+            continue
+        if config and (others := differences(state["config"], config)):
+            raise InputError(
+                f"run: {checkpoint.file} is of another {', '.join(others)}; expected the same as in config.yaml"
+            )
+        return state
+    raise InputError(f"run: {folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
+
+
+@contextmanager
+def taken(folder: Path) -> Iterator[None]:
+    """Answer a checkpoint that holds something else than what takes it: torch meets that in many ways."""
+    import torch
+
+    try:
+        yield
+    except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"run: the checkpoint of {folder} does not fit ({type(error).__name__}: {reason:.200}); "
+            "expected what a training as in config.yaml leaves"
+        ) from None
