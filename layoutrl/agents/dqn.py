@@ -88,6 +88,7 @@ class DQN:
         loss the common part drowns the difference, which is all that a choice hangs on.
         """
         q = self.network(observation)
+        assert q.shape == target.shape == legal.shape
         count = legal.sum(1, keepdim=True).clamp(min=1)
         error = (q - target).where(legal, 0.0)
         mean = error.sum(1, keepdim=True) / count

@@ -232,7 +232,7 @@ def candidates(simulator: Simulator) -> np.ndarray:
     for k, room in enumerate(simulator.rooms):
         places.append(shapely.get_coordinates(shapely.point_on_surface(simulator.legal[k])))
         rooms.append(np.array([k]))
-        low, high = play(room)
+        low, high = play(room, room.moving)
         for x, y in (_contact_coordinates(simulator.contacts[k]), np.linspace(low, high, SIDE).T):
             places.append(np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
             rooms.append(np.full(len(places[-1]), k))

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from layoutrl.env.geometry import CONTACT, fitting_positions
+from layoutrl.rivals.rules import play
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
@@ -150,18 +151,12 @@ def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:
     fits = _fitting(brief, item, degrees)
     if fits.is_empty:
         return None
-    low, high = _play(model, other)
+    low, high = play(model, other)
     share = np.clip((np.array(other.center) - low) / np.maximum(high - low, 1e-9), 0, 1)
     x0, y0, x1, y1 = fits.bounds
     wanted = shapely.Point(np.array([x0, y0]) + share * (x1 - x0, y1 - y0))
     x, y = shapely.shortest_line(fits, wanted).coords[0]
     return (x, y), degrees
-
-
-def _play(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest and highest centre at which a placed item lies within the outline's bounding box."""
-    bounds, around = np.array(room.indoor.bounds), np.array(item.template.bounds)
-    return bounds[:2] - around[:2], bounds[2:] - around[2:]
 
 
 def _nearest_facing(room: Room, degrees: float) -> float:

@@ -18,7 +18,7 @@ from shapely.affinity import rotate
 from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
 from layoutrl.rooms.faults import DOOR_CLEARANCE
-from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through
+from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
 THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them; any large number
@@ -68,8 +68,7 @@ class Scene:
 
     def layout(self, center: Array, quarter: Array, placed: Array | None = None) -> Room:
         """The brief with the items at (n, 2) and their facings (n,); those not `placed` (n,) keep no centre."""
-        cosine, sine = math.cos(math.radians(self.base)), math.sin(math.radians(self.base))
-        back = np.array([[cosine, -sine], [sine, cosine]]) if self.base else np.eye(2)
+        back = rotation(self.base)
         poses = {}
         for k in self.movable:
             if placed is None or placed[k]:
@@ -87,7 +86,7 @@ def scene_of(brief: Room) -> Scene:
     items = [_item(item, base) for item in brief.furniture]
     middle = np.array(indoor.representative_point().coords[0])
     standing = [item.center is not None for item in brief.furniture]
-    center = [_turn(item.center, -base) if item.center else middle for item in brief.furniture]
+    center = [rotation(-base) @ item.center if item.center else middle for item in brief.furniture]
     front = np.array([_front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
     shared = np.array([[may_share_floor(a, b) for b in brief.furniture] for a in brief.furniture], dtype=bool)
     before = [[b.category in MAY_STAND_BEFORE.get(a.category, ()) for b in brief.furniture] for a in brief.furniture]
@@ -277,11 +276,6 @@ def unreached(scene: Scene, boxes: Array) -> Array:
 
 _WITHIN_A_LAYOUT = np.zeros((3, 3, 3), dtype=bool)
 _WITHIN_A_LAYOUT[1] = True  # cells that meet at a corner are joined: two boxes grown so far lie a passage apart there
-
-
-def _turn(point: tuple[float, float], degrees: float) -> tuple[float, float]:
-    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    return cosine * point[0] - sine * point[1], sine * point[0] + cosine * point[1]
 
 
 def _rounded(shape: shapely.Polygon) -> shapely.Polygon:

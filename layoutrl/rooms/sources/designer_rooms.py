@@ -25,7 +25,7 @@ from shapely.ops import split
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, Opening, Ring, Room, rings
+from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, TOLERANCE, Item, Opening, Ring, Room, rings
 
 FILES = {"bedroom": "bedroom/*/*.json", "tatami": "tatami/*.json"}
 
@@ -273,7 +273,7 @@ def same_room(a: Room, b: Room) -> bool:
     if abs(a.indoor.area - b.indoor.area) > TOLERANCE * a.indoor.length:
         return False
     borders = borders_of(a)
-    turns = (b.turned(quarters, mirror) for mirror in (False, True) for quarters in range(4))
+    turns = (b.turned(quarters, mirror) for quarters, mirror in SYMMETRIES)
     return any(
         all(x.hausdorff_distance(y) <= TOLERANCE for x, y in zip(borders, borders_of(turned), strict=True))
         for turned in turns
