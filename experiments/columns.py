@@ -131,7 +131,7 @@ def setting_of(config: CellConfig, device: torch.device) -> Setting:
             designed = designed_rooms(config.room.type, config.room.item, designer(config), "train")
             training = designed + (training if config.trained_on == "both" else [])
         room = np.arange(len(held_out))
-    simulator = Simulator(held_out, config.method.moves, config.reward.weights)
+    simulator = Simulator(held_out, config.method.moves, config.reward)
     return Setting(training, simulator, room, simulator.starts(room, np.random.default_rng(STARTS_SEED)), device)
 
 
@@ -258,7 +258,7 @@ def supervised(
     spent = seconds_budget(seconds, clock_of(setting.device))
     keep_freed_memory()
     categories = categories_of(setting.training)
-    training = Simulator(setting.training, config.method.moves, config.reward.weights)
+    training = Simulator(setting.training, config.method.moves, config.reward)
     observe = GeometryObservation(setting.training, categories, setting.device)
     seed = np.random.SeedSequence(config.seed)
     network = train(training, observe, spent, seed, device=setting.device)

@@ -111,7 +111,7 @@ def main() -> None:
     stored = unpacked(cell["rows"]["agent"]["iou"], IOU) / 65535
     iou = np.zeros(len(rooms))
     if len(rooms) == len(places):
-        iou = Simulator(rooms, config.method.moves, config.reward.weights).reward(np.arange(len(rooms)), places).iou
+        iou = Simulator(rooms, config.method.moves, config.reward).reward(np.arange(len(rooms)), places).iou
     if len(rooms) != len(places) or np.abs(iou - stored).max() > 1e-3:
         raise InputError(f"{options.cell}: was filled with other rooms; expected those rules again, or another --root")
     knew_better = unpacked(cell["knew_better"], FLAG).astype(bool)

@@ -47,7 +47,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             shown = rooms_table(result)
         else:
             policy = greedy(learner.agent, config.method)
-            simulator = Simulator(held_out, config.method.moves, config.reward.weights)
+            simulator = Simulator(held_out, config.method.moves, config.reward)
             observe = observation_of(config.method.observation, held_out, device, learner.categories)
             result = evaluate(policy, simulator, observe, training, starts_a_room=1, seed=seed)
             shown = table(result)

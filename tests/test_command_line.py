@@ -282,7 +282,7 @@ def test_the_gallery_draws_all_rooms_of_a_file(tmp_path: Path) -> None:
     (tmp_path / "mine.jsonl").write_text("\n".join(json.dumps(room_to_dict(room)) for room in rooms))
     done = layoutrl("gallery", "data=json", "data.root=mine.jsonl", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    svg = (tmp_path / "gallery" / "bedroom-json-seed0.svg").read_text()
+    svg = (tmp_path / "gallery" / "bedroom-json-mine.svg").read_text()
     assert all(room.id in svg for room in rooms)
 
 

@@ -145,7 +145,7 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
         rooms,
         method.observation,
         method.moves,
-        config.reward.weights,
+        config.reward,
         on_illegal="drop",
         max_moves=method.max_moves,
     )
@@ -196,6 +196,6 @@ def held_out_probe(
     config: BenchConfig, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> Probe:
     """Mean IoU of a policy in rooms held out."""
-    simulator = Simulator(held_out, config.method.moves, config.reward.weights)
+    simulator = Simulator(held_out, config.method.moves, config.reward)
     observe = observation_of(config.method.observation, held_out, device, categories_of(training))
     return Probe(simulator, observe, np.random.default_rng(config.seed), device)

@@ -38,7 +38,7 @@ ACTING = ("act", "simulate", "store")  # stages of training that are not the lea
 def untrained(config: BenchConfig, rooms: Sequence[Room], device: torch.device, updates: int = ENDLESS) -> Learner:
     """The learner that `layoutrl.train` has with this seed."""
     network_seed, training_seed = np.random.SeedSequence(config.seed).spawn(2)
-    return Learner(rooms, config.method, config.reward.weights, updates, network_seed, training_seed, device)
+    return Learner(rooms, config.method, config.reward, updates, network_seed, training_seed, device)
 
 
 def fill(learner: Learner) -> None:
@@ -131,7 +131,7 @@ def evaluating(
     began = time.perf_counter()
     evaluate(
         greedy(agent, method),
-        Simulator(held_out, method.moves, config.reward.weights),
+        Simulator(held_out, method.moves, config.reward),
         observation_of(method.observation, held_out, device, categories_of(training)),
         training,
         starts_a_room=1,

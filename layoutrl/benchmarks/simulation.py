@@ -37,7 +37,7 @@ def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> d
     furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
     if not furnished:
         raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
-    simulator = Simulator(furnished, config.method.moves, config.reward.weights)
+    simulator = Simulator(furnished, config.method.moves, config.reward)
     fast = moves_a_second(config, BatchSimulator(simulator, device), config.batch)
     slow = 0.0
     for batch in config.shapely_batches:
@@ -58,13 +58,13 @@ def growth(
     config: BenchConfig, rooms: Sequence[Room], _held_out: Sequence[Room], device: torch.device
 ) -> dict[str, dict[int, float]]:
     """Moves a second by the number of parallel episodes, and of items in a room."""
-    simulator = BatchSimulator(Simulator(rooms, config.method.moves, config.reward.weights), device)
+    simulator = BatchSimulator(Simulator(rooms, config.method.moves, config.reward), device)
     by_episodes = {batch: moves_a_second(config, simulator, batch) for batch in config.batches}
     by_items = {}
     for count in config.items:
         rng = np.random.default_rng(config.seed)
         crowded = [with_items(room, count, rng) for room in rooms[: config.items_rooms]]
-        simulator = BatchSimulator(Simulator(crowded, config.method.moves, config.reward.weights), device)
+        simulator = BatchSimulator(Simulator(crowded, config.method.moves, config.reward), device)
         by_items[count] = moves_a_second(config, simulator, config.batch)
     return {"moves_a_second_by_episodes": by_episodes, "moves_a_second_by_items": by_items}
 
@@ -76,9 +76,7 @@ def furnishing(
     rng = np.random.default_rng(config.seed)
     designs = [with_items(room, FURNISHED, rng) for room in rooms[: config.items_rooms]]
     began = time.perf_counter()
-    simulator = RoomsSimulator(
-        [brief_of(room) for room in designs], designs, config.method.moves, config.reward.weights
-    )
+    simulator = RoomsSimulator([brief_of(room) for room in designs], designs, config.method.moves, config.reward)
     batched = BatchRoomsSimulator(simulator, device)
     setup = time.perf_counter() - began
     generator = torch.Generator(device).manual_seed(config.seed)
@@ -181,7 +179,7 @@ def environment(config: BenchConfig, rooms: Sequence[Room]) -> tuple[gymnasium.E
     """`layoutrl/Layout-v0` with the geometry observation, as Gymnasium makes it, and what draws moves in it."""
     method = config.method
     env = gymnasium.make(
-        "layoutrl/Layout-v0", rooms=rooms, moves=method.moves, reward=config.reward.weights, max_moves=method.max_moves
+        "layoutrl/Layout-v0", rooms=rooms, moves=method.moves, reward=config.reward, max_moves=method.max_moves
     )
     env.reset(seed=config.seed)
     return env, np.random.default_rng(config.seed)

@@ -29,7 +29,7 @@ class BatchSimulator:
         self.rooms = simulator.rooms
         self.moves = simulator.moves
         self.device = torch.device(device)
-        self._reward = simulator.weights
+        self._reward = simulator.reward_function
         like = torch.empty(0, device=device, dtype=dtype)
         origin = shapely.bounds(simulator.legal).reshape(-1, 2, 2).mean(1)
         self._origin = torch.tensor(origin, device=device)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
+
+from layoutrl import InputError
 
 if TYPE_CHECKING:  # the reference simulator does without torch, which takes seconds to load
     from torch import Tensor
@@ -30,9 +32,9 @@ class RewardTerms(NamedTuple, Generic[Values]):
         return _clipped(self.r1 + self.r2 + self.r3 + self.r4)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Reward:
-    """Weights of the terms.
+    """The terms by their weights; `conf/reward/` has them. Raises InputError where `inside` is neither of its two.
 
     In whole rooms an item can be turned: where it faces another way than the designer's, its IoU counts `faces_away`
     times what it is. There, too, `theta4` weighs what is taken of the floor before the item, and by it before others:
@@ -43,13 +45,13 @@ class Reward:
     theta1: float = 100.0
     theta2: float = -100.0
     theta3: float = -100.0
-    inside: Literal["share", "iou"] = "share"
+    inside: Any = "share"  # or "iou"
     faces_away: float = 0.5
     theta4: float = 0.0
 
     def __post_init__(self) -> None:
         if self.inside not in ("share", "iou"):
-            raise ValueError(f'inside: expected "share" or "iou"; got {self.inside!r}')
+            raise InputError(f"reward.inside: expected one of share, iou; got {self.inside}")
 
     def __call__(
         self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values

@@ -51,7 +51,7 @@ class BatchRoomsSimulator:
                 torch.tensor(table, device=device)
                 for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
             )
-            self._theta4 = simulator.weights.theta4
+            self._theta4 = simulator.reward_function.theta4
 
         # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
         places = [there for targets in simulator.targets for there in targets]
@@ -61,7 +61,7 @@ class BatchRoomsSimulator:
         counts = np.zeros((*shape, 4))
         for (k, t, q), degrees in np.ndenumerate(np.repeat(simulator.degrees.reshape(-1, 1, 4), longest, 1)):
             if t < len(places[k]):
-                counts[k, t, q] = 1.0 if faces_alike(places[k][t], degrees) else simulator.weights.faces_away
+                counts[k, t, q] = 1.0 if faces_alike(places[k][t], degrees) else simulator.reward_function.faces_away
         own = np.array([[item.degrees for item in row] for row in table]).reshape(*shape, 1)
         self._targets = _Table(table, own, like)
         self._target_center = torch.tensor(

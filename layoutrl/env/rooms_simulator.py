@@ -60,7 +60,7 @@ class RoomsSimulator:
     def __init__(self, briefs: Sequence[Room], designs: Sequence[Room | None] | None, moves: Moves, reward: Reward):
         self.rooms = list(briefs)
         self.moves = moves
-        self.weights = reward
+        self.reward_function = reward
         self.items = [[room.furniture[k] for k in missing(room)] for room in briefs]
         self.count = np.array([len(items) for items in self.items])
         if not self.count.any():
@@ -221,9 +221,9 @@ class RoomsSimulator:
             degrees = self.degrees[room, item, quarter[b]]
             for target in self.targets[room][item]:
                 found = self.simulator.ious(entry[[b]], center[[b]], np.array([[target.footprint]])).item()
-                iou[b] = max(iou[b], found * (1 if faces_alike(target, degrees) else self.weights.faces_away))
+                iou[b] = max(iou[b], found * (1 if faces_alike(target, degrees) else self.reward_function.faces_away))
         terms = self.simulator.reward(entry, center, self._others(state), iou)
-        terms = terms._replace(r4=self.weights.theta4 * self.floor_taken(state))
+        terms = terms._replace(r4=self.reward_function.theta4 * self.floor_taken(state))
         return RewardTerms(*(term * state.stands[np.arange(len(iou)), state.moving] for term in terms))
 
     def floor_taken(self, state: State[np.ndarray]) -> np.ndarray:

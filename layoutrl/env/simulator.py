@@ -74,7 +74,7 @@ class Simulator:
     def __init__(self, rooms: Sequence[Room], moves: Moves, reward: Reward):
         self.rooms = list(rooms)
         self.moves = moves
-        self.weights = reward
+        self.reward_function = reward
         templates = np.array([room.moving.template for room in rooms])
         self._corners = [shapely.get_coordinates(template) for template in templates]
         self.item_bounds = shapely.bounds(templates)  # (rooms, 4), around a centre at 0, 0
@@ -180,7 +180,7 @@ class Simulator:
         if others is not None:
             elements += self.ious(room, position, others).sum(1)
         target = iou[:, 1] if target_iou is None else target_iou
-        return self.weights(target, elements, shared[:, 0] / item, iou[:, 0])
+        return self.reward_function(target, elements, shared[:, 0] / item, iou[:, 0])
 
     def ious(self, room: np.ndarray, position: np.ndarray, footprints: np.ndarray) -> np.ndarray:
         """The item's IoU with footprints (B, K); 0 with None."""

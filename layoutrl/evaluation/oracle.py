@@ -87,7 +87,7 @@ def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.nd
     It can be far below 1: chairs stand under the table that moves. Rectangles of places are quartered until none can
     hold a better one, by how much an IoU can change: by at most 2 / the larger area for each square metre swept.
     """
-    weights, rooms = simulator.weights, len(simulator.rooms)
+    weights, rooms = simulator.reward_function, len(simulator.rooms)
     size, own = _sizes(simulator), simulator.item_area
     of_shape = simulator.room_of_shape
     an_area = 2 / np.maximum(shapely.area(simulator.shapes), own[of_shape])
@@ -231,7 +231,7 @@ class Search:
         next_iou = (np.maximum(size - off, 0) / (size + off)).max(1)
         self._episode = np.append(self._episode, episode)
         self._position = np.append(self._position, position, axis=0)
-        best_next = self._simulator.weights.theta1 * next_iou / REWARD_SCALE
+        best_next = self._simulator.reward_function.theta1 * next_iou / REWARD_SCALE
         self._cost = np.append(self._cost, self._best_reward[episode] - reward)
         self._to_come = np.append(self._to_come, np.maximum(self._best_reward[episode] - best_next, 0))
         self._value = np.append(self._value, np.full(len(episode), np.inf))

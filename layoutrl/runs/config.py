@@ -49,23 +49,6 @@ class RoomConfig:
 
 
 @dataclass
-class RewardConfig:
-    """The weights of the reward's terms: the designer's place, all else, what is outside, the floor before items."""
-
-    theta1: float = 100.0
-    theta2: float = -100.0
-    theta3: float = -100.0
-    inside: Any = "share"
-    faces_away: float = 0.5
-    theta4: float = 0.0
-
-    @property
-    def weights(self) -> Reward:
-        """The reward itself."""
-        return Reward(self.theta1, self.theta2, self.theta3, self.inside, self.faces_away, self.theta4)
-
-
-@dataclass
 class BudgetConfig:
     """How long a training takes, and how often it is looked at."""
 
@@ -107,14 +90,13 @@ class TrainConfig(LearningConfig):
     """An agent that is trained."""
 
     method: Method = MISSING
-    reward: RewardConfig = field(default_factory=RewardConfig)
+    reward: Reward = field(default_factory=Reward)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_method("method", self.method)
         if self.method.scope == "room":
             one_of("room.item of whole rooms", self.room.item, "main")
-        one_of("reward.inside", self.reward.inside, "share", "iou")
         one_of("budget.name", self.budget.name, *self.method.updates)
 
 

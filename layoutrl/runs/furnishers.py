@@ -154,7 +154,7 @@ class Mover:
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
         """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of STARTS."""
         method, index = self.trained.method, np.arange(len(rooms)).repeat(STARTS)
-        simulator = BatchSimulator(Simulator(rooms, method.moves, self.trained.reward.weights), self.device)
+        simulator = BatchSimulator(Simulator(rooms, method.moves, self.trained.reward), self.device)
         moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS, 1)
         numbers = torch.as_tensor((np.tile(spread(0, STARTS), len(rooms)) + moved_on) % 1, device=self.device)
         run = greedy(self.agent, method).rollout(

@@ -145,7 +145,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     return TrainedRun(
         agent,
         method,
-        trained.reward.weights,
+        trained.reward,
         categories,
         chosen,
         training,

@@ -43,7 +43,7 @@ def train(
 
     An interrupt ends it early, with all that it needs to go on.
     """
-    method, budget, reward = config.method, config.budget, config.reward.weights
+    method, budget, reward = config.method, config.budget, config.reward
     updates = method.updates[budget.name]
     keep_freed_memory()
     refuse_chance(device)

@@ -161,7 +161,7 @@ def assert_terms_agree(
     is_disc = np.array([r.moving.form == "circle" for r in simulator.rooms])
     others = np.array([len(r.others) for r in simulator.rooms])
     discs = np.array([sum(other.form == "circle" for other in r.others) for r in simulator.rooms])
-    weights = simulator.weights
+    weights = simulator.reward_function
     # Walls and openings lie apart, so that what a disc shares with all of them is off by no more than with one.
     for name, weight, lacking in (
         ("r1", weights.theta1, 2 * is_disc),

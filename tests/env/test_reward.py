@@ -81,7 +81,7 @@ def test_the_indoor_term_reads_the_share_of_the_item_or_the_literal_iou(
 
 def test_an_indoor_term_that_there_is_not_is_refused() -> None:
     with pytest.raises(ValueError, match="inside"):
-        Reward(inside="shares")  # type: ignore[arg-type]
+        Reward(inside="shares")
 
 
 @pytest.mark.parametrize("array", [np.array, torch.tensor])
