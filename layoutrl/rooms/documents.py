@@ -154,11 +154,9 @@ def room_from_dict(document: Any) -> Room:
 
 def _check_places(room: Room, with_walls: bool) -> None:
     border = room.indoor.boundary
-    # At the middles of sides: corners of the walls are farther off than they are thick.
-    sides = [pair for wall in room.walls for pair in zip(wall, wall[1:] + wall[:1], strict=True)]
-    thickness = max(
-        WALL_THICKNESS, *(shapely.distance(room.indoor, shapely.LineString(side).centroid) for side in sides), 0.0
-    )
+    corners = [point for wall in room.walls for point in wall]
+    # As far out as the walls' corners: homes have windows that are deeper than their walls.
+    thickness = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
     kinds = {"door": 0, "window": 0}
     for opening in room.openings:
         field = f"{opening.kind}s[{kinds[opening.kind]}]"

@@ -203,6 +203,13 @@ def test_an_opening_that_reaches_beyond_the_walls_is_refused() -> None:
         room_from_dict(document(doors=doors))
 
 
+def test_a_window_may_be_deeper_than_the_wall_up_to_where_its_corners_are() -> None:
+    deep = document(windows=polygons([[1, 3], [2, 3], [2, 3.28], [1, 3.28]]))
+    assert room_from_dict(deep).windows
+    with pytest.raises(RoomError, match=r"windows\[0\]: expected to lie in the walls"):
+        room_from_dict(document(windows=polygons([[1, 3], [2, 3], [2, 3.3], [1, 3.3]])))
+
+
 def test_a_room_in_millimetres_is_refused() -> None:
     with pytest.raises(RoomError, match="metres"):
         room_from_dict(document(outline=[[0, 0], [3600, 0], [3600, 4200], [0, 4200]]))
