@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Sequence
@@ -481,6 +482,25 @@ def test_a_state_that_is_none_is_answered(state: str, tmp_path: Path) -> None:
     ):
         pass
     assert (part / "state.json").read_text() == state
+
+
+def test_a_full_disk_is_answered_and_the_same_command_goes_on(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, _ = many(tmp_path)
+    config = PlaceConfig(by="search", rooms=str(file))
+    write, written = Path.write_text, []
+
+    def full(path: Path, *content: str) -> int:
+        written.append(path)
+        if len(written) == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, *content)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(InputError, match=r"^out: cannot write .*rooms\.jsonl \(No space left on device\)"):
+        place(config)
+    assert [room["id"] for room in run(config)] == [f"room {k}" for k in range(7)]
 
 
 def test_shards_are_all_of_a_file(middle: Middle, tmp_path: Path) -> None:

@@ -30,6 +30,18 @@ def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
+def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
+    """As `given_or_some`. Raises InputError where the item that moves has no center, too."""
+    rooms = given_or_some(rooms)
+    for room in rooms:
+        if room.moving.center is None:
+            raise InputError(
+                f"rooms: the {room.moving.category} of {room.id} has no center; expected the designer's place of what "
+                "moves (layoutrl/Rooms-v0 takes rooms that are still to be furnished)"
+            )
+    return rooms
+
+
 def check_at_least_one(**counts: int) -> None:
     """Raises ValueError, with its name, for what is no count of one or more."""
     for name, count in counts.items():
@@ -82,7 +94,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"unknown render_mode {render_mode!r}")
         check_at_least_one(max_moves=max_moves)
-        rooms = given_or_some(rooms)
+        rooms = standing_or_some(rooms)
         self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())
         self.max_moves = max_moves
         self.on_illegal = on_illegal

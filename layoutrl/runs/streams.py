@@ -180,14 +180,26 @@ class Growing:
         self._stream, self._state, self._about = stream, state, about
 
     def add(self, documents: Iterable[dict[str, Any]]) -> None:
-        """Write rooms, and that they are done: from here on nothing of it is done again."""
-        self._stream.write("".join(json.dumps(document) + "\n" for document in documents).encode())
-        self._stream.flush()
-        if self._state:
-            kept = {"about": self._about, "bytes": self._stream.tell(), "tally": asdict(self.tally)}
-            fresh = self._state.with_suffix(".new")
-            fresh.write_text(json.dumps(kept))
-            fresh.replace(self._state)
+        """Write rooms, and that they are done: from here on nothing of it is done again.
+
+        Raises InputError where the disk is full.
+        """
+        lines = "".join(json.dumps(document) + "\n" for document in documents)
+        try:
+            self._stream.write(lines.encode())
+            self._stream.flush()
+            if self._state:
+                kept = {"about": self._about, "bytes": self._stream.tell(), "tally": asdict(self.tally)}
+                fresh = self._state.with_suffix(".new")
+                fresh.write_text(json.dumps(kept))
+                fresh.replace(self._state)
+        except BrokenPipeError:  # nobody reads any more
+            raise
+        except OSError as error:
+            raise InputError(
+                f"out: cannot write {self._stream.name} ({error.strerror}); expected a disk with room: "
+                "the same command goes on then"
+            ) from None
 
 
 @contextmanager

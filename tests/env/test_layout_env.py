@@ -11,10 +11,12 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from layoutrl import InputError
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.env.vector_env import LayoutVectorEnv
 from layoutrl.rooms.room import Item
 from tests.builders import l_room, random_room, rectangular_room
 
@@ -318,6 +320,13 @@ def test_a_position_that_was_told_cannot_be_used_to_move_the_item():
     info["position"][:] = 0
     *_, info = env.step(RIGHT)
     assert info["position"].tolist() == [2.5, 1.5]
+
+
+@pytest.mark.parametrize("environment", [LayoutEnv, lambda rooms: LayoutVectorEnv(2, rooms)])
+def test_what_moves_has_a_place_of_the_designers(environment):
+    room = rectangular_room(4, 3, Item("bed", (1.0, 1.0)))
+    with pytest.raises(InputError, match=r"^rooms: the bed of room has no center; expected the designer's place"):
+        environment([room])
 
 
 def test_rendering_is_the_story_of_the_episode_so_far():
