@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING
+from torch import nn
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
 from layoutrl.env.simulator import Simulator
@@ -54,7 +54,7 @@ from layoutrl.runs.files import locked, write_json
 from layoutrl.runs.folder import differences, folders_of, load_config, wanted_folder
 from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 from layoutrl.runs.ranges import check_furnishing, one_of
-from layoutrl.runs.trained import trained_agent as load_agent
+from layoutrl.runs.trained import trained_network as load_network
 
 RESULTS = Path(__file__).parent / "results"
 DRAWN = 1  # rooms whose layouts are kept, to be drawn
@@ -145,8 +145,8 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     """The agent: from the one start; best of three; without the paper's rule that an illegal move ends a test, where
     that is the method's; and, of designed rooms never seen, from many starts."""
     simulator = setting.simulator
-    agent, categories, about = trained_agent(config, setting.training, simulator.rooms, setting.device)
-    policy = greedy(agent, config.method)
+    network, categories, about = trained_network(config, setting.training, simulator.rooms, setting.device)
+    policy = greedy(network, config.method)
     observe = observation_of(config.method.observation, simulator.rooms, setting.device, categories)
     batch_simulator = BatchSimulator(simulator, setting.device)
     run = policy.rollout(batch_simulator, observe, setting.room, setting.starts)
@@ -182,10 +182,10 @@ def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.n
     return choices[np.arange(len(room)), iou.argmax(1)]
 
 
-def trained_agent(
+def trained_network(
     config: CellConfig, rooms: list[Room], held_out: list[Room], device: torch.device
-) -> tuple[DQN, list[str], dict[str, Any]]:
-    """The agent that is trained on rooms in this way, the categories it knows, and about its training."""
+) -> tuple[nn.Module, list[str], dict[str, Any]]:
+    """The network that is trained on rooms in this way, the categories it knows, and about its training."""
     training = part(config, TrainConfig)
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
@@ -199,8 +199,8 @@ def trained_agent(
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
-    agent, categories, _ = load_agent(folder, load_config(folder, TrainConfig), device)
-    return agent, categories, about
+    network, categories, _ = load_network(folder, load_config(folder, TrainConfig), device)
+    return network, categories, about
 
 
 def trained_once(
@@ -425,8 +425,8 @@ def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 
 def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    agent, categories, _ = trained_agent(config, rooms.training, rooms.designs, rooms.device)
-    furnisher = Furnisher(agent, config.method, categories)
+    network, categories, _ = trained_network(config, rooms.training, rooms.designs, rooms.device)
+    furnisher = Furnisher(network, config.method, categories)
     return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1)]
 
 

@@ -42,7 +42,7 @@ from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences, load_config
 from layoutrl.runs.pretrained import ABOUT, unpacked
 from layoutrl.runs.resume import stated
-from layoutrl.runs.trained import trained_agent
+from layoutrl.runs.trained import trained_network
 
 PROJECT = Path(__file__).resolve().parents[1]
 WEIGHTS, PAGE = PROJECT / "layoutrl/weights", PROJECT / "docs/agents.md"
@@ -104,11 +104,11 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
         raise InputError(f"results: {file} is not there; expected the cell of a finished training")
     cell = json.loads(file.read_text(encoding="utf-8"))
     run = run_of(cell, Path(chosen.get("runs", "runs")))
-    agent, categories, _ = trained_agent(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
+    network, categories, _ = trained_network(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
     told = json.loads((run / "trained.json").read_text(encoding="utf-8"))
     release, _, commit = told["trained_on_machine"]["layoutrl"].partition(" ")
     stream = io.BytesIO()
-    torch.save({part: values.half() for part, values in agent.network.state_dict().items()}, stream)
+    torch.save({part: values.half() for part, values in network.state_dict().items()}, stream)
     content, config, row = stream.getvalue(), cell["config"], cell["rows"][LAYOUTS]
     card = {
         "file": f"{room_type}.pt",
@@ -149,7 +149,7 @@ def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
 def command_of(config: Mapping[str, Any]) -> str:
     """What trains the agent of a cell, and scores it."""
     told = ("train_rooms", "test_rooms", "seed", "disturbed")
-    data = " ".join(f"data.{name}={config['data'][name]}" for name in told)
+    data = " ".join(f"data.{name}={config['data'].get(name, 0.0)}" for name in told)
     budget = config["budget"]["name"]
     updates = f"method.updates.{budget}={config['method']['updates'][budget]}"
     what = f"room={config['room']['type']} budget={budget} {updates} {data} seed={config['seed']}"

@@ -46,7 +46,8 @@ def run(config: GalleryConfig) -> list[Path]:
             f"room: {config.data.source} has no {' or '.join(types)} to draw; expected another room=<type>"
         )
     name = "all_types" if config.all_types else config.room.type
-    which = f"seed{config.data.seed}" if config.data.source == "designer" else Path(str(config.data.root)).stem
+    files_of = Path(str(config.data.root)).resolve().stem
+    which = f"seed{config.data.seed}" if config.data.source == "designer" else files_of
     with style.context(STYLE):
         files = save(sheet(rooms), Path(config.out) / f"{name}-{config.data.source}-{which}", dpi=120)
     for file in files:

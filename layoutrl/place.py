@@ -132,6 +132,9 @@ def run(config: PlaceConfig) -> Done:
     if config.run is not None:
         load_config(Path(config.run).expanduser(), TrainConfig)  # what is wrong with it is said before anything is made
     files = [] if piped else out_files(config, suffix)
+    folder = Path(config.rooms).expanduser().resolve()
+    if source and files and folder.is_dir() and folder in files[0].resolve().parents:
+        raise InputError(f"out: {files[0]} lies in the folder that is read; expected it elsewhere, as out=<file>")
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
     if suffix == JSON:
         if piped and sys.stdout is None:
@@ -164,13 +167,12 @@ def run(config: PlaceConfig) -> Done:
 class Work:
     """The rooms of a file, answered a block at a time."""
 
-    def __init__(self, config: PlaceConfig, source: Source | None, total: int | None, says: IO[str]):
+    def __init__(self, config: PlaceConfig, source: Source | None, total: int | None, says: IO[str] | None):
         self.config, self.source, self.total = config, source, total
         self.tally = Tally()
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
-        self._ids = set[str]()
         self._objects = 0  # entries that are JSON objects, right or wrong
 
     @cached_property
@@ -184,6 +186,8 @@ class Work:
 
     def say(self, line: str) -> None:
         """Print it, above the bar of progress; a name in it cannot command the terminal."""
+        if self._says is None:  # closed
+            return
         tqdm.write(CONTROL.sub(lambda found: repr(found[0])[1:-1], line), file=self._says)
 
     @property
@@ -219,7 +223,8 @@ class Work:
         else:
             entries = json_entries(self.config, first, shards)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
-        with tqdm(None, "furnishing", length, initial=done, unit="room", disable=None) as bar:
+        nobody = True if sys.stderr is None else None  # None: where it is no terminal
+        with tqdm(None, "furnishing", length, initial=done, unit="room", disable=nobody) as bar:
             for block in blocks(entries):
                 answers = iter(self._answered([entry for entry in block if entry.room]))
                 answered = []
@@ -239,9 +244,6 @@ class Work:
                     if entry.unit not in self._units:
                         self._units.add(entry.unit)
                         self.say(f"lengths are read as {entry.unit}, as rooms are large (unit=m if they are)")
-                    if entry.room.id in self._ids:
-                        self.say(f"{entry.where}: an earlier room is called {entry.room.id}, too")
-                    self._ids.add(entry.room.id)
                     answered.append(answer := next(answers))
                     self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
                 yield answered

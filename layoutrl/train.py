@@ -42,11 +42,11 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     with ending(folder, "layoutrl.train"):
         seed = seeds(config)[3]
         if config.method.scope == "room":
-            furnisher = Furnisher(learner.agent, config.method, learner.categories)
+            furnisher = Furnisher(learner.agent.network, config.method, learner.categories)
             result = evaluate_rooms(furnisher, held_out, training, seed)
             shown = rooms_table(result)
         else:
-            policy = greedy(learner.agent, config.method)
+            policy = greedy(learner.agent.network, config.method)
             simulator = Simulator(held_out, config.method.moves, config.reward)
             observe = observation_of(config.method.observation, held_out, device, learner.categories)
             result = evaluate(policy, simulator, observe, training, starts_a_room=1, seed=seed)

@@ -154,7 +154,7 @@ def _picture(canvas: FigureCanvasAgg) -> Image.Image:
 
 def files_of(base: Path) -> list[Path]:
     """<base>.gif and <base>.webp, also where the base has such a suffix itself."""
-    stem = base.stem if base.suffix in (".gif", ".webp") else base.name
+    stem = base.stem if base.suffix.lower() in (".gif", ".webp") else base.name
     return [base.with_name(f"{stem}.{suffix}") for suffix in ("gif", "webp")]
 
 

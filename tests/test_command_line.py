@@ -29,7 +29,7 @@ from layoutrl.runs.checkpoints import checkpoints
 from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.furnishers import STARTS, dice
-from layoutrl.runs.trained import trained_agent, trained_run
+from layoutrl.runs.trained import trained_network, trained_run
 from tests.commands import PROJECT, fresh, layoutrl
 
 CPU = torch.device("cpu")
@@ -192,7 +192,7 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS)
     drawn = np.stack([dice(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS, 1)
     starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS), 3) + drawn) % 1))
-    observe = observation_of(method.observation, rooms, CPU, trained_agent(bedroom_run, kept, CPU)[1])
+    observe = observation_of(method.observation, rooms, CPU, trained_network(bedroom_run, kept, CPU)[1])
     went = policy.rollout(batch, observe, index, starts.numpy())
     value = went.value[went.best, np.arange(len(index))].reshape(3, STARTS)
     expected = went.final.reshape(3, STARTS, 2)[np.arange(3), value.argmax(1)]

@@ -22,6 +22,7 @@ from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.sources.parts import whole_parts
 from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, part
 from layoutrl.runs.monitor import FINAL_OF_ROOMS
+from layoutrl.runs.trained import trained_run
 from layoutrl.train import run as train
 from layoutrl.watch import run as watch
 
@@ -65,6 +66,15 @@ def test_an_agent_is_scored_in_a_single_room_of_a_file(trained: Path, tmp_path: 
     assert evaluate(EvaluateConfig(str(trained), data=data, part="all"))["rooms"] == 1
     with pytest.raises(InputError, match=r"^out: .* is there already; expected the name of a new \.json file"):
         evaluate(EvaluateConfig(str(trained), out=str(next(trained.glob("evaluation-*.json")))))
+
+
+def test_half_of_the_rooms_that_it_was_trained_on_were_disturbed(trained: Path) -> None:
+    shown = trained_run(EvaluateConfig(str(trained), data=replace(AS_IN_THE_RUN, train_rooms=12)))
+    designed = design_rooms("tatami", "train", 0, 6).rooms
+    assert len(shown.training) == 6
+    assert 0 < sum(room != other for room, other in zip(shown.training, designed, strict=True)) < 6
+    rooms = part(composed("train", "scope=room", "data=json", "data.root=any"), TrainConfig)
+    assert rooms.data.disturbed == 0  # of a file they are as they are
 
 
 def test_illegal_moves_end_no_furnishing(trained: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import torch
@@ -52,22 +51,12 @@ class DQN:
     ):
         self.network = network
         self.target = copy.deepcopy(network).requires_grad_(False).eval()
-        self.learning_rate = learning_rate
-        self.total_updates = total_updates
+        self.optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
+        self.schedule = torch.optim.lr_scheduler.LinearLR(self.optimizer, 1.0, 0.0, total_updates)
         self.target_period = target_period
         self.double = double
         self.updates = 0
         self.target_copies = 0
-
-    @cached_property
-    def optimizer(self) -> torch.optim.Adam:
-        """Made when it is first used: it loads torch's compiler, which takes a second or two, and values need none."""
-        return torch.optim.Adam(self.network.parameters(), lr=self.learning_rate, fused=True)
-
-    @cached_property
-    def schedule(self) -> torch.optim.lr_scheduler.LinearLR:
-        """Of the optimiser's learning rate; it has to be there before the optimiser's first step."""
-        return torch.optim.lr_scheduler.LinearLR(self.optimizer, 1.0, 0.0, self.total_updates)
 
     @torch.no_grad()
     def values(self, observation: Tensor) -> Tensor:
@@ -97,11 +86,10 @@ class DQN:
 
     def _descend(self, loss: Tensor, q: Tensor) -> UpdateStats:
         """One step of gradient descent, and what is told of it and of values q."""
-        schedule = self.schedule
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         self.optimizer.step()
-        schedule.step()
+        self.schedule.step()
         self.updates += 1
         if self.updates % self.target_period == 0:
             self.target.load_state_dict(self.network.state_dict())

@@ -29,10 +29,10 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 
 
-def untrained(
-    method: Method, categories: Sequence[str], updates: int, seed: np.random.SeedSequence, device: torch.device
-) -> DQN:
-    """An agent that knows these furniture categories. Its weights hang on the seed alone."""
+def q_network(
+    method: Method, categories: Sequence[str], seed: np.random.SeedSequence, device: torch.device
+) -> nn.Module:
+    """An untrained network that knows these furniture categories. Its weights hang on the seed alone."""
     actions = method.moves.count
     columns = len(ROOM_COLUMNS if method.scope == "room" else COLUMNS)
     with weights_of(seed):
@@ -41,7 +41,7 @@ def untrained(
             if method.observation == "image"
             else GeometryNetwork(columns + len(categories), actions, dueling=method.dueling)
         )
-    return DQN(network.to(device), method.learning_rate, updates, method.target_period, method.double)
+    return network.to(device)
 
 
 class Learner:
@@ -63,7 +63,8 @@ class Learner:
         self.categories = categories_of(rooms)
         self.method = method
         self.updates = updates
-        self.agent = untrained(method, self.categories, updates, network_seed, device)
+        network = q_network(method, self.categories, network_seed, device)
+        self.agent = DQN(network, method.learning_rate, updates, method.target_period, method.double)
         self._seed = training_seed
         # Of different ages, so that not all end in the same step.
         ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves

@@ -130,7 +130,7 @@ def evaluating(
     method = config.method
     began = time.perf_counter()
     evaluate(
-        greedy(agent, method),
+        greedy(agent.network, method),
         Simulator(held_out, method.moves, config.reward),
         observation_of(method.observation, held_out, device, categories_of(training)),
         training,

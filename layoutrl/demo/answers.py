@@ -6,7 +6,6 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -77,12 +76,7 @@ class Answers:
 
     def warm(self) -> None:
         """Have who furnishes rooms ready before somebody asks, in a thread that ends with the program."""
-
-        def ready() -> None:
-            with suppress(InputError):  # that somebody who asks is told
-                self.staff.ready()
-
-        threading.Thread(target=ready, daemon=True).start()
+        threading.Thread(target=self.staff.ready, daemon=True).start()
 
     def answer(self, about: str, body: bytes) -> Answer:
         """The answer to a question, whose JSON names the `room`. Raises InputError for what is wrong with it."""

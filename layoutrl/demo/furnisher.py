@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
 import numpy as np
 
+from layoutrl import InputError
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.furnished import Furnishes
 from layoutrl.rooms.room import MAIN_ITEM, Room
@@ -58,6 +60,7 @@ def staff_of(searching: Searching) -> Staff:
 
     def ready() -> None:
         for room_type in MAIN_ITEM:
-            agents().agent(room_type)
+            with suppress(InputError):  # that somebody who asks is told
+                agents().agent(room_type)
 
     return Staff(furnisher, lambda room_type: agents().agent(room_type), pretrained.known, ready)

@@ -51,7 +51,7 @@ class Reward:
 
     def __post_init__(self) -> None:
         if self.inside not in ("share", "iou"):
-            raise InputError(f"reward.inside: expected one of share, iou; got {self.inside}")
+            raise InputError(f"inside: expected share or iou; got {self.inside}")
 
     def __call__(
         self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from layoutrl.agents.dqn import DQN
 from layoutrl.agents.method import Method
 from layoutrl.env.geometry import snap
 from layoutrl.env.reward import Reward
@@ -49,8 +48,8 @@ class Furnisher:
     brief always gets the same layouts.
     """
 
-    def __init__(self, agent: DQN, method: Method, categories: Sequence[str]):
-        self._policy = greedy(agent, method)
+    def __init__(self, network: nn.Module, method: Method, categories: Sequence[str]):
+        self._policy = greedy(network, method)
         self._moves, self._categories = method.moves, list(categories)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002

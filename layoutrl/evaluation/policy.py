@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import Observe
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
@@ -89,7 +89,7 @@ class GreedyPolicy:
     illegal choice ends the episode; with `"mask"` the best legal move is taken.
     """
 
-    agent: DQN
+    network: nn.Module
     max_moves: int
     on_illegal: Literal["stop", "mask"]
     symmetries: Sequence[Symmetry]
@@ -98,8 +98,8 @@ class GreedyPolicy:
 
     @property
     def device(self) -> torch.device:
-        """Where the agent is."""
-        return next(self.agent.network.parameters()).device
+        """Where the network is."""
+        return next(self.network.parameters()).device
 
     def rollout(
         self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
@@ -213,9 +213,10 @@ class GreedyPolicy:
         blocks = zip(*(each.split(BLOCK // len(self.symmetries)) for each in (rooms, positions)), strict=True)
         return torch.cat([self._mean_over_views(observe, observe(*block)) for block in blocks])
 
+    @torch.no_grad()
     def _mean_over_views(self, observe: Observe, observation: Tensor) -> Tensor:
         seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
-        views = zip(self.agent.values(seen).split(len(observation)), self.symmetries, strict=True)
+        views = zip(self.network(seen).split(len(observation)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
 
 
@@ -231,7 +232,7 @@ def _shortest(moves: Moves) -> int:
     return 4 * int(np.argmin(moves.steps))
 
 
-def greedy(agent: DQN, method: Method) -> GreedyPolicy:
-    """The agent's policy, as the method tests it."""
-    views = method.views(next(agent.network.parameters()).device)
-    return GreedyPolicy(agent, method.evaluation_moves, method.on_illegal, views, method.climbs, method.snap)
+def greedy(network: nn.Module, method: Method) -> GreedyPolicy:
+    """The policy of a Q-network, as the method tests it."""
+    views = method.views(next(network.parameters()).device)
+    return GreedyPolicy(network, method.evaluation_moves, method.on_illegal, views, method.climbs, method.snap)

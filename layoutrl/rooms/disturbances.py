@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import shapely
@@ -47,7 +46,7 @@ def disturbed(rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> lis
             wrong = faults_of_all([room for room, _ in tried.values()]) if tried else []
             for (n, (room, name)), faults in zip(tried.items(), wrong, strict=True):
                 if not faults:
-                    result[n] = room, [*result[n][1], name]
+                    result[n] = _walled(room, wall_thickness(rooms[n])), [*result[n][1], name]
     return result
 
 
@@ -80,7 +79,7 @@ def pier(room: Room, rng: np.random.Generator) -> Room | None:
 
 def bricked_up(room: Room, _: np.random.Generator) -> Room | None:
     """No windows are left."""
-    return _changed(room, openings=room.doors) if room.windows else None
+    return replace(room, openings=room.doors) if room.windows else None
 
 
 def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
@@ -96,9 +95,10 @@ def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
     beside = any(opening.shape.distance(door) < thickness for opening in room.openings)
     if too_narrow or beside or outside(thickness + CLEAR_OUTSIDE).intersection(room.indoor).area > ROUNDING:
         return None
-    return _changed(room, openings=(*room.openings, Opening("door", _ring(door.exterior))))
+    return replace(room, openings=(*room.openings, Opening("door", _ring(door.exterior))))
 
 
+# Each leaves the walls as they were: they are made anew where nothing is wrong.
 DISTURBANCES: tuple[Callable[[Room, np.random.Generator], Room | None], ...] = (
     corner_cut, corner_built_in, column, pier, bricked_up, one_more_door,
 )  # fmt: skip
@@ -106,22 +106,21 @@ DISTURBANCES: tuple[Callable[[Room, np.random.Generator], Room | None], ...] = (
 
 def without(room: Room, piece: Polygon) -> Room | None:
     """The room without a piece of its floor; None where an item or an opening is in the way, or nothing is taken."""
+    if shapely.dwithin([item.footprint for item in room.furniture], piece, TOLERANCE).any():
+        return None
     left = shapely.set_precision(room.indoor.difference(piece), GRID)
-    stands_there = any(item.footprint.buffer(TOLERANCE).intersects(piece) for item in room.furniture)
-    if stands_there or not isinstance(left, Polygon) or left.area > room.indoor.area - LITTLE:
+    if not isinstance(left, Polygon) or left.area > room.indoor.area - LITTLE:
         return None
     before, after = (shapely.boundary(shape).buffer(TOLERANCE) for shape in (room.indoor, left))
     for opening in room.openings:
         if shapely.area(opening.shape.intersection(after)) < 0.99 * shapely.area(opening.shape.intersection(before)):
             return None
-    return _changed(room, outline=_ring(left.exterior), holes=tuple(_ring(hole)[::-1] for hole in left.interiors))
+    return replace(room, outline=_ring(left.exterior), holes=tuple(_ring(hole)[::-1] for hole in left.interiors))
 
 
-def _changed(room: Room, **fields: Any) -> Room:
-    """The room with other fields, and with the walls that they make, as thick as its own."""
-    changed = replace(room, **fields)
-    walls = wall_band(changed.outline, changed.holes, changed.openings, wall_thickness(room))
-    return replace(changed, walls=walls)
+def _walled(room: Room, thickness: float) -> Room:
+    """The room with the walls that its outline, holes and openings make."""
+    return replace(room, walls=wall_band(room.outline, room.holes, room.openings, thickness))
 
 
 def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

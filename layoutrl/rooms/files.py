@@ -70,8 +70,8 @@ def room_files(path: Path) -> list[Path]:
         raise InputError(f"{path}: no such file or folder; expected a .json or .jsonl file of rooms")
     files = files_below(path, SUFFIXES)
     if not files:
-        where = "files of rooms in this folder; found none" if path.is_dir() else "file; rooms=- reads what is none"
-        raise InputError(f"{path}: expected {' or '.join(SUFFIXES)} {where}")
+        what = "files of rooms in this folder; found none" if path.is_dir() else "file, or a folder; it is neither"
+        raise InputError(f"{path}: expected {' or '.join(SUFFIXES)} {what}")
     return files
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import shapely
 import torch
+from torch import nn
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN
 from layoutrl.env.answerable import nowhere
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
@@ -26,7 +26,7 @@ from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.brief import furnished, ways
+from layoutrl.rooms.brief import furnished, missing, ways
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
@@ -37,7 +37,7 @@ from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.pretrained import Agents
-from layoutrl.runs.trained import trained_agent
+from layoutrl.runs.trained import trained_network
 
 RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
@@ -66,12 +66,12 @@ def hired(config: PlaceConfig) -> Hired:
         return Hired(furnisher, pretrained.known, pretrained.types_with)
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
-    agent, categories, _ = trained_agent(folder, trained, device, config.checkpoint)
+    network, categories, _ = trained_network(folder, trained, device, config.checkpoint)
     whole = trained.method.scope == "room"
     moved = "all" if whole else item_of(trained, config.item, categories)
     placed = categories if moved == "all" else [moved]
     return Hired(
-        Furnisher(agent, trained.method, categories) if whole else Mover(trained, agent, categories, device),
+        Furnisher(network, trained.method, categories) if whole else Mover(trained, network, categories, device),
         lambda room_type: placed if room_type == trained.room.type else (),
     )
 
@@ -89,10 +89,10 @@ class Helped:
         """See Furnishes. The search's layout comes first where it has fewer `shortcomings`."""
         found = self.one.furnish(briefs, choices, seed)
         before = faults_of_all(briefs)
-        ours = shortcomings([answers[0] for answers in found], before)
+        ours = shortcomings(briefs, [answers[0] for answers in found], before)
         faulty = [k for k, lack in enumerate(ours) if any(lack) and briefs[k].indoor.area <= HALL]
         layouts = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
-        theirs = shortcomings(layouts, [before[k] for k in faulty])
+        theirs = shortcomings([briefs[k] for k in faulty], layouts, [before[k] for k in faulty])
         for k, other, lack in zip(faulty, layouts, theirs, strict=True):
             if lack < ours[k]:
                 unlike = [each for each in found[k] if not same(other.layout, each.layout)]
@@ -105,28 +105,31 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
     return Helped(agents, Rival(searching, lambda: updates_budget(RESTARTS)))
 
 
-def shortcomings(layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]) -> list[tuple[int, int, int]]:
+def shortcomings(
+    briefs: Sequence[Room], layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]
+) -> list[tuple[int, int, int]]:
     """How many items each layout lacks, how many new faults it has beside, and how many chairs stray."""
     counted = []
-    for each, now, was in zip(layouts, faults_of_all([each.layout for each in layouts]), before, strict=True):
+    faults = faults_of_all([each.layout for each in layouts])
+    for brief, each, now, was in zip(briefs, layouts, faults, before, strict=True):
         names = [fault for _, fault in new_faults(now, was)]
-        counted.append((names.count(MISSING), len(names) - names.count(MISSING), strays(each.layout)))
+        counted.append((names.count(MISSING), len(names) - names.count(MISSING), strays(brief, each.layout)))
     return counted
 
 
-def strays(layout: Room) -> int:
-    """How many chairs that may stand under a table or a desk stand under none, where there are some."""
-    standing = [item for item in layout.furniture if item.center is not None]
-    hosts = [item.footprint for item in standing if item.category in HOSTS and not item.tucked]
-    under = [any(item.footprint.intersects(host) for host in hosts) for item in standing if item.tucked]
-    return under.count(False) if hosts else 0
+def strays(brief: Room, layout: Room) -> int:
+    """How many chairs that were placed and may stand under a table or a desk stand under none, where there are some."""
+    items = layout.furniture
+    hosts = [i.footprint for i in items if i.category in HOSTS and not i.tucked and i.center is not None]
+    chairs = [items[k] for k in missing(brief) if items[k].tucked and items[k].center is not None]
+    return sum(not any(chair.footprint.intersects(host) for host in hosts) for chair in chairs) if hosts else 0
 
 
 class Mover:
     """A trained agent that moves one item. Of several it moves the largest first, each among what stands by then."""
 
-    def __init__(self, trained: TrainConfig, agent: DQN, categories: list[str], device: torch.device):
-        self.trained, self.agent, self.categories, self.device = trained, agent, categories, device
+    def __init__(self, trained: TrainConfig, network: nn.Module, categories: list[str], device: torch.device):
+        self.trained, self.network, self.categories, self.device = trained, network, categories, device
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is the mean of what the agent thinks of each item's place."""
@@ -157,7 +160,7 @@ class Mover:
         simulator = BatchSimulator(Simulator(rooms, method.moves, self.trained.reward), self.device)
         moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS, 1)
         numbers = torch.as_tensor((np.tile(spread(0, STARTS), len(rooms)) + moved_on) % 1, device=self.device)
-        run = greedy(self.agent, method).rollout(
+        run = greedy(self.network, method).rollout(
             simulator,
             observation_of(method.observation, rooms, self.device, self.categories),
             index,

@@ -51,13 +51,13 @@ def unpacked(content: bytes, card: dict[str, Any], device: torch.device) -> Furn
     """The agent that a file holds, built as its card says."""
     import torch
 
-    from layoutrl.agents.learner import untrained
+    from layoutrl.agents.learner import q_network
     from layoutrl.evaluation.furnishing import Furnisher
 
     method = Method(**card["method"])
-    agent = untrained(method, card["categories"], 1, np.random.SeedSequence(0), device)
-    agent.network.load_state_dict(torch.load(io.BytesIO(content), map_location=device, weights_only=True))
-    return Furnisher(agent, method, card["categories"])
+    network = q_network(method, card["categories"], np.random.SeedSequence(0), device)
+    network.load_state_dict(torch.load(io.BytesIO(content), map_location=device, weights_only=True))
+    return Furnisher(network, method, card["categories"])
 
 
 class Agents:
@@ -67,7 +67,7 @@ class Agents:
         self.agent = cache(lambda room_type: load(room_type, device))
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. Raises InputError as `boxed` does."""
+        """See Furnishes. Raises InputError as `load` does."""
         found: list[list[Furnished]] = [[] for _ in briefs]
         for room_type in sorted({brief.room_type for brief in briefs}):
             which = [k for k, brief in enumerate(briefs) if brief.room_type == room_type]

@@ -206,8 +206,8 @@ def begun(config: Config) -> Path | None:
         with suppress(InputError):  # one of another kind
             theirs = load_config(folder, type(config))
             ours = located(config.data)
-            elsewhere = (theirs.data.root, theirs.data.categories) != (ours.root, ours.categories)
-            if (config.data.source == "designer" or not elsewhere) and not differences(stated(theirs), stated(config)):
+            same_files = (theirs.data.root, theirs.data.categories) == (ours.root, ours.categories)
+            if (config.data.source == "designer" or same_files) and not differences(stated(theirs), stated(config)):
                 return folder
     return None
 

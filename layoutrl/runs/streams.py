@@ -88,9 +88,9 @@ def inputs(config: PlaceConfig) -> list[Path]:
     files = room_files(path)
     if path.is_file() or not config.out:
         return files
-    out = Path(config.out).expanduser().absolute()
+    out = Path(config.out).expanduser().resolve()
     own = re.compile(rf"{re.escape(out.stem)}(-\d+of\d+)?{re.escape(out.suffix)}")
-    return [file for file in files if file.absolute().parent != out.parent or not own.fullmatch(file.name)]
+    return [file for file in files if file.resolve().parent != out.parent or not own.fullmatch(file.name)]
 
 
 def standard_input() -> Iterator[tuple[str, bytes] | None]:
@@ -157,11 +157,6 @@ class Tally:
     items: int = 0  # to be placed
     placed: int = 0
     faults: dict[str, int] = field(default_factory=dict)  # of the best layout of each room
-
-    @property
-    def whole(self) -> bool:
-        """Whether all rooms could be read, and everything is placed."""
-        return not self.left_out and self.placed == self.items
 
     def __str__(self) -> str:
         said = [f"placed {self.placed} of {self.items} items in {self.rooms} rooms"]

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 import torch
+from torch import nn
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN
-from layoutrl.agents.learner import untrained
+from layoutrl.agents.learner import q_network
 from layoutrl.agents.method import Method
 from layoutrl.env.observation import GeometryObservation, ImageObservation, observation_of
 from layoutrl.env.reward import Reward
@@ -29,25 +29,25 @@ from layoutrl.runs.ranges import one_of
 from layoutrl.runs.resume import digest, stated
 
 
-def trained_agent(
+def trained_network(
     folder: Path, config: TrainConfig, device: torch.device, which: Literal["last", "best"] = "last"
-) -> tuple[DQN, list[str], str]:
-    """The agent of a run, the furniture categories that it knows, and the digest of the rooms that it was trained on.
+) -> tuple[nn.Module, list[str], str]:
+    """The network of a run, the furniture categories that it knows, and the digest of the rooms that it was trained on.
 
     Raises InputError where its checkpoint is not of the configuration.
     """
     state = load_checkpoint(folder, device, which, stated(config))
     with taken(folder):
-        trained = untrained(config.method, state["categories"], 1, np.random.SeedSequence(0), device)
-        trained.network.load_state_dict(state["training"]["agent"]["network"])
-    return trained, state["categories"], state["rooms"]
+        network = q_network(config.method, state["categories"], np.random.SeedSequence(0), device)
+        network.load_state_dict(state["training"]["agent"]["network"])
+    return network, state["categories"], state["rooms"]
 
 
 @dataclass(frozen=True)
 class TrainedRun:
     """The agent of a run, and the rooms that it is seen in."""
 
-    agent: DQN
+    network: nn.Module
     method: Method
     reward: Reward
     categories: list[str]  # of furniture, that the agent knows
@@ -65,12 +65,12 @@ class TrainedRun:
     @property
     def furnisher(self) -> Furnisher:
         """The agent, as it furnishes whole rooms."""
-        return Furnisher(self.agent, self.method, self.categories)
+        return Furnisher(self.network, self.method, self.categories)
 
     @property
     def policy(self) -> GreedyPolicy:
         """The agent, as it moves one item."""
-        return greedy(self.agent, self.method)
+        return greedy(self.network, self.method)
 
     @cached_property
     def simulator(self) -> Simulator:
@@ -105,7 +105,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     trained = load_config(folder, TrainConfig)
     own, data = trained.data, located(config.data)
     device = device_of(config.device)
-    agent, categories, rooms = trained_agent(folder, trained, device, config.checkpoint)
+    network, categories, rooms = trained_network(folder, trained, device, config.checkpoint)
 
     if data.source is None:  # the run's own, but for what is given
         unset = asdict(AS_IN_THE_RUN)
@@ -143,7 +143,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     if whole:
         one_of("on_illegal of whole rooms", method.on_illegal, "mask")
     return TrainedRun(
-        agent,
+        network,
         method,
         trained.reward,
         categories,

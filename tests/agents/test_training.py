@@ -249,7 +249,11 @@ def test_from_every_move_an_agent_learns_the_way_home(rises_from: float):
     list(learner.training(report_every=150))
     simulator = BatchSimulator(Simulator([room], method.moves, Reward()))
     starts = torch.tensor([(2.0, 1.6), (0.4, 1.6), (2.0, 0.4)], dtype=torch.float64)
-    ends = greedy(learner.agent, method).rollout(simulator, learner.observe, torch.zeros(3, dtype=int), starts).final
+    ends = (
+        greedy(learner.agent.network, method)
+        .rollout(simulator, learner.observe, torch.zeros(3, dtype=int), starts)
+        .final
+    )
     np.testing.assert_allclose(ends, [(0.4, 0.4)] * 3, atol=1e-6)
 
 
@@ -472,7 +476,11 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     list(training(agent, home, observe, Replay(10_000, 4), schedule, **settings))
     simulator, index = Simulator(rooms, moves, Reward()), np.repeat([0, 1], 60)
     starts = simulator.starts(index, np.random.default_rng(1))
-    final = GreedyPolicy(agent, 40, "mask", views[:1]).rollout(BatchSimulator(simulator), turned, index, starts).final
+    final = (
+        GreedyPolicy(agent.network, 40, "mask", views[:1])
+        .rollout(BatchSimulator(simulator), turned, index, starts)
+        .final
+    )
     iou, ceiling = simulator.reward(index, final).iou, lattice_ceiling(simulator, index, starts)
     assert (iou <= ceiling + 1e-6).all()
     assert (iou.reshape(2, 60).mean(1) > 0.95 * ceiling.reshape(2, 60).mean(1)).all()

@@ -9,7 +9,7 @@ import pytest
 import torch
 from shapely.geometry import MultiPoint
 
-from layoutrl.agents.learner import untrained
+from layoutrl.agents.learner import q_network
 from layoutrl.agents.method import Method
 from layoutrl.env.observation import categories_of
 from layoutrl.env.simulator import Moves
@@ -40,7 +40,7 @@ def designs() -> list[Room]:
 @pytest.fixture(scope="module")
 def furnisher(method: Method, designs: list[Room]) -> Furnisher:
     categories = categories_of(designs)
-    return Furnisher(untrained(method, categories, 1, np.random.SeedSequence(0), CPU), method, categories)
+    return Furnisher(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories)
 
 
 def test_all_items_are_placed_where_they_fit_and_what_stands_stays(furnisher: Furnisher, designs: list[Room]) -> None:

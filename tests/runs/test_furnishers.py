@@ -82,10 +82,13 @@ def test_a_chair_strays_that_stands_under_no_desk() -> None:
     desk, chair = Item("desk", (0.6, 1.2), (0.5, 1.0)), Item("chair", (0.4, 0.4), (0.9, 1.0), tucked=True)
     layout = replace(rectangular_room(4, 3), furniture=(desk, chair), target=None)
     assert not faults(layout)
-    assert strays(layout) == 0
+    brief = replace(layout, furniture=tuple(replace(item, center=None) for item in layout.furniture))
+    assert strays(brief, layout) == 0
     away = replace(layout, furniture=(desk, replace(chair, center=(2.0, 1.0))))
-    assert strays(away) == 1
-    assert strays(replace(away, furniture=away.furniture[1:])) == 0
+    assert strays(brief, away) == 1
+    alone = (replace(each, furniture=each.furniture[1:]) for each in (brief, away))
+    assert strays(*alone) == 0
+    assert strays(away, away) == 0  # where the user had it
     another = Known(layout)
     (found,) = Helped(Known(away), another).furnish([brief_of(layout)], 1, 0)
     assert [each.by for each in found] == ["the search"]

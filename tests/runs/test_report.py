@@ -38,7 +38,7 @@ def agent() -> DQN:
 
 
 def greedy(agent: DQN) -> GreedyPolicy:
-    return GreedyPolicy(agent, 20, "mask", symmetries(EXACT.moves))
+    return GreedyPolicy(agent.network, 20, "mask", symmetries(EXACT.moves))
 
 
 def test_an_evaluation_scores_the_stopping_places_exactly(agent):

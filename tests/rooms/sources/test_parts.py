@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from layoutrl.rooms.faults import faults_of_all
 from layoutrl.rooms.sources.parts import Data, whole_parts
-from layoutrl.runs.config import TrainConfig, composed, part
 
 
 def test_a_share_of_the_training_rooms_is_disturbed_and_no_held_out_room(tmp_path: Path) -> None:
@@ -29,9 +26,3 @@ def test_which_rooms_are_disturbed_and_how_hangs_on_seed_and_index_alone(tmp_pat
     data = Data("designer", str(tmp_path), train_rooms=12, test_rooms=1, disturbed=0.5)
     training, _ = whole_parts("study", data, 0)
     assert whole_parts("study", replace(data, train_rooms=6), 0)[0] == training[:6]
-
-
-@pytest.mark.parametrize("scope", ["item", "room"])
-def test_whole_rooms_are_learned_from_disturbed_ones_too(scope: str) -> None:
-    config = part(composed("train", f"scope={scope}"), TrainConfig)
-    assert config.data.disturbed == {"item": 0.0, "room": 0.5}[scope]
