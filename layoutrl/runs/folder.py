@@ -18,6 +18,7 @@ from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import AnyTraining, Config, misfit
 from layoutrl.runs.files import write_whole
 
+NO_MATTER = ("device", "room.updates", "room.whole_updates")  # how long a training is, method.updates says
 LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml; those that are written have 1,300 and 4
 
 
@@ -76,13 +77,13 @@ def make_folder(wanted: Path) -> Path:
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
-    """The dotted names of what both configurations have, and have differently; what it runs on is not counted."""
+    """The dotted names of what both configurations have, and have differently, but for NO_MATTER."""
     names = []
-    for name in first.keys() & second.keys() - {"device"}:
+    for name in first.keys() & second.keys():
         one, other = first[name], second[name]
         if isinstance(one, dict) and isinstance(other, dict):
             names += differences(one, other, f"{prefix}{name}.")
-        elif one != other:
+        elif one != other and prefix + name not in NO_MATTER:
             names.append(prefix + name)
     return sorted(names)
 

@@ -247,10 +247,9 @@ def finite(state: Any) -> bool:
 
 
 def stated(config: AnyTraining) -> dict[str, Any]:
-    """The configuration as plain values, but for where files lie; how long is in method.updates."""
+    """The configuration as plain values, but for where files lie."""
     moved = replace(config, runs="", name=None, data=replace(config.data, root=None, categories=None))
-    plain = json.loads(json.dumps(asdict(moved)))
-    return plain | {"room": {"type": plain["room"]["type"], "item": plain["room"]["item"]}}
+    return json.loads(json.dumps(asdict(moved)))
 
 
 def digest(rooms: Sequence[Room]) -> str:

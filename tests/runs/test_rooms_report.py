@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -40,8 +39,7 @@ def test_a_run_of_whole_rooms_is_scored_beside_what_needs_no_training(trained: P
 
 
 def test_it_is_scored_again_alike_and_from_one_start_alone(trained: Path, tmp_path: Path) -> None:
-    config = EvaluateConfig(str(trained), out=str(tmp_path / "again.json"))
-    once, again = evaluate(config), evaluate(config)
+    once, again = (evaluate(EvaluateConfig(str(trained), out=str(tmp_path / f"{name}.json"))) for name in "ab")
     assert once["layouts"] == again["layouts"]
     with pytest.raises(InputError, match=r"^starts: a whole room is furnished once, from nothing; expected 1; got 2$"):
-        evaluate(replace(config, starts=2))
+        evaluate(EvaluateConfig(str(trained), starts=2))
