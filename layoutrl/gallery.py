@@ -46,10 +46,10 @@ def run(config: GalleryConfig) -> list[Path]:
             f"room: {config.data.source} has no {' or '.join(types)} to draw; expected another room=<type>"
         )
     name = "all_types" if config.all_types else config.room.type
-    files_of = Path(str(config.data.root)).resolve().stem
-    which = f"seed{config.data.seed}" if config.data.source == "designer" else files_of
+    source = config.data.source
+    which = f"seed{config.data.seed}" if source == "designer" else Path(str(config.data.root)).resolve().stem
     with style.context(STYLE):
-        files = save(sheet(rooms), Path(config.out) / f"{name}-{config.data.source}-{which}", dpi=120)
+        files = save(sheet(rooms), Path(config.out) / f"{name}-{source}-{which}", dpi=120)
     for file in files:
         print(f"wrote {file}")
     return files

@@ -139,7 +139,7 @@ def run(config: PlaceConfig) -> Done:
     if suffix == JSON:
         if piped and sys.stdout is None:
             raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
-        grown = nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config))
+        grown = nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config, source))
         with grown as sheet:
             work.tally = sheet.tally
             for block in work.answers():
@@ -349,13 +349,12 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
     return folder
 
 
-def about(config: PlaceConfig) -> dict[str, Any]:
+def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
     """All that decides what is placed where, as JSON keeps it: a run that was stopped goes on only with the same."""
-    path = Path(config.rooms).expanduser()
-    if config.rooms == STANDARD:
-        files = []
+    if source:
+        files = files_below(Path(config.rooms).expanduser(), FORMATS)
     else:
-        files = inputs(config) if format_of(path) == "json" else files_below(path, FORMATS)
+        files = [] if config.rooms == STANDARD else inputs(config)
     stats = [(str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
     said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
     kept: dict[str, Any] = json.loads(json.dumps(said | {"rooms": stats, "version": __version__}))

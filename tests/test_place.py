@@ -343,6 +343,20 @@ def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     return furnisher
 
 
+def interrupted(monkeypatch: pytest.MonkeyPatch, at: int) -> list[str]:
+    """Ctrl-C comes as the room of this number is furnished; the ids of all that are or were to be, as they come."""
+    layout, seen = Middle.layout, list[str]()
+
+    def until(self: Middle, brief: Room) -> Room:
+        seen.append(brief.id)
+        if len(seen) == at:
+            raise KeyboardInterrupt
+        return layout(self, brief)
+
+    monkeypatch.setattr(Middle, "layout", until)
+    return seen
+
+
 def test_what_the_search_placed_where_an_agent_failed_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -445,15 +459,7 @@ def test_an_interrupted_run_goes_on_where_it_was(
 ) -> None:
     file, _ = many(tmp_path)
     whole = run(PlaceConfig(by="search", rooms=str(file), out=str(tmp_path / "whole.jsonl")))
-    layout, seen = Middle.layout, []
-
-    def until_the_fourth(self: Middle, brief: Room) -> Room:
-        seen.append(brief.id)
-        if len(seen) == 4:
-            raise KeyboardInterrupt
-        return layout(self, brief)
-
-    monkeypatch.setattr(Middle, "layout", until_the_fourth)
+    seen = interrupted(monkeypatch, 4)
     config = PlaceConfig(by="search", rooms=str(file))
     with pytest.raises(KeyboardInterrupt):
         place(config)
@@ -531,15 +537,7 @@ def test_what_is_written_into_the_folder_of_rooms_is_none_of_them(
     config = PlaceConfig(by="search", rooms=str(tmp_path), out=str(tmp_path / "x.jsonl"))
     shards = [run(replace(config, shard=f"{k}/2")) for k in range(2)]
     assert [[room["id"] for room in rooms] for rooms in shards] == [["r0", "r2"], ["r1", "r3"]]
-    layout, seen = Middle.layout, []
-
-    def until_the_third(self: Middle, brief: Room) -> Room:
-        seen.append(brief.id)
-        if len(seen) == 3:
-            raise KeyboardInterrupt
-        return layout(self, brief)
-
-    monkeypatch.setattr(Middle, "layout", until_the_third)
+    interrupted(monkeypatch, 3)
     with pytest.raises(KeyboardInterrupt):
         place(config)
     assert [room["id"] for room in run(config)] == ["r0", "r1", "r2", "r3"]

@@ -92,18 +92,19 @@ def _designed(room_type: str, data: Data, part: Part) -> Collection:
         )
     designs = designer_cache.read(data.path, room_type, part, data.seed, count)
     print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
-    rooms = _some_disturbed(designs.rooms, data.disturbed, data.seed) if part == "train" else designs.rooms
-    return Collection(f"designer, {part}", rooms, inside=True)
+    if part == "train" and data.disturbed:
+        _disturb(designs.rooms, data.disturbed, data.seed)
+    return Collection(f"designer, {part}", designs.rooms, inside=True)
 
 
-def _some_disturbed(rooms: list[Room], share: float, seed: int) -> list[Room]:
-    """The rooms, of which about this share is disturbed: by index the same, however many there are."""
-    rngs = {k: np.random.default_rng([seed, k]) for k in range(len(rooms)) if share}
-    chosen = {k: rng for k, rng in rngs.items() if rng.random() < share}
-    changed = dict(zip(chosen, disturbed([rooms[k] for k in chosen], list(chosen.values())), strict=True))
-    if changed:
-        print(f"  disturbed as flats are: {sum(bool(names) for _, names in changed.values())} rooms")
-    return [changed[k][0] if k in changed else room for k, room in enumerate(rooms)]
+def _disturb(rooms: list[Room], share: float, seed: int) -> None:
+    """Disturb about this share of the rooms, in place: by index the same, however many there are."""
+    rngs = [np.random.default_rng([seed, k]) for k in range(len(rooms))]
+    chosen = [k for k, rng in enumerate(rngs) if rng.random() < share]
+    changed = disturbed([rooms[k] for k in chosen], [rngs[k] for k in chosen])
+    for k, (room, _) in zip(chosen, changed, strict=True):
+        rooms[k] = room
+    print(f"  disturbed as flats are: {sum(bool(names) for _, names in changed)} rooms")
 
 
 def _with_item(collection: Collection, room_type: str, item: str) -> list[Room]:
