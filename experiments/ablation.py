@@ -42,7 +42,7 @@ ITEM = {
     "double Q-learning": ["method.double=true"],
     "no dueling head": ["method.dueling=false"],
     "discount 0.9": ["method.discount=0.9"],
-    "episodes end at the goal": ["method.goal_terminates=true"],
+    "episodes end at the goal": ["method.goal_iou=0.95"],
 }
 ROOM = {
     "the method": [],

@@ -80,10 +80,9 @@ class Learner:
             self.simulator = simulator = BatchSimulator(Simulator(rooms, method.moves, reward), device)
             self.observe = observation_of(method.observation, rooms, device, self.categories)
             self.replay = Replay(method.replay_capacity, method.moves.count, device)
-            goal_iou = method.goal_iou if method.goal_terminates else None
             designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
-            near = (method.starts_near, designed) if method.starts_near else None
-            self._begin = lambda generator: Episodes(simulator, ages, most, generator, goal_iou, near)
+            near = (method.near_share, designed) if method.near_share else None
+            self._begin = lambda generator: Episodes(simulator, ages, most, generator, method.goal_iou, near)
             if not simulator.reach(torch.arange(len(rooms), device=device), designed)[1].any():
                 raise InputError("steps: no item can move in any of the rooms; expected shorter steps or larger rooms")
 

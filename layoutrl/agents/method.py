@@ -32,8 +32,7 @@ class Method:
     climbs: int = 0  # moves after it, at most, to where values are higher, seen from all around
     snap: float = 0.0  # metres: from no further it is put in line with what stands beside it
     on_illegal: Any  # in test: stop or mask
-    goal_terminates: bool = False
-    goal_iou: float = 0.95
+    goal_iou: float | None = None  # an episode of one item ends where it has it; None: never
     double: bool
     dueling: bool = False
     discount: float
@@ -54,9 +53,8 @@ class Method:
     discount_start: float = 0.5  # from which the discount rises, over the first half of the updates
     mean_weight_start: float = 0.005  # in the loss, beside the moves' differences
     mean_weight: float = 0.2  # to which it rises, over the second half of the updates
-    starts_near: float = 0.0  # of the episodes of one item: share that begins near the designer's place
+    near_share: float = 0.0  # of the episodes: they begin near the designer's place
     # Of whole rooms:
-    near_share: float = 0.5  # of items that begin near the designer's place
     own_share: float = 0.5  # of rooms in which the agent's own mistakes stay, as far as it does not explore
 
     @property

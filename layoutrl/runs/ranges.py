@@ -22,7 +22,6 @@ def check_method(prefix: str, method: Method) -> None:
     if method.scope == "room":
         one_of(f"{prefix}.observation of whole rooms", method.observation, "geometry")
         one_of(f"{prefix}.on_illegal of whole rooms", method.on_illegal, "mask")
-        within(f"{prefix}.goal_terminates", method.goal_terminates, not method.goal_terminates, "false, of whole rooms")
     one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
     one_of(f"{prefix}.on_illegal", method.on_illegal, "stop", "mask")
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
@@ -32,7 +31,7 @@ def check_method(prefix: str, method: Method) -> None:
     within(f"{prefix}.snap", method.snap, method.snap >= 0, "0 or more metres")
     sees_lines = method.observation == "geometry" or not method.snap
     within(f"{prefix}.snap", method.snap, sees_lines, f"0 with {prefix}.observation=image")
-    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share", "starts_near"):
+    for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share"):
         share = getattr(method, name)
         within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
     most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
@@ -51,8 +50,10 @@ def check_method(prefix: str, method: Method) -> None:
     for name in ("mean_weight_start", "mean_weight"):
         value = getattr(method, name)
         within(f"{prefix}.{name}", value, value > 0, "more than 0")
-    ends_early = method.every_move and method.goal_terminates
-    within(f"{prefix}.goal_terminates", method.goal_terminates, not ends_early, "false with every_move")
+    if (goal := method.goal_iou) is not None:
+        within(f"{prefix}.goal_iou", goal, 0 < goal <= 1, "more than 0, up to 1; or null: no goal")
+        can_end = method.scope == "item" and not method.every_move
+        within(f"{prefix}.goal_iou", goal, can_end, "null, of whole rooms and with every_move")
 
 
 def check_furnishing(search: Any, annealer: Any) -> None:

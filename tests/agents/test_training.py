@@ -241,7 +241,7 @@ def test_the_horizon_rises_first_and_then_the_weight_of_the_mean():
 def test_from_every_move_an_agent_learns_the_way_home(rises_from: float):
     method = replace(composed("train", "room=tatami").method, steps=[0.4], slide=False, every_move=True, discount=0.8)
     method = replace(
-        method, discount_start=rises_from, batch=32, episodes=8, warmup_moves=32, starts_near=0.5, symmetries=False
+        method, discount_start=rises_from, batch=32, episodes=8, warmup_moves=32, near_share=0.5, symmetries=False
     )
     room = rectangular_room(2.4, 2.0, Item("bed", (0.8, 0.8), (0.4, 0.4)))
     one, other = np.random.SeedSequence(0).spawn(2)
