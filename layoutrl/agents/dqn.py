@@ -70,19 +70,11 @@ class DQN:
         assert q.shape == target.shape == batch.reward.shape
         return self._descend(smooth_l1_loss(q, target), q)
 
-    def update_every_move(self, legal: Tensor, target: Tensor, observation: Tensor, mean_weight: float) -> UpdateStats:
-        """One step on the values of all legal moves (B, A) at once: on how they differ, and on their mean, apart.
-
-        The values of neighbouring moves of a pixel differ by one or two percent of what they have in common. In one
-        loss the common part drowns the difference, which is all that a choice hangs on.
-        """
+    def update_every_move(self, legal: Tensor, target: Tensor, observation: Tensor) -> UpdateStats:
+        """One step on the absolute error of the values of all legal moves (B, A) at once."""
         q = self.network(observation)
         assert q.shape == target.shape == legal.shape
-        count = legal.sum(1, keepdim=True).clamp(min=1)
-        error = (q - target).where(legal, 0.0)
-        mean = error.sum(1, keepdim=True) / count
-        difference = (error - mean).where(legal, 0.0)
-        return self._descend(difference.abs().mean() + mean_weight * mean.abs().mean(), q)
+        return self._descend((q - target).where(legal, 0.0).abs().mean(), q)
 
     def _descend(self, loss: Tensor, q: Tensor) -> UpdateStats:
         """One step of gradient descent, and what is told of it and of values q."""

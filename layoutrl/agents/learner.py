@@ -106,6 +106,4 @@ class Learner:
         )
 
     def _every_move(self) -> EveryMove:
-        method = self.method
-        discount, weight = (method.discount_start, method.discount), (method.mean_weight_start, method.mean_weight)
-        return EveryMove(self.simulator, self.updates, discount, weight)
+        return EveryMove(self.simulator, self.updates, (self.method.discount_start, self.method.discount))

@@ -48,11 +48,8 @@ class Method:
     epsilon_share: float  # of the updates, over which epsilon falls
     updates: dict[str, int]  # by budget
     scope: Any = "item"  # what is furnished: one item of a room, or the whole room (room)
-    every_move: bool = False  # learn the values of all legal moves of a pose, and how they differ apart from their mean
-    # With every_move:
-    discount_start: float = 0.5  # from which the discount rises, over the first half of the updates
-    mean_weight_start: float = 0.005  # in the loss, beside the moves' differences
-    mean_weight: float = 0.2  # to which it rises, over the second half of the updates
+    every_move: bool = False  # learn what every legal move of a pose gains, not only the one that was made
+    discount_start: float = 0.5  # with every_move: from which the discount rises, over the first half of the updates
     near_share: float = 0.0  # of the episodes: they begin near the designer's place
     # Of whole rooms:
     own_share: float = 0.5  # of rooms in which the agent's own mistakes stay, as far as it does not explore

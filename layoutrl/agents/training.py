@@ -60,27 +60,22 @@ class Stopwatch:
 
 @dataclass(frozen=True)
 class EveryMove:
-    """How values of all legal moves are learned at once, of every pose that is sampled.
+    """How values of all legal moves are learned at once, of every pose that is sampled: by what each move gains.
 
-    First how moves differ, at a discount that rises over the first half of the updates; then what they have in common,
-    too, whose weight in the loss rises over the second half. Values are (1 - discount) times what they are else: they
-    stay as large while the discount rises.
+    A move gains the reward of the pose that it leads to, less that of the pose that it leaves. That is the paper's
+    reward shaped by a potential, what staying would pay (Ng, Harada & Russell 1999; all of it times 1 - discount), so
+    that the best moves stay the best. Without it neighbouring moves differ by a percent or two of what they have in
+    common, and what a network errs in that is more. The discount rises over the first half of the updates.
     """
 
     simulator: BatchSimulator | Scenes
     updates: int
     discount: tuple[float, float]  # first and last: what rises linearly is the horizon, 1 / (1 - discount)
-    mean_weight: tuple[float, float]
 
     def discount_at(self, updates: int) -> float:
         """The discount after so many updates."""
         first, last = (1 / (1 - discount) for discount in self.discount)
         return 1 - 1 / LinearSchedule(first, last, self.updates // 2)(updates)
-
-    def mean_weight_at(self, updates: int) -> float:
-        """The weight of the moves' mean after so many updates; that of how they differ is 1."""
-        half = self.updates // 2
-        return LinearSchedule(*self.mean_weight, self.updates - half)(max(updates - half, 0))
 
     def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
         """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
@@ -90,11 +85,10 @@ class EveryMove:
         count = legal.shape[1]
         room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
         after = reached.flatten(0, 1)
-        discount = self.discount_at(updates)
-        reward = (1 - discount) * simulator.reward(room, after).total / REWARD_SCALE
+        gained = (simulator.reward(room, after).total - simulator.reward(room, before).total) / REWARD_SCALE
         action = torch.arange(count, device=room.device).repeat(len(position))
-        discounts = torch.full_like(reward, discount)
-        return legal, Transitions(room, before, action, reward, discounts, after, simulator.reach(room, after)[1])
+        discounts = torch.full_like(gained, self.discount_at(updates))
+        return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
 
 
 class Training:
@@ -196,9 +190,7 @@ class Training:
                 target = self.agent.td_target(moves, next_observation).view_as(legal)
                 legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
                 observation = in_every_view(self._observe, self._symmetries, observation)
-                stats = self.agent.update_every_move(
-                    legal, target, observation, self._every_move.mean_weight_at(self.updates)
-                )
+                stats = self.agent.update_every_move(legal, target, observation)
         for column, value in zip((self._recent.losses, self._recent.mean_qs, self._recent.max_qs), stats, strict=True):
             column.append(value[None])
 

@@ -32,7 +32,7 @@ class Rollout:
 
     room: np.ndarray  # (B,) index
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
-    value: np.ndarray  # (T + 1, B): Q of the move that led to each position; -inf for the start, and after the end
+    value: np.ndarray  # (T + 1, B): Q of the move that led to each position, or what was gained; -inf after the end
     best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
     settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
     seconds: float
@@ -87,6 +87,10 @@ class GreedyPolicy:
     it is put there, as people's drawing tools do. The designer's place is never consulted. Q is the mean over the
     `symmetries`, in whose views a design is as good. With `on_illegal="stop"` (the paper's test rule, section 4.2) an
     illegal choice ends the episode; with `"mask"` the best legal move is taken.
+
+    Where Q is of what moves gain (`EveryMove`), it is near zero at the best of places. Then it goes back to the place
+    of its path of the highest sum of gains. A move gained its Q, less the discounted Q of what is left where it leads;
+    on average of the move and the one back, as what both err in alike cancels.
     """
 
     network: nn.Module
@@ -95,6 +99,7 @@ class GreedyPolicy:
     symmetries: Sequence[Symmetry]
     climbs: int = 0
     snap: float = 0.0  # metres
+    gains_discount: float | None = None  # where Q is of what moves gain: the discount that it was learned with
 
     @property
     def device(self) -> torch.device:
@@ -110,20 +115,29 @@ class GreedyPolicy:
         path = snap(torch.as_tensor(starts, device=device)).repeat(self.max_moves + 1, 1, 1)
         value = torch.full((self.max_moves + 1, batch), -torch.inf, device=device)
         active, rooms = torch.arange(batch, device=device), torch.as_tensor(room, device=device)
+        made = torch.zeros(batch, 1, dtype=torch.int64, device=device)
+        promised = left = torch.zeros(batch, device=device)  # by the move that is made; where it starts
         for t in range(self.max_moves):
             here = path[t, active]
             length, legal = simulator.reach(rooms[active], here)
             reached = led_to(simulator, rooms[active], here, length)
             been_there = (path[: t + 1, active, None] == reached).all(-1).any(0)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
-            q = self.values(observe, rooms[active], here).masked_fill(closed, -torch.inf)
-            highest, action = q.max(1, keepdim=True)
+            q = self.values(observe, rooms[active], here)
+            if self.gains_discount is not None:
+                before, left = left, self.gains_discount * q.masked_fill(~legal, -torch.inf).amax(1)
+                left = left.where(legal.any(1), 0.0)
+                gained, lost = promised - left, q.gather(1, made ^ 1).squeeze(1) - before
+                value[t, active] = value[t - 1, active] + (gained - lost) / 2 if t else 0.0
+            highest, action = q.masked_fill(closed, -torch.inf).max(1, keepdim=True)
             goes_on = (legal.gather(1, action) & highest.isfinite()).squeeze(1)
-            active, action = active[goes_on], action[goes_on]
+            active, action = active[goes_on], action[goes_on].squeeze(1)
             if not len(active):
                 break
-            path[t + 1 :, active] = reached[goes_on, action.squeeze(1)]
-            value[t + 1, active] = highest[goes_on].squeeze(1)
+            path[t + 1 :, active] = reached[goes_on, action]
+            made, promised, left = action[:, None], highest[goes_on].squeeze(1), left[goes_on]
+            if self.gains_discount is None:
+                value[t + 1, active] = promised
         best, promise = self._most_promising(simulator, observe, rooms, path, value)
         climb = self._climb(simulator, observe, rooms, path[best, torch.arange(batch, device=device)], promise)
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
@@ -138,6 +152,9 @@ class GreedyPolicy:
 
         (B,) each; of an episode without a move the start.
         """
+        if self.gains_discount is not None:
+            promise, best = value.max(0)
+            return best, promise
         raw, which = value.topk(min(SHORTLIST, len(value)), 0)
         which = which.where(raw.isfinite(), 0)
         place = path.gather(0, which[..., None].expand(-1, -1, 2)).flatten(0, 1)
@@ -235,4 +252,7 @@ def _shortest(moves: Moves) -> int:
 def greedy(network: nn.Module, method: Method) -> GreedyPolicy:
     """The policy of a Q-network, as the method tests it."""
     views = method.views(next(network.parameters()).device)
-    return GreedyPolicy(network, method.evaluation_moves, method.on_illegal, views, method.climbs, method.snap)
+    discount = method.discount if method.every_move else None
+    return GreedyPolicy(
+        network, method.evaluation_moves, method.on_illegal, views, method.climbs, method.snap, discount
+    )

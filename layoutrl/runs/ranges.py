@@ -47,9 +47,9 @@ def check_method(prefix: str, method: Method) -> None:
     if method.every_move:
         first = method.discount_start
         within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
-    for name in ("mean_weight_start", "mean_weight"):
-        value = getattr(method, name)
-        within(f"{prefix}.{name}", value, value > 0, "more than 0")
+        within(f"{prefix}.scope", method.scope, method.scope == "item", f"item with {prefix}.every_move")
+        within(f"{prefix}.climbs", method.climbs, method.climbs == 0, f"0 with {prefix}.every_move")
+        within(f"{prefix}.slide", method.slide, not method.slide, f"false with {prefix}.every_move: no slide goes back")
     if (goal := method.goal_iou) is not None:
         within(f"{prefix}.goal_iou", goal, 0 < goal <= 1, "more than 0, up to 1; or null: no goal")
         can_end = method.scope == "item" and not method.every_move

@@ -230,23 +230,15 @@ def test_a_constant_reward_of_one_is_worth_1_over_1_less_the_discount(double, di
     np.testing.assert_allclose(agent.network.q.detach(), value, atol=0.02)
 
 
-def test_of_every_move_the_difference_and_the_mean_are_learned_apart():
+def test_of_every_move_the_loss_is_the_absolute_error_of_those_that_are_legal():
     legal, target = torch.tensor([[True, True, False], [True, False, False]]), torch.tensor([[1.0, 2, 9], [3, 9, 9]])
     agent = agent_of([[2.0, 5.0, 7.0], [1.0, 7.0, 7.0]], learning_rate=0.0)
-    # Errors of the first are 1 and 3: in mean 2, and 1 from it each; of the second -2, all of it the mean.
-    stats = agent.update_every_move(legal, target, torch.tensor([A, B]), mean_weight=0.5)
-    assert stats.loss.item() == pytest.approx((1 + 1) / 6 + 0.5 * (2 + 2) / 2)
-
-
-def test_what_all_moves_have_in_common_is_no_error_of_their_difference():
-    legal, target = torch.ones(1, 2, dtype=torch.bool), torch.tensor([[1.0, 1.5]])
-    agent = agent_of([[11.0, 11.5]], learning_rate=0.0)
-    assert agent.update_every_move(legal, target, torch.tensor([A]), 1e-3).loss.item() == pytest.approx(1e-2)
+    assert agent.update_every_move(legal, target, torch.tensor([A, B])).loss.item() == pytest.approx((1 + 3 + 2) / 6)
 
 
 def test_of_every_move_values_of_illegal_ones_stay_and_the_others_are_found():
     legal, target = torch.tensor([[True, True, False]]), torch.tensor([[1.0, 2.0, 50.0]])
     agent = agent_of([[0.0, 0.0, 7.0]], learning_rate=0.1, total_updates=300)
     for _ in range(300):
-        agent.update_every_move(legal, target, torch.tensor([A]), 0.1)
+        agent.update_every_move(legal, target, torch.tensor([A]))
     assert agent.network.q.tolist()[0] == pytest.approx([1.0, 2.0, 7.0], abs=0.02)

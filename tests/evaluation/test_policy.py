@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.agents.networks import GeometryNetwork
+from layoutrl.agents.training import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.reward import Reward
@@ -20,6 +21,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
+from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.evaluation.policy import BLOCK, SHORTLIST, GreedyPolicy, Rollout
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
@@ -94,6 +96,28 @@ def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
     assert run.final.tolist() == [[2.0, 1.5]]
     often = follow(nearing((2.0, 1.5), {(1.0, 1.5, RIGHT): 3.0}), (1.0, 1.5), max_moves=4)
     assert often.final.tolist() == [[1.5, 1.5]]  # on average of the four moves into it
+
+
+def test_what_moves_gain_adds_up_to_how_much_better_a_place_is_than_the_start():
+    room, discount = wide_room(), 0.6
+    simulator = Simulator([room], STEPS, Reward())
+    batch_simulator = BatchSimulator(simulator, dtype=torch.float64)
+
+    class Perfect:
+        """The optimal values of the paper's reward, as they are when each move pays what it gains."""
+
+        def __call__(self, place: torch.Tensor) -> torch.Tensor:
+            index = np.zeros(len(place), int)
+            q = perfect_values(simulator, index, place.numpy(), discount, dtype=torch.float64)
+            stands = simulator.reward(index, place.numpy()).total / REWARD_SCALE
+            return torch.tensor((1 - discount) * q - stands[:, None]).float()
+
+    starts = np.array([(0.5, 0.5), (3.5, 2.5), (0.5, 2.5)])
+    policy = GreedyPolicy(Perfect(), 12, "mask", unturned(STEPS), gains_discount=discount)
+    run = policy.rollout(batch_simulator, Place(), np.zeros(3, int), starts)
+    earned = simulator.reward(np.zeros(36, int), run.path[:12].reshape(-1, 2)).total.reshape(12, 3) / REWARD_SCALE
+    np.testing.assert_allclose(run.value[:12] - run.value[0], earned - earned[0], atol=1e-4)
+    assert run.final.tolist() == [[2.5, 1.5]] * 3
 
 
 def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_more():
