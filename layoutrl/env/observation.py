@@ -173,7 +173,7 @@ def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray
     shape = np.concatenate([described(size, degrees), items_described(items, [item.degrees for item in items])])
     shape[: len(corners), -2:] = 0.0  # walls and openings face nowhere
 
-    room = np.array([k for k, _, _ in walls + openings + moving + others])
+    room = np.array([k for k, _, _ in walls + openings + moving + others], dtype=int)  # also where there are none
     kind = np.array([name for _, name, _ in walls + openings + moving + others])
     category = np.array([""] * len(corners) + [item.category for item in items])
     placed = np.array([item.center for _, _, item in others]).reshape(-1, 2)

@@ -125,6 +125,13 @@ def test_what_cannot_be_asked_is_refused_and_changes_nothing() -> None:
         RoomsVectorEnv(2, render_mode="text")
 
 
+def test_a_room_in_which_nothing_stands_and_that_has_no_walls_is_seen_too() -> None:
+    bare = rectangular_room(item=Item("bed", (2.0, 1.5)), walls=(), target=None)
+    env = gymnasium.make("layoutrl/Rooms-v0", rooms=[bare])
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+
+
 def test_what_moves_is_drawn_red() -> None:
     env = RoomsEnv(BEDROOMS, render_mode="rgb_array")
     env.reset(seed=0)
