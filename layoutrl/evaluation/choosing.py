@@ -90,7 +90,9 @@ def unlike(
         room, n = int(state.room[b]), int(state.moving[b])
         for layout in layouts:
             stands = layout.layout.furniture[missing(rooms.rooms[room])[n]]
-            assert stands.center is not None
+            if stands.center is None:  # nor is there a place for it in another
+                value[b] = -np.inf
+                continue
             near = np.linalg.norm(options.center[b] - stands.center, axis=1) < APART
             value[b, near & (rooms.degrees[room, n, options.quarter[b]] == stands.rotation)] = -np.inf
     return options._replace(value=value)

@@ -68,7 +68,7 @@ class Furnisher:
             for _ in range(choices):
                 self._add_another(world, layouts)
             for k, those in zip(block, layouts, strict=True):
-                faulty = wrong([one.layout for one in those])
+                faulty = wrong([one.layout for one in those]) + [len(missing(one.layout)) for one in those]
                 in_order = sorted(range(len(those)), key=lambda n: (faulty[n], -those[n].value))
                 found[k] = [_turned_back(those[n], briefs[k]) for n in in_order]
         return [found[k] for k in range(len(briefs))]
@@ -151,6 +151,7 @@ class Furnisher:
         """A layout of each of these rooms (R,), the items of each in the order of `rank` (rooms, N).
 
         Its largest item stands where it does in none of those that are known of the room; None where that is nowhere.
+        Where none is known, an item without a place is left out.
         """
         rooms, paths = world.rooms, [list[Placement]() for _ in which]
         order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
@@ -173,11 +174,13 @@ class Furnisher:
                 now.stands[every, item] = False
                 others = [known[which[n]] if is_largest[n] else [] for n in b]
                 chosen = self._chosen(world, now, stood, uniform, others)
-                nowhere = b[np.isneginf(chosen.value)]
-                count[nowhere] = left[nowhere] = 0
-                for values, those in zip(state, rooms.put(now, item, chosen.center, chosen.quarter), strict=True):
-                    values[b] = those
-                for n, r in enumerate(b):
+                found = np.isfinite(chosen.value)
+                no_other = b[~found & np.array([bool(layouts) for layouts in others])]
+                count[no_other] = left[no_other] = 0
+                put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
+                for values, those in zip(state, put, strict=True):
+                    values[b[found]] = those
+                for n, r in zip(np.flatnonzero(found), b[found], strict=True):
                     k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
                     paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
         value = self._mean_value(world, state)
@@ -298,8 +301,10 @@ class Furnisher:
         )
 
     def _mean_value(self, world: _World, state: State[np.ndarray]) -> np.ndarray:
-        """What the agent thinks of layouts, (rooms,)."""
+        """What the agent thinks of layouts, (rooms,): 0 of one in which nothing stands."""
         b, item = np.nonzero(state.stands)
+        if not len(b):
+            return np.zeros(len(state.room))
         those = rows(state, b)._replace(moving=item)
         value = self._value(world, those, np.arange(len(b)), state.quarter[b, item], state.center[b, item])
         return np.bincount(b, value, len(state.room)) / np.maximum(np.bincount(b, minlength=len(state.room)), 1)
@@ -341,15 +346,14 @@ def _turned_back(found: Furnished, brief: Room) -> Furnished:
         return found
     turn = rotation(lean)
 
-    def back(k: int, center: Point | None, degrees: float) -> Pose:
-        assert center is not None
+    def back(k: int, center: Point, degrees: float) -> Pose:
         x, y = (turn @ center).tolist()
         given = brief.furniture[k].rotation
         return (x, y), (degrees + lean) % 360 if given is None else given
 
     path = [(k, *back(k, center, degrees)) for k, center, degrees in found.path]
     items = found.layout.furniture
-    poses = {k: back(k, items[k].center, items[k].degrees) for k in missing(brief)}
+    poses = {k: back(k, center, items[k].degrees) for k in missing(brief) if (center := items[k].center)}
     return Furnished(furnished(brief, poses), found.value, path)
 
 

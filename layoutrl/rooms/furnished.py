@@ -25,4 +25,4 @@ class Furnishes(Protocol):
     """Who places all that has no center in rooms."""
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """Of each brief up to so many different layouts, best first; what is drawn hangs on the seed."""
+        """Of each brief one layout or up to so many different ones, best first; what is drawn hangs on the seed."""

@@ -55,6 +55,19 @@ def test_all_items_are_placed_where_they_fit_and_what_stands_stays(furnisher: Fu
             assert best.layout.envelope.buffer(1e-5).covers(after.footprint)
 
 
+@pytest.mark.parametrize("lean", [0, 30])
+def test_what_can_be_moved_nowhere_is_left_out_and_the_others_are_placed(furnisher: Furnisher, lean: float) -> None:
+    bed, chair = Item("bed", (2.0, 1.0), (1.0, 0.5)), Item("chair", (0.4, 0.4), (1.0, 0.5))
+    room = rectangular_room(2, 1, bed, others=(chair,), walls=()).rotated(lean)
+    ((best, *more),) = furnisher.furnish([brief_of(room)], 2, 0)
+    assert not more  # a layout is another by where its largest item stands
+    assert missing(best.layout) == [0]
+    assert {k for k, _, _ in best.path} == {1}
+    ((empty,),) = furnisher.furnish([brief_of(rectangular_room(2, 1, bed, walls=()).rotated(lean))], 1, 0)
+    assert missing(empty.layout) == [0]
+    assert empty.value == 0
+
+
 def test_the_way_ends_where_the_items_stand(furnisher: Furnisher, designs: list[Room]) -> None:
     (best,), _, _ = furnisher.furnish([brief_of(room) for room in designs], 1, 0)
     ends = {k: (center, degrees) for k, center, degrees in best.path}
