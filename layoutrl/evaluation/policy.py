@@ -117,7 +117,8 @@ class GreedyPolicy:
         active, rooms = torch.arange(batch, device=device), torch.as_tensor(room, device=device)
         made = torch.zeros(batch, 1, dtype=torch.int64, device=device)
         promised = left = torch.zeros(batch, device=device)  # by the move that is made; where it starts
-        for t in range(self.max_moves):
+        looks_back = self.gains_discount is not None  # what a move gained is known once it is made: one look more
+        for t in range(self.max_moves + looks_back):
             here = path[t, active]
             length, legal = simulator.reach(rooms[active], here)
             reached = led_to(simulator, rooms[active], here, length)

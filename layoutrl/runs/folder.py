@@ -104,7 +104,7 @@ def load_config(folder: Path, schema: type[Config]) -> Config:
     except (yaml.YAMLError, ValueError, TypeError) as error:  # also for what is out of range
         reason = " ".join(str(error).split())
     raise InputError(
-        f"run: {path} is damaged, or of another kind of run ({reason}); expected it as a training wrote it"
+        f"run: {path} is damaged, or of another kind of run or version ({reason}); expected it as a training wrote it"
     )
 
 

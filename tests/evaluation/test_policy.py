@@ -115,9 +115,11 @@ def test_what_moves_gain_adds_up_to_how_much_better_a_place_is_than_the_start():
     starts = np.array([(0.5, 0.5), (3.5, 2.5), (0.5, 2.5)])
     policy = GreedyPolicy(Perfect(), 12, "mask", unturned(STEPS), gains_discount=discount)
     run = policy.rollout(batch_simulator, Place(), np.zeros(3, int), starts)
-    earned = simulator.reward(np.zeros(36, int), run.path[:12].reshape(-1, 2)).total.reshape(12, 3) / REWARD_SCALE
-    np.testing.assert_allclose(run.value[:12] - run.value[0], earned - earned[0], atol=1e-4)
+    earned = simulator.reward(np.zeros(39, int), run.path.reshape(-1, 2)).total.reshape(13, 3) / REWARD_SCALE
+    np.testing.assert_allclose(run.value - run.value[0], earned - earned[0], atol=1e-4)
     assert run.final.tolist() == [[2.5, 1.5]] * 3
+    once = replace(policy, max_moves=1).rollout(batch_simulator, Place(), np.zeros(1, int), np.array([(2.0, 1.5)]))
+    assert once.final.tolist() == [[2.5, 1.5]]
 
 
 def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_more():
