@@ -1,7 +1,7 @@
 """python -m layoutrl.place [run=<folder>] rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
 Places what has no center in rooms of a file: by the agents in the package, each room by that of its type, and where
-something is wrong with their layout by the constraint search; by an agent of a training run; or, with by=search or
+something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with by=search or
 by=annealer, by a rival.
 """
 
@@ -29,6 +29,7 @@ from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.formats import ALL, FORMATS, Source, format_of, names_in, opened
+from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.categories import names_of, nearest
 from layoutrl.runs.asked import Asked, asked_of
@@ -88,7 +89,7 @@ class Answered:
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
             said = [
                 f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in some)}"
-                for k, some in groupby(told, key=lambda entry: entry[0])
+                for k, some in groupby(sorted(told), key=lambda entry: entry[0])
             ]
             found = "; ".join([*self.asked.can.lines, *said]) or "nothing is wrong"
             placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
@@ -261,7 +262,7 @@ class Work:
         before = faults_of_all([what.can.asked for what in asked])
         wrong = iter(faults_of_all(list(chain.from_iterable(rooms))))
         return [
-            Answered(entry, what, some, who, [new_faults(next(wrong), was) for _ in some])
+            Answered(entry, what, some, who, [new_faults(next(wrong), was) + oddities(r, what.wanted) for r in some])
             for entry, what, some, who, was in zip(entries, asked, rooms, by, before, strict=True)
         ]
 

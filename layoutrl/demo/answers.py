@@ -28,6 +28,7 @@ from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
@@ -49,6 +50,9 @@ WORDS = {
     BLOCKS: "blocks a door or window",
     OUT_OF_REACH: "cannot be reached from the door",
     FRONT_NOT_FREE: "needs free floor before it",
+    OFF_ITS_WALL: "stands off its wall",
+    ASTRAY: "stands away from its table",
+    BEFORE_WINDOW: "stands before a window",
 }
 
 Answer = dict[str, Any]
@@ -156,6 +160,7 @@ class Answers:
             except InputError as error:
                 raise InputError(str(error).replace(str(path), "file")) from None
         left_out = [f"{where}: {problem}".replace(str(path), "line") for where, problem in collection.left_out]
+        left_out += [note.replace(str(path), "file") for note in collection.notes]
         rooms = []
         for room in collection.rooms[:MOST_ROOMS]:
             try:
@@ -238,8 +243,9 @@ def shown(room: Room) -> Answer:
 
 
 def told(room: Room) -> list[list[Any]]:
-    """What is wrong with a room: the item's index, the fault's name, and words."""
-    return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in faults(room)]
+    """What is wrong with a room, and what is odd: the item's index, the name, and words."""
+    wrong = sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
+    return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in wrong]
 
 
 def choice(held: Answerable, furnished: Furnished) -> Answer:

@@ -12,10 +12,11 @@ import shapely
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.clearances import RAISED
-from layoutrl.rooms.room import Item, Room
-from layoutrl.rooms.sources.categories import nearest
+from layoutrl.rooms.room import Item, Room, along_and_through
+from layoutrl.rooms.sources.categories import category_of
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints above which items stand at one place
+NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it
 
 
 @dataclass(frozen=True)
@@ -53,16 +54,7 @@ def answerable(room: Room, known: Collection[str], elsewhere: Callable[[str], Se
     for k in missing(room):
         item = room.furniture[k]
         if item.category not in known:
-            if not known:
-                why = f"who is asked does not furnish a {room.room_type}"
-            elif types := elsewhere(item.category):
-                agents = "the agent" if len(types) == 1 else "the agents"
-                places = "places" if len(types) == 1 else "place"
-                why = f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
-            else:
-                near = nearest(item.category, known) or sorted(known)
-                why = f"who is asked does not know it; expected a category as {', '.join(near)}"
-            lines.append(f"the {item.category} is not placed: {why}")
+            lines.append(f"the {item.category} is not placed: {_why(room, item.category, known, elsewhere)}")
             refused.add(k)
         elif not fits(room, item):
             size = " by ".join(f"{side:g}" for side in item.size)
@@ -70,15 +62,56 @@ def answerable(room: Room, known: Collection[str], elsewhere: Callable[[str], Se
             refused.add(k)
     standing = [item for item in room.furniture if item.center is not None]
     for one, other in combinations(standing, 2):
-        if one.tucked or other.tucked or {one.category, other.category} & RAISED:
-            continue
-        shared = one.footprint.intersection(other.footprint).area
-        if shared > SAME_PLACE * min(one.footprint.area, other.footprint.area):
+        if _stacked(one, other):
             x, y = one.footprint.centroid.coords[0]
             lines.append(f"the {one.category} and the {other.category} stand at one place, {x:g}, {y:g}; both are kept")
     if not room.doors:
-        lines.append("it has no door: who walks there begins on the largest free floor")
+        lines.append("it has no door: what can be reached is told from the largest free floor")
+    elif (width := max(widths(room))) < NARROWEST:
+        lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is unit= right?")
     return Answerable(room, frozenset(refused), lines)
+
+
+def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]) -> str:
+    """Why nobody places a category that is not known in a room."""
+    if not known:
+        return f"nobody who is asked furnishes a {room.room_type}"
+    ours = category_of(category) or category
+    if types := elsewhere(ours):
+        agents, places = ("the agent", "places") if len(types) == 1 else ("the agents", "place")
+        return f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
+    if ours in known:
+        return f"it is known as {ours}; expected that category"
+    return f"its category is not known in a {room.room_type}; expected one of {', '.join(sorted(known))}"
+
+
+def widths(room: Room) -> list[float]:
+    """Of its doors, in metres."""
+    return [float(np.hypot(*along_and_through(door.shape)[0])) for door in room.doors]
+
+
+def unstacked(brief: Room, layout: Room) -> Room:
+    """The layout without the places of items that stand at one place with another: there is no room for these.
+
+    Of two the smaller goes, of what was placed; what stood before stays.
+    """
+    placed = [k for k in missing(brief) if layout.furniture[k].center is not None]
+    there = {k: item.footprint for k, item in enumerate(layout.furniture) if item.center is not None}
+    for k in sorted(placed, key=lambda k: (there[k].area, -k)):
+        if any(_stacked(layout.furniture[k], layout.furniture[j]) for j in there if j != k):
+            del there[k]
+    if gone := [k for k in placed if k not in there]:
+        furniture = [brief.furniture[k] if k in gone else item for k, item in enumerate(layout.furniture)]
+        return replace(layout, furniture=tuple(furniture))
+    return layout
+
+
+def _stacked(one: Item, other: Item) -> bool:
+    """Whether two items that stand take up one place: more than SAME_PLACE of the smaller."""
+    if one.tucked or other.tucked or {one.category, other.category} & RAISED:
+        return False
+    shared = one.footprint.intersection(other.footprint).area
+    return shared > SAME_PLACE * min(one.footprint.area, other.footprint.area)
 
 
 def fits(room: Room, item: Item) -> bool:

@@ -9,6 +9,9 @@
                    {"category": "stool", "shape": "circle", "center": [3, 3], "size": [0.4, 0.4]}],
      "target": 0}
 
+An item's `size` is its depth, from front to back, and its width. With rotation 0 its front is to the right, along x;
+degrees go counter-clockwise.
+
 May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
 item that stands it is 0; of one to be placed it is to be chosen), `shape`, `tucked` (whether the item may stand under
 another: of one that stands it is false; of a chair to be placed it is true where the room has a desk or a table),

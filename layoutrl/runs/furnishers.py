@@ -16,7 +16,7 @@ import torch
 from torch import nn
 
 from layoutrl import InputError
-from layoutrl.env.answerable import nowhere
+from layoutrl.env.answerable import nowhere, unstacked
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
@@ -27,9 +27,9 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import furnished, missing, ways
-from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
+from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
 from layoutrl.runs import pretrained
@@ -67,6 +67,8 @@ def hired(config: PlaceConfig) -> Hired:
     folder = Path(config.run).expanduser()
     trained = load_config(folder, TrainConfig)
     network, categories, _ = trained_network(folder, trained, device, config.checkpoint)
+    if trained.method.every_move:
+        raise InputError(f"run: {folder} learned what moves gain, not what places are worth; expected another method")
     whole = trained.method.scope == "room"
     moved = "all" if whole else item_of(trained, config.item, categories)
     placed = categories if moved == "all" else [moved]
@@ -79,7 +81,8 @@ def hired(config: PlaceConfig) -> Hired:
 class Helped:
     """Furnishes as one does. Where its best layout has `shortcomings`, the search is asked for one, too.
 
-    Not of a hall, in which it would take many times as long as the one does.
+    What the one puts where something stands has no place: no room is left for it (`unstacked`). The search is not asked
+    of a hall, in which it would take many times as long as the one does.
     """
 
     def __init__(self, one: Furnishes, search: Furnishes):
@@ -87,7 +90,10 @@ class Helped:
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The search's layout comes first where it has fewer `shortcomings`."""
-        found = self.one.furnish(briefs, choices, seed)
+        found = [
+            [replace(each, layout=unstacked(brief, each.layout)) for each in answers]
+            for brief, answers in zip(briefs, self.one.furnish(briefs, choices, seed), strict=True)
+        ]
         before = faults_of_all(briefs)
         ours = shortcomings(briefs, [answers[0] for answers in found], before)
         faulty = [k for k, lack in enumerate(ours) if any(lack) and briefs[k].indoor.area <= HALL]
@@ -108,21 +114,14 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
 def shortcomings(
     briefs: Sequence[Room], layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]
 ) -> list[tuple[int, int, int]]:
-    """How many items each layout lacks, how many new faults it has beside, and how many chairs stray."""
+    """How many items find no place in each layout, how many new faults it has beside, and how much in it is odd."""
     counted = []
     faults = faults_of_all([each.layout for each in layouts])
     for brief, each, now, was in zip(briefs, layouts, faults, before, strict=True):
         names = [fault for _, fault in new_faults(now, was)]
-        counted.append((names.count(MISSING), len(names) - names.count(MISSING), strays(brief, each.layout)))
+        odd = len(oddities(each.layout, missing(brief)))
+        counted.append((names.count(MISSING), len(names) - names.count(MISSING), odd))
     return counted
-
-
-def strays(brief: Room, layout: Room) -> int:
-    """How many chairs that were placed and may stand under a table or a desk stand under none, where there are some."""
-    items = layout.furniture
-    hosts = [i.footprint for i in items if i.category in HOSTS and not i.tucked and i.center is not None]
-    chairs = [items[k] for k in missing(brief) if items[k].tucked and items[k].center is not None]
-    return sum(not any(chair.footprint.intersects(host) for host in hosts) for chair in chairs) if hosts else 0
 
 
 class Mover:

@@ -25,7 +25,9 @@ async function furnish(movable) {
     state.choices = choices;
     if (choices.length) {
       const more = ask("furnish", about).catch(() => ({ choices: [] })); // found while the first is played
+      $("verdict").textContent = "Placing …";
       await play(0, movable);
+      $("verdict").textContent = "Looking for other choices …";
       const first = JSON.stringify(choices[0].furniture);
       const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
       state.choices = [choices[0], ...others].slice(0, CHOICES);

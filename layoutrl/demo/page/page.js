@@ -134,7 +134,7 @@ function renderList() {
   }));
   if (mode === "draw") $("title").textContent = "A new room";
   $("standing").hidden = $("adding").hidden = mode === "draw";
-  if (mode !== "edit") return;
+  if (mode !== "edit" || ["asking", "playing"].includes(document.body.dataset.state)) return;
   const waiting = faults.filter(([k]) => !room.furniture[k]?.center).length;
   const wrong = faults.length - waiting;
   const parts = [

@@ -122,12 +122,18 @@ class Names:
         return lines
 
 
+def category_of(name: str) -> str | None:
+    """The category that the table has for a name, if any."""
+    names = names_of()
+    found = names.category(name) if names.knows(name) else None
+    return found[0] if found else None
+
+
 def nearest(name: str, known: Collection[str]) -> list[str]:
     """Up to three known categories that a name may mean: what the table says it is, then what is spelled alike."""
-    names = names_of()
-    ours, _ = (names.category(name) if names.knows(name) else None) or ("", False)
+    ours = category_of(name) or ""
     alike = difflib.get_close_matches(name, known, 3, 0)
-    return [*dict.fromkeys([ours] * (ours in known) + alike)][:3]
+    return [*dict.fromkeys([ours, *alike] if ours in known else alike)][:3]
 
 
 def plain(name: str) -> str:

@@ -1,0 +1,61 @@
+"""What no designer would do: told of layouts, and never of the designer's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import faults
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, NEAR, OFF_ITS_WALL, oddities
+from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
+from tests.builders import rectangular_room
+
+
+def furnished(*items: Item, **changes) -> Room:
+    return replace(rectangular_room(4, 3), furniture=items, target=None, **changes)
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_nothing_that_the_designer_does_is_odd(room_type: str) -> None:
+    for room in design_rooms(room_type, "test", 0, 40).rooms:
+        assert not oddities(room)
+
+
+@pytest.mark.parametrize(("center", "rotation", "odd"), [
+    ((0.3, 1.5), 0, False),  # its back at the left wall
+    ((0.3 + NEAR / 2, 1.5), 0, False),
+    ((0.4, 1.5), 0, True),
+    ((0.3, 1.5), 180, True),  # its front
+    ((0.9, 0.3), 90, False),  # at the lower one
+    ((0.9, 0.3), 0, True),  # a side of it
+    ((3.7, 1.5), 180, False),
+    ((2.0, 1.5), 0, True),
+])  # fmt: skip
+def test_what_belongs_at_a_wall_has_its_back_there(center: tuple[float, float], rotation: int, odd: bool) -> None:
+    room = furnished(Item("wardrobe", (0.6, 1.2), center, rotation))
+    assert oddities(room) == [(0, OFF_ITS_WALL)] * odd
+    assert not oddities(furnished(Item("sofa", (0.6, 1.2), center, rotation)))  # people have sofas in mid-room
+
+
+def test_a_chair_is_astray_that_stands_under_no_table_though_there_is_one() -> None:
+    table, chair = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("chair", (0.4, 0.4), (2.6, 1.5), tucked=True)
+    away = replace(chair, center=(3.5, 0.5))
+    assert not oddities(furnished(table, chair))
+    assert oddities(furnished(table, away)) == [(1, ASTRAY)]
+    assert not oddities(furnished(away))
+    assert not oddities(furnished(table, replace(away, tucked=False)))
+    assert not oddities(furnished(table, away), asked={0})
+
+
+def test_a_wardrobe_closes_a_window_and_a_bed_does_not() -> None:
+    window = Opening("window", ((1.0, 3.0), (2.5, 3.0), (2.5, 3.2), (1.0, 3.2)))
+    for category, x, odd in (("wardrobe", 1.7, True), ("bed", 1.7, False), ("wardrobe", 3.3, False)):
+        room = furnished(Item(category, (0.6, 1.2), (x, 2.7), 270), openings=(window,))
+        assert not faults(room)
+        assert oddities(room) == [(0, BEFORE_WINDOW)] * odd
+
+
+def test_what_is_not_placed_is_not_odd() -> None:
+    assert not oddities(furnished(Item("wardrobe", (0.6, 1.2), None, None)))
