@@ -1,8 +1,8 @@
 """python -m layoutrl.place [run=<folder>] rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
 Places what has no center in rooms of a file: by the agents in the package, each room by that of its type, and where
-something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with by=search or
-by=annealer, by a rival.
+something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with by=search
+or by=annealer, by a rival.
 """
 
 from __future__ import annotations
