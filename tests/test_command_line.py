@@ -39,6 +39,7 @@ LITTLE = (
     "method.evaluation_moves=5",
 )  # fmt: skip
 FEW_PICTURES = "budget.evaluation_rooms=1"
+BUDGETS = ("scene", "smoke", "default", "full")
 TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
 
 
@@ -310,7 +311,15 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
         ("train", ["device=cuda:99", "data=json", "data.root=nowhere.jsonl"], ["device", "cuda:99"]),  # before rooms
         ("planit.train", ["device=cuda:99", "data=json", "data.root=nowhere.jsonl"], ["device", "cuda:99"]),
-        ("train", ["method.steps=[0.3,0.2]", "budget=smoke"], ["steps", "multiples"]),
+        ("train", ["method.steps=[0.3,0.2]"], ["method.steps", "multiples"]),
+        ("train", ["method.steps=[]"], ["method.steps", "finite lengths above zero"]),
+        ("train", ["method.steps=[inf]"], ["method.steps", "finite lengths above zero"]),
+        ("train", ["method.learning_rate=inf"], ["method.learning_rate", "finite"]),
+        ("planit.train", ["method.learning_rate=inf"], ["method.learning_rate", "finite"]),
+        ("train", ["reward.theta1=nan"], ["reward.theta1", "a finite number"]),
+        ("train", ["reward.inside=foo"], ["reward.inside", "share or iou"]),
+        ("train", [f"~method.updates.{budget}" for budget in BUDGETS], ["method.updates", "1 or more each"]),
+        ("planit.train", [f"~method.updates.{budget}" for budget in BUDGETS[1:]], ["method.updates", "1 or more each"]),
         ("train", ["method.steps=[.64,.32,.16,.08,.04,.02,.01]"], ["method.steps", "at most 6 lengths"]),
         ("train", ["device=meta"], ["device", "meta"]),
         ("train", ["method.batch=0"], ["method.batch", "1 or more"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
@@ -34,7 +35,9 @@ class RewardTerms(NamedTuple, Generic[Values]):
 
 @dataclass
 class Reward:
-    """The terms by their weights; `conf/reward/` has them. Raises InputError where `inside` is neither of its two.
+    """The terms by their weights; `conf/reward/` has them.
+
+    Raises InputError where a weight is not finite, and where `inside` is neither of its two.
 
     In whole rooms an item can be turned: where it faces another way than the designer's, its IoU counts `faces_away`
     times what it is. There, too, `theta4` weighs what is taken of the floor before the item, and by it before others:
@@ -51,7 +54,10 @@ class Reward:
 
     def __post_init__(self) -> None:
         if self.inside not in ("share", "iou"):
-            raise InputError(f"inside: expected share or iou; got {self.inside}")
+            raise InputError(f"reward.inside: expected share or iou; got {self.inside}")
+        for name in ("theta1", "theta2", "theta3", "faces_away", "theta4"):
+            if not math.isfinite(weight := getattr(self, name)):
+                raise InputError(f"reward.{name}: expected a finite number; got {weight}")
 
     def __call__(
         self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values

@@ -7,6 +7,7 @@ what else stands in each room now and could stand elsewhere: polygons, None for 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -41,8 +42,8 @@ class Moves:
     slide: bool = True
 
     def __post_init__(self) -> None:
-        if not self.steps or min(self.steps) <= 0:
-            raise InputError(f"steps: expected lengths above zero; got {self.steps}")
+        if not self.steps or not all(0 < step < math.inf for step in self.steps):
+            raise InputError(f"steps: expected finite lengths above zero; got {self.steps}")
         ratios = np.array(self.steps) / min(self.steps)
         if not np.allclose(ratios, np.round(ratios)):
             raise InputError(

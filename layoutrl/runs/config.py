@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
+from math import inf
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -113,9 +114,9 @@ class PlanitMethodConfig:
 
     def check(self, prefix: str) -> None:
         """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
-        within(f"{prefix}.learning_rate", self.learning_rate, self.learning_rate > 0, "more than 0")
+        within(f"{prefix}.learning_rate", self.learning_rate, 0 < self.learning_rate < inf, "more than 0, and finite")
         within(f"{prefix}.batch", self.batch, self.batch >= 2, "2 or more, for batch normalisation")
-        within(f"{prefix}.updates", self.updates, min(self.updates.values()) >= 1, "1 or more each")
+        within(f"{prefix}.updates", self.updates, min(self.updates.values(), default=0) >= 1, "1 or more each")
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 from layoutrl import InputError
@@ -16,7 +17,7 @@ from layoutrl.rooms.units import UNITS
 
 def check_method(prefix: str, method: Method) -> None:
     """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
-    within(f"{prefix}.learning_rate", method.learning_rate, method.learning_rate > 0, "more than 0")
+    within(f"{prefix}.learning_rate", method.learning_rate, 0 < method.learning_rate < inf, "more than 0, and finite")
     one_of(f"{prefix}.observation", method.observation, "geometry", "image")
     one_of(f"{prefix}.scope", method.scope, "item", "room")
     if method.scope == "room":
@@ -36,10 +37,14 @@ def check_method(prefix: str, method: Method) -> None:
         within(f"{prefix}.{name}", share, 0 <= share <= 1, "0 to 1")
     most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
     within(f"{prefix}.steps", method.steps, len(method.steps) <= most, f"at most {most} lengths")
+    try:
+        method.moves  # noqa: B018  which says itself what steps may be
+    except InputError as error:
+        raise InputError(f"{prefix}.{error}") from None
     if method.symmetries:
         within(f"{prefix}.batch", method.batch, method.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
     given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
-    enough = min(method.updates.values()) >= 1
+    enough = min(method.updates.values(), default=0) >= 1
     within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")
     fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
     within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -11,14 +9,25 @@ import torch
 from layoutrl import InputError
 from layoutrl.agents.learner import Learner
 from layoutrl.env.reward import Reward
-from layoutrl.rooms.room import Item
+from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.config import composed
 from tests.builders import rectangular_room
 
 
-def test_rooms_in_which_nothing_can_move_are_refused_before_any_training() -> None:
-    room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
-    method = replace(composed("train").method, steps=[0.4], slide=False)
+def learner(room: Room, *options: str) -> Learner:
     seed = np.random.SeedSequence(0)
-    with pytest.raises(InputError, match="steps"):
-        Learner([room], method, Reward(), 1, seed, seed, torch.device("cpu"))
+    method = composed("train", "method.slide=false", "method.steps=[0.4]", *options).method
+    return Learner([room], method, Reward(), 1, seed, seed, torch.device("cpu"))
+
+
+@pytest.mark.parametrize("scope", ["item", "room"])
+def test_rooms_in_which_nothing_can_move_are_refused_before_any_training(scope: str) -> None:
+    room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
+    with pytest.raises(InputError, match=r"^method\.steps: no item can move"):
+        learner(room, f"scope={scope}")
+
+
+@pytest.mark.parametrize("scope", ["item", "room"])
+def test_what_can_move_need_not_be_able_to_from_the_designers_place(scope: str) -> None:
+    room = rectangular_room(1.0, 1.0, Item("bed", (0.8, 0.8), (0.5, 0.5)))  # 30 cm from the middle to the outer walls
+    learner(room, f"scope={scope}")

@@ -84,6 +84,12 @@ def test_an_indoor_term_that_there_is_not_is_refused() -> None:
         Reward(inside="shares")
 
 
+@pytest.mark.parametrize("name", ["theta1", "theta2", "theta3", "faces_away", "theta4"])
+def test_weights_are_finite(name: str) -> None:
+    with pytest.raises(ValueError, match=rf"^reward\.{name}: expected a finite number; got nan"):
+        Reward(**{name: float("nan")})
+
+
 @pytest.mark.parametrize("array", [np.array, torch.tensor])
 def test_a_batch_has_one_reward_each_as_arrays_or_tensors(array: Callable[[list[float]], Any]) -> None:
     ious = array([1.0, 0.0, 0.5]), array([0.0, 3.0, 0.0]), array([1.0, 1.0, 0.5]), array([0.25, 0.75, 0.0])
