@@ -1,8 +1,8 @@
 """python -m layoutrl.place [run=<folder>] rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
 Places what has no center in rooms of a file: by the agents in the package, each room by that of its type, and where
-something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with by=search
-or by=annealer, by a rival.
+something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with
+by=search or by=annealer, by a rival.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import chain, groupby, islice
+from operator import itemgetter
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -89,7 +90,7 @@ class Answered:
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
             said = [
                 f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in some)}"
-                for k, some in groupby(sorted(told), key=lambda entry: entry[0])
+                for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             found = "; ".join([*self.asked.can.lines, *said]) or "nothing is wrong"
             placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
@@ -156,6 +157,8 @@ def run(config: PlaceConfig) -> Done:
     work.say_unmet()
     if not work.asked and not work.readable:
         raise InputError(f"rooms: no room of {config.rooms} could be read, as is said above; expected one or more")
+    if not work.asked and not work.tally.entries:
+        raise InputError(f"rooms: {config.rooms} is empty; expected one room or more")
     if not work.asked:
         what = f"a {config.item}" if config.item else "an item"
         raise InputError(f"rooms: {config.rooms} has no room with {what} without a center; expected one or more")

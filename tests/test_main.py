@@ -123,7 +123,7 @@ def test_the_wheel_works_in_an_environment_of_its_own_from_another_directory_off
     brief = room_to_dict(brief_of(design_rooms("bathroom", "test", 3, 1).rooms[0]))
     (work / "rooms.jsonl").write_text(json.dumps(brief))
     count = len(brief["furniture"])
-    assert f"placed {count} of {count} items in 1 rooms" in layoutrl("place", "rooms=rooms.jsonl", "device=cpu")
+    assert f"placed {count} of {count} items in 1 room" in layoutrl("place", "rooms=rooms.jsonl", "device=cpu")
     where = "import layoutrl, pathlib; print(pathlib.Path(layoutrl.__file__).parent)"
     found = subprocess.run(
         [str(home / "bin" / "python"), "-c", where], cwd=work, env=environment, capture_output=True, text=True

@@ -195,7 +195,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _not_json(error: json.JSONDecodeError, ended: bool) -> str:
     if ended:
-        return "expected one whole JSON object; the text breaks off (truncated?)"
+        return "expected one whole JSON object; the text breaks off (a room over several lines is a .json file)"
     return f"expected JSON; {error.msg}"
 
 

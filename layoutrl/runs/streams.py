@@ -159,7 +159,7 @@ class Tally:
     faults: dict[str, int] = field(default_factory=dict)  # of the best layout of each room
 
     def __str__(self) -> str:
-        said = [f"placed {self.placed} of {self.items} items in {self.rooms} rooms"]
+        said = [f"placed {self.placed} of {self.items} items in {self.rooms} room{'s' * (self.rooms != 1)}"]
         said += [f"{number} {fault}" for fault, number in self.faults.items()]
         if self.left_out:
             said.append(f"{self.left_out} of {self.entries} rooms could not be read, and are not in what is written")
