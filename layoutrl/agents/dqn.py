@@ -56,7 +56,6 @@ class DQN:
         self.target_period = target_period
         self.double = double
         self.updates = 0
-        self.target_copies = 0
 
     @torch.no_grad()
     def values(self, observation: Tensor) -> Tensor:
@@ -85,7 +84,6 @@ class DQN:
         self.updates += 1
         if self.updates % self.target_period == 0:
             self.target.load_state_dict(self.network.state_dict())
-            self.target_copies += 1
         return UpdateStats(loss.detach(), q.detach().mean(), q.detach().max())
 
     @torch.no_grad()
@@ -98,14 +96,11 @@ class DQN:
         return batch.reward + batch.discount * value
 
     def state_dict(self) -> dict[str, Any]:
-        """Both networks, the optimiser, its schedule, and the counts."""
-        return {name: getattr(self, name).state_dict() for name in PARTS} | {
-            "updates": self.updates,
-            "target_copies": self.target_copies,
-        }
+        """Both networks, the optimiser, its schedule, and the count of updates."""
+        return {name: getattr(self, name).state_dict() for name in PARTS} | {"updates": self.updates}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from the state of another."""
         for name in PARTS:
             getattr(self, name).load_state_dict(state[name])
-        self.updates, self.target_copies = state["updates"], state["target_copies"]
+        self.updates = state["updates"]

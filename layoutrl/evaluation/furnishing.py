@@ -241,7 +241,7 @@ class Furnisher:
         value = np.full((len(state.room), QUARTERS * STARTS), -np.inf)
         center = np.zeros((*value.shape, 2))
         center[b, column] = start.cpu().numpy()
-        value[b, column] = self._policy.best_value(world.scenes, world.observe, scene, start).cpu().numpy()
+        value[b, column] = self._policy.best_moves(world.scenes, world.observe, scene, start)[1]
         quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
         return Options(center, quarters, value, [list(those[:, None]) for those in center])
 
@@ -275,12 +275,12 @@ class Furnisher:
         length, legal = scenes.reach(scene, here)
         reached = led_to(scenes, scene, here, length)
         whose = scene.repeat_interleave(length.shape[1], 0)
-        value = self._policy.best_value(scenes, world.observe, whose, reached.flatten(0, 1)).view_as(legal)
+        value = self._policy.best_moves(scenes, world.observe, whose, reached.flatten(0, 1))[1].reshape(legal.shape)
         center = reached.cpu().numpy()
         return Options(
             center,
             quarter[:, None].repeat(legal.shape[1], 1),
-            value.masked_fill(~legal, -torch.inf).cpu().numpy(),
+            np.where(legal.cpu().numpy(), value, -np.inf),
             [
                 [np.concatenate([ways[k], place[None]]) for place in places]
                 for ways, k, places in zip(ends.way, best, center, strict=True)
@@ -315,7 +315,7 @@ class Furnisher:
         """Of poses (n,) of the moving items of states b (n,)."""
         place = torch.as_tensor(center, device=world.scenes.device)
         scene = world.scenes_of(state, b, quarter)
-        return self._policy.best_value(world.scenes, world.observe, scene, place).cpu().numpy()
+        return self._policy.best_moves(world.scenes, world.observe, scene, place)[1]
 
 
 class _World:

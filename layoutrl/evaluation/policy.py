@@ -208,9 +208,13 @@ class GreedyPolicy:
         return (total / legal.sum(1)).where(legal.any(1), -torch.inf)
 
     def best_moves(
-        self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray, position: np.ndarray
+        self,
+        simulator: BatchSimulator | Scenes,
+        observe: Observe,
+        room: np.ndarray | Tensor,
+        position: np.ndarray | Tensor,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The legal move of highest Q from positions (B, 2) in rooms (B,), and that Q: (B,) each.
+        """The legal move of highest Q from positions (B, 2) in rooms or scenes (B, ...), and that Q: (B,) each.
 
         The Q is what the agent thinks of a position; -inf where no move is legal.
         """
@@ -218,13 +222,6 @@ class GreedyPolicy:
         _, legal = simulator.reach(rooms, here)
         highest, action = self.values(observe, rooms, here).masked_fill(~legal, -torch.inf).max(1)
         return action.cpu().numpy(), highest.cpu().numpy()
-
-    def best_value(
-        self, simulator: BatchSimulator | Scenes, observe: Observe, room: Tensor, position: Tensor
-    ) -> Tensor:
-        """The Q of the best legal move from positions (B, 2): what the agent thinks of them, (B,)."""
-        _, legal = simulator.reach(room, position)
-        return self.values(observe, room, position).masked_fill(~legal, -torch.inf).amax(1)
 
     def values(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
         """Q(s, a), (B, A): the mean over views of the room, each move taken for what it is in the view."""
