@@ -24,7 +24,6 @@ from typing import IO, TYPE_CHECKING, Any
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
-from layoutrl.env.answerable import nowhere
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
@@ -33,6 +32,7 @@ from layoutrl.rooms.formats import ALL, FORMATS, Source, format_of, names_in, op
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.categories import names_of, nearest
+from layoutrl.runs.answerable import in_no_type
 from layoutrl.runs.asked import Asked, asked_of
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig
@@ -273,7 +273,7 @@ class Work:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
         if not missing(entry.room):
-            return asked_of(entry, self.config, (), nowhere)
+            return asked_of(entry, self.config, (), in_no_type)
         return asked_of(entry, self.config, self.who.known(entry.room.room_type), self.who.elsewhere)
 
     def _told(self, answer: Answered, picture: Path | None) -> None:

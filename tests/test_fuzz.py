@@ -28,7 +28,6 @@ from omegaconf import OmegaConf
 
 import layoutrl
 from layoutrl import InputError
-from layoutrl.env.answerable import answerable
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.baselines import random_layout
 from layoutrl.rivals.rooms.relations import mine
@@ -42,6 +41,7 @@ from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
 from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.sweethome3d import read_home
+from layoutrl.runs.answerable import answerable
 from layoutrl.runs.checkpoints import load_checkpoint, save_checkpoint
 from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.folder import load_config

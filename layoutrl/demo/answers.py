@@ -19,7 +19,6 @@ from layoutrl import InputError
 from layoutrl.demo.furnisher import Staff
 from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
-from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
 from layoutrl.rooms.clearances import FRONT_DEPTH
@@ -30,6 +29,7 @@ from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
+from layoutrl.runs.answerable import Answerable, answerable
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
 SHOWN = 2  # of them, in the gallery

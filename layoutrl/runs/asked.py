@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import shapely
 
-from layoutrl.env.answerable import Answerable, answerable
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.formats import ALL, names_in
 from layoutrl.rooms.room import Room
+from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.streams import Entry
 

@@ -16,7 +16,6 @@ import torch
 from torch import nn
 
 from layoutrl import InputError
-from layoutrl.env.answerable import nowhere, unstacked
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
@@ -33,6 +32,7 @@ from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
 from layoutrl.runs import pretrained
+from layoutrl.runs.answerable import in_no_type, unstacked
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
@@ -50,7 +50,7 @@ class Hired:
 
     furnisher: Furnishes
     known: Callable[[str], Collection[str]]  # the categories that they place in rooms of a type
-    elsewhere: Callable[[str], Sequence[str]] = nowhere  # the types in whose rooms they place a category
+    elsewhere: Callable[[str], Sequence[str]] = in_no_type  # the types in whose rooms they place a category
 
 
 def hired(config: PlaceConfig) -> Hired:

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from layoutrl import InputError
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
-from layoutrl.env.answerable import answerable
 from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import brief_of, furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
@@ -26,6 +25,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ODDITIES, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs import pretrained
+from layoutrl.runs.answerable import answerable
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import Helped
 

@@ -40,12 +40,14 @@ class Answerable:
         return replace(self.asked, furniture=furniture)
 
 
-def nowhere(category: str) -> Sequence[str]:  # noqa: ARG001
+def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
     """No room type."""
     return ()
 
 
-def answerable(room: Room, known: Collection[str], elsewhere: Callable[[str], Sequence[str]] = nowhere) -> Answerable:
+def answerable(
+    room: Room, known: Collection[str], elsewhere: Callable[[str], Sequence[str]] = in_no_type
+) -> Answerable:
     """Hold a room against what can be furnished: `known` categories, items that fit, one place each, a door.
 
     `elsewhere` tells the room types whose agents place a category.

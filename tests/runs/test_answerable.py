@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.env.answerable import answerable, fits
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.room import Item
+from layoutrl.runs.answerable import answerable, fits
 from tests.builders import opening, random_brief, random_room, rectangular_room
 
 DOOR = opening("door", -0.2, 1.0, 0.0, 2.0)
