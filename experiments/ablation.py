@@ -122,6 +122,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once, on one core each")
     parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
     arguments = parser.parse_args()
+    runs = arguments.runs.expanduser()
     scope, changes = arguments.scope, CHANGES[arguments.scope]
     room = composed("train", f"room={arguments.room_type}").room
     updates = arguments.updates or (room.updates if scope == "item" else room.whole_updates)
@@ -137,13 +138,13 @@ def main() -> None:
         kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept[name] != value]:
             raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
-    for folder in (arguments.runs, RESULTS):
+    for folder in (runs, RESULTS):
         folder.mkdir(parents=True, exist_ok=True)
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:
         name = f"{change.replace(' ', '-').replace(',', '')}-{updates}-seed{seed}"
         budget = [*ALWAYS[scope], f"seed={seed}", f"method.updates.default={updates}"]
-        found = trained(arguments.room_type, name, [*budget, *changes[change]], arguments.runs)
+        found = trained(arguments.room_type, name, [*budget, *changes[change]], runs)
         print(f"{change}, seed {seed}: {found['rows']['agent']['mean_iou']:.3f}", flush=True)
         return found
 

@@ -21,7 +21,8 @@ def test_ablation_trains_every_change_on_every_seed_once(
     changes = {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]}
     monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"usable": [*LITTLE, "reward=usable"]}})
     monkeypatch.setattr(ablation, "ALWAYS", {"item": [], "room": ["scope=room"]})
-    arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
+    monkeypatch.setenv("HOME", str(tmp_path))
+    arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", "--runs=~"]
     monkeypatch.setattr("sys.argv", arguments)
     ablation.main()
     checkpoints = sorted(tmp_path.glob("tatami/*/config.yaml"))
