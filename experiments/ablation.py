@@ -30,6 +30,7 @@ from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import composed
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import folders_of
+from layoutrl.runs.ranges import within
 from layoutrl.runs.resume import EVALUATION
 
 RESULTS = Path(__file__).parent / "results" / "ablation"
@@ -123,6 +124,8 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
     arguments = parser.parse_args()
     runs = arguments.runs.expanduser()
+    for name, value in (("--updates", arguments.updates), ("--jobs", arguments.jobs)):
+        within(name, value, value is None or value >= 1, "1 or more")
     scope, changes = arguments.scope, CHANGES[arguments.scope]
     room = composed("train", f"room={arguments.room_type}").room
     updates = arguments.updates or (room.updates if scope == "item" else room.whole_updates)

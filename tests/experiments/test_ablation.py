@@ -68,3 +68,11 @@ def test_ablation_trains_every_change_on_every_seed_once(
     monkeypatch.setattr(ablation, "CHANGES", {"item": nothing})
     with pytest.raises(SystemExit, match=r"error: .*: was not trained; .*nothing-to-learn-5-seed0\.log says why"):
         ablation.main()
+
+
+@pytest.mark.parametrize("option", ["--updates", "--jobs"])
+def test_a_count_below_one_is_answered_in_a_line(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["ablation.py", "tatami", f"{option}=0"])
+    monkeypatch.setattr(ablation, "composed", None)  # before anything is done
+    with pytest.raises(SystemExit, match=f"^error: {option}: expected 1 or more; got 0$"):
+        ablation.main()
