@@ -30,6 +30,7 @@ from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import composed
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import folders_of
+from layoutrl.runs.ranges import within
 from layoutrl.runs.resume import EVALUATION
 
 RESULTS = Path(__file__).parent / "results" / "ablation"
@@ -122,6 +123,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="trainings at once, on one core each")
     parser.add_argument("--runs", type=Path, default=Path("runs/ablation"))
     arguments = parser.parse_args()
+    runs = arguments.runs.expanduser()
+    for name, value in (("--updates", arguments.updates), ("--jobs", arguments.jobs)):
+        within(name, value, value is None or value >= 1, "1 or more")
     scope, changes = arguments.scope, CHANGES[arguments.scope]
     room = composed("train", f"room={arguments.room_type}").room
     updates = arguments.updates or (room.updates if scope == "item" else room.whole_updates)
@@ -137,13 +141,13 @@ def main() -> None:
         kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept[name] != value]:
             raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
-    for folder in (arguments.runs, RESULTS):
+    for folder in (runs, RESULTS):
         folder.mkdir(parents=True, exist_ok=True)
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:
         name = f"{change.replace(' ', '-').replace(',', '')}-{updates}-seed{seed}"
         budget = [*ALWAYS[scope], f"seed={seed}", f"method.updates.default={updates}"]
-        found = trained(arguments.room_type, name, [*budget, *changes[change]], arguments.runs)
+        found = trained(arguments.room_type, name, [*budget, *changes[change]], runs)
         print(f"{change}, seed {seed}: {found['rows']['agent']['mean_iou']:.3f}", flush=True)
         return found
 

@@ -45,7 +45,7 @@ from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs import resume
 from layoutrl.runs.commands import command, groups, nearest
-from layoutrl.runs.config import config_directory, options
+from layoutrl.runs.config import config_directory, expanded, options
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences
 from layoutrl.runs.machine import device_of, machine
@@ -250,7 +250,8 @@ def given(arguments: Sequence[str]) -> dict[str, str]:
     for argument in arguments:
         if "=" not in argument:
             raise InputError(f"{argument}: expected options as name=value; --help says which")
-    chosen = dict(argument.split("=", 1) for argument in arguments)
+    pairs = (argument.split("=", 1) for argument in arguments)
+    chosen = {name: expanded(value) for name, value in pairs}  # of what begins with ~, all are paths
     known = [*groups("cell"), *options(CellConfig), *OF_SCRIPTS]
     for name in chosen:
         if name not in known and not name.startswith("hydra"):

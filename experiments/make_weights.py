@@ -75,6 +75,8 @@ def main(arguments: list[str]) -> int:
     chosen = given(arguments)
     types = some_of("room", chosen, MAIN_ITEM)
     folder, version = Path(chosen.pop("weights", WEIGHTS)), chosen.pop("version", None)
+    if version is not None and not version.isdecimal():
+        raise InputError(f"version: expected a whole number; got {version}")
     page = PAGE if folder == WEIGHTS else folder / PAGE.name
     status = 0 if "runs" in chosen else multirun("table3", {"column": COLUMN, "room": ",".join(types)} | chosen)
     folder.mkdir(parents=True, exist_ok=True)

@@ -64,12 +64,13 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30)
     parser.add_argument("--runs", type=Path, default=Path("runs/soak"))
     options, overrides = parser.parse_known_args()
-    options.runs.mkdir(parents=True, exist_ok=True)
+    runs = options.runs.expanduser()
+    runs.mkdir(parents=True, exist_ok=True)
     often = ["budget.reports=10000", "budget.evaluations=10000"]  # of so many updates
-    given = [f"runs={options.runs}", f"method.updates.default={UPDATES}", *often]
+    given = [f"runs={runs}", f"method.updates.default={UPDATES}", *often]
     command = [sys.executable, "-m", "layoutrl.train", *given, *overrides]
-    seen = watched(command, options.runs, options.minutes, every=max(1.0, options.minutes / 5))
-    with (options.runs / "soak.csv").open("w", newline="", encoding="utf-8") as file:
+    seen = watched(command, runs, options.minutes, every=max(1.0, options.minutes / 5))
+    with (runs / "soak.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("minutes", "memory_mb", "checkpoints_mb", "other_files_mb"), *seen])
     minutes, memory, saved, other = np.array(seen).T
     settled = minutes > minutes[-1] / 10
@@ -83,7 +84,7 @@ def main() -> None:
             axes.plot(minutes, values, label=label)
         axes.set(xlabel="minutes", ylabel="MB", xlim=(0, None), ylim=(0, None))
         axes.legend()
-        for file in save(figure, options.runs / "soak"):
+        for file in save(figure, runs / "soak"):
             print(f"wrote {file}")
 
 

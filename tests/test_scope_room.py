@@ -106,6 +106,15 @@ def test_a_training_that_is_stopped_goes_on_as_if_it_had_not(trained: Path, tmp_
         assert torch.equal(one, other)
 
 
+def test_a_batch_of_any_size_is_seen_in_both_views(tmp_path: Path) -> None:
+    settings = config(tmp_path, "method.batch=1", "method.updates.smoke=1")
+    one, other = np.random.SeedSequence(3).spawn(2)
+    rooms = design_rooms("tatami", "train", 0, 2).rooms
+    learner = Learner(rooms, settings.method, Reward(), 1, one, other, torch.device("cpu"))
+    (report,) = learner.training(report_every=1)
+    assert np.isfinite(report.loss)
+
+
 @pytest.mark.parametrize(
     ("option", "name"),
     [("room.item=toilet", "room.item"), ("method=paper", "method.observation"), ("method.scope=flat", "method.scope")],

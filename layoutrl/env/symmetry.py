@@ -40,5 +40,5 @@ def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]
 
 
 def shares(symmetries: Sequence[Symmetry], column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
-    """A batch (B, ...) cut into equal shares, one for each symmetry."""
+    """A batch (B, ...) cut into shares, one for each symmetry: equal ones, or the first of them larger by one."""
     return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)

@@ -5,6 +5,7 @@ A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
@@ -29,6 +30,7 @@ from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.ranges import check_data, check_furnishing, check_method, one_of, within
 
+PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
 MOST_SECONDS = 3600  # of a core, a layout
 
@@ -37,6 +39,21 @@ def config_directory() -> Path:
     """conf/ beside the package in a checkout, inside it when installed: found from any working directory."""
     package = Path(layoutrl.__file__).resolve().parent
     return next((d for d in (package / "conf", package.parent / "conf") if d.is_dir()), package / "conf")
+
+
+def expanded(path: str) -> str:
+    """A path in which ~ is the user's home. What is nobody's home stays as it is, where pathlib raises."""
+    return os.path.expanduser(path)  # noqa: PTH111
+
+
+OmegaConf.register_new_resolver("home", expanded, replace=True)  # of conf/, for where Hydra itself writes
+
+
+def expand_paths(config: Any) -> None:
+    """Expand those of a configuration; `data` has its own, which it expands as it reads."""
+    for name in PATHS:
+        if path := getattr(config, name, None):
+            setattr(config, name, expanded(path))
 
 
 @dataclass
@@ -74,6 +91,7 @@ class LearningConfig:
     name: str | None = None
 
     def __post_init__(self) -> None:
+        expand_paths(self)
         one_of("room.type", self.room.type, *MAIN_ITEM)
         check_data(self.data)
         if self.data.source != "designer":
@@ -165,6 +183,7 @@ class RunConfig:
     on_illegal: Any = None
 
     def __post_init__(self) -> None:
+        expand_paths(self)
         check_data(self.data)
         one_of("checkpoint", self.checkpoint, "last", "best")
         if self.part is not None:
@@ -277,6 +296,7 @@ class GalleryConfig:
     out: str = "gallery"
 
     def __post_init__(self) -> None:
+        expand_paths(self)
         check_data(self.data)
         one_of("room.type", self.room.type, *MAIN_ITEM)
         within("rooms", self.rooms, self.rooms >= 1, "1 or more")

@@ -41,8 +41,6 @@ def check_method(prefix: str, method: Method) -> None:
         method.moves  # noqa: B018  which says itself what steps may be
     except InputError as error:
         raise InputError(f"{prefix}.{error}") from None
-    if method.symmetries:
-        within(f"{prefix}.batch", method.batch, method.batch % 8 == 0, "a multiple of 8, for the eight symmetries")
     given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
     enough = min(method.updates.values(), default=0) >= 1
     within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")

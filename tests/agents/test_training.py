@@ -158,27 +158,30 @@ def test_what_is_learned_from_includes_what_the_same_step_stored():
     assert {tuple(p) for p in learned.next_position.tolist()} <= stored
 
 
-def test_each_symmetry_is_learned_in_an_equal_share_of_every_batch_as_if_the_rooms_were_turned():
+@pytest.mark.parametrize("batch", [32, 27])
+def test_each_symmetry_is_learned_in_an_equal_share_of_every_batch_as_if_the_rooms_were_turned(batch):
     rooms = [
         rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.4, 0.7), 30), others=(Item("desk", (0.4, 0.7), (2, 1)),)),
         l_room(Item("lamp", (0.4, 0.4), (1.0, 1.0), form="circle")),
     ]
-    run = run_of(rooms, batch=32, updates=8, report_every=8)
-    for k, (mirror, quarters) in enumerate(product((False, True), range(4))):
+    run = run_of(rooms, batch=batch, updates=8, report_every=8)
+    shares = np.array_split(np.arange(batch), 8)
+    for share, (mirror, quarters) in zip(shares, product((False, True), range(4)), strict=True):
         turned = [room.turned(quarters, mirror) for room in rooms]
         simulator, observe = (
             Simulator(turned, run.simulator.moves, Reward()),
             GeometryObservation(turned, categories_of(rooms)),
         )
-        for _, batch, *observations in run.learned():
-            room, position, action, _, _, next_position, next_legal = (c[4 * k : 4 * k + 4] for c in batch)
+        every = np.arange(len(share))
+        for _, learned, *observations in run.learned():
+            room, position, action, _, _, next_position, next_legal = (column[share] for column in learned)
             position, next_position = (p @ symmetry(quarters, mirror).T for p in (position, next_position))
             reached, legal = simulator.destinations(room.numpy(), position.numpy())
-            assert legal[np.arange(4), action].all()
-            np.testing.assert_allclose(next_position, reached[np.arange(4), action], rtol=0, atol=1.1e-6)
+            assert legal[every, action].all()
+            np.testing.assert_allclose(next_position, reached[every, action], rtol=0, atol=1.1e-6)
             np.testing.assert_array_equal(next_legal, simulator.destinations(room.numpy(), next_position.numpy())[1])
             for observation, where in zip(observations, (position, next_position), strict=True):
-                torch.testing.assert_close(observation[4 * k : 4 * k + 4], observe(room, where))
+                torch.testing.assert_close(observation[share], observe(room, where))
 
 
 def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_anywhere():

@@ -21,7 +21,8 @@ def test_ablation_trains_every_change_on_every_seed_once(
     changes = {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]}
     monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"usable": [*LITTLE, "reward=usable"]}})
     monkeypatch.setattr(ablation, "ALWAYS", {"item": [], "room": ["scope=room"]})
-    arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", f"--runs={tmp_path}"]
+    monkeypatch.setenv("HOME", str(tmp_path))
+    arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", "--runs=~"]
     monkeypatch.setattr("sys.argv", arguments)
     ablation.main()
     checkpoints = sorted(tmp_path.glob("tatami/*/config.yaml"))
@@ -66,4 +67,12 @@ def test_ablation_trains_every_change_on_every_seed_once(
     nothing = {"nothing to learn": ["budget=smoke", "data.train_rooms=0"]}
     monkeypatch.setattr(ablation, "CHANGES", {"item": nothing})
     with pytest.raises(SystemExit, match=r"error: .*: was not trained; .*nothing-to-learn-5-seed0\.log says why"):
+        ablation.main()
+
+
+@pytest.mark.parametrize("option", ["--updates", "--jobs"])
+def test_a_count_below_one_is_answered_in_a_line(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["ablation.py", "tatami", f"{option}=0"])
+    monkeypatch.setattr(ablation, "composed", None)  # before anything is done
+    with pytest.raises(SystemExit, match=f"^error: {option}: expected 1 or more; got 0$"):
         ablation.main()

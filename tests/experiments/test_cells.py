@@ -14,7 +14,7 @@ import cells
 import columns
 import numpy as np
 import pytest
-from cells import fill, given, packed, unpacked
+from cells import cells_of, fill, given, packed, unpacked
 from columns import folder_of, name_of
 from hydra import compose, initialize_config_dir
 
@@ -22,7 +22,7 @@ from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
 from layoutrl.runs import planit_training
 from layoutrl.runs.checkpoints import checkpoints
-from layoutrl.runs.config import config_directory
+from layoutrl.runs.config import composed, config_directory
 from layoutrl.runs.monitor import watched
 from tests.commands import script
 from tests.experiments.builders import LITTLE, cell, configured
@@ -227,3 +227,10 @@ def test_a_wrong_option_of_a_table_is_answered_before_anything_is_swept(argument
     with pytest.raises(InputError, match=answer):
         given(["room=kitchen", argument])
     assert given(["room=kitchen", "column=geometric,oracle", "method.batch=8", "floorplans=plans"])["room"] == "kitchen"
+
+
+def test_cells_are_looked_for_where_they_are_filled_also_below_the_users_home(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    config = composed("cell", "table=table1", "column=rules", "runs='~/runs'", "results='~/here'")
+    assert config.runs == f"{tmp_path}/runs"
+    assert folder_of(config) == cells_of("table1", given(["results=~/here"])) == tmp_path / "here/default/table1"

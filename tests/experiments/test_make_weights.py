@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import make_weights
+import pytest
 import torch
 from make_weights import COLUMN, page_of
 from table3 import METHODS
@@ -42,3 +43,9 @@ def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, ca
     assert said.out.startswith("bathroom: IoU ")
     assert json.loads((tmp_path / "w" / ABOUT).read_text()) == about
     assert page.is_file()
+
+
+def test_a_version_that_is_no_number_is_answered_before_any_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(make_weights, "multirun", None)
+    with pytest.raises(SystemExit, match=r"^error: version: expected a whole number; got x$"):
+        make_weights.main(["version=x"])

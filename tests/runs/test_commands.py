@@ -19,7 +19,15 @@ from hypothesis import strategies as st
 
 from layoutrl import InputError
 from layoutrl.runs.commands import as_written, command, explained
-from layoutrl.runs.config import EvaluateConfig, TrainCommand, TrainConfig
+from layoutrl.runs.config import (
+    BenchConfig,
+    EvaluateConfig,
+    GalleryConfig,
+    PlanitCommand,
+    TrainCommand,
+    TrainConfig,
+    WatchConfig,
+)
 
 PROJECT = Path(__file__).resolve().parents[2]
 Answer = tuple[list[Any], int | None, str]
@@ -160,13 +168,35 @@ def test_texts_arrive_as_they_were_written(ask) -> None:
     assert (config.name, config.data.root, config.runs) == ("1e3", "my rooms/[a], b=c", "quoted")
 
 
-def test_a_job_that_is_wrong_costs_a_sweep_no_other(ask, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "schema", "options"),
+    [
+        ("train", TrainCommand, ["runs", "resume"]),
+        ("planit", PlanitCommand, ["runs", "resume"]),
+        ("evaluate", EvaluateConfig, ["run", "out"]),
+        ("watch", WatchConfig, ["run", "out"]),
+        ("gallery", GalleryConfig, ["out"]),
+        ("bench", BenchConfig, ["runs"]),
+    ],
+)
+def test_a_tilde_is_the_users_home(
+    ask, name: str, schema: type, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (config,), _, _ = ask(name, schema, *(f"{option}=~/my {option}" for option in options))
+    assert [getattr(config, option) for option in options] == [f"{tmp_path}/my {option}" for option in options]
+    (config,), _, _ = ask(name, schema, *(f"{option}=~not a user/x" for option in options))
+    assert {getattr(config, option) for option in options} == {"~not a user/x"}
+
+
+def test_a_job_that_is_wrong_costs_a_sweep_no_other(ask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seeds = []
-    arguments = ("-m", "seed=1,-1,2", "runs=here")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    arguments = ("-m", "seed=1,-1,2", "runs=~/here")
     _, status, said = ask("train", TrainCommand, *arguments, run=lambda config: seeds.append(config.seed))
     assert seeds == [1, 2]
     assert status == 1
-    assert "error: seed=-1 runs='here': seed: expected 0 or more; got -1\n" in said
+    assert "error: seed=-1 runs='~/here': seed: expected 0 or more; got -1\n" in said
     assert "Traceback" not in said
     assert [path.name for path in tmp_path.iterdir()] == ["here"]  # no multirun.yaml beside it
 
