@@ -87,8 +87,15 @@ class CellConfig(TrainConfig):
         one_of("planit_time", self.planit_time, "agent", "updates")
         if self.data.source not in SOURCES:
             raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
-        if self.fill == "planit":
-            one_of("budget.name", self.budget.name, *self.planit.updates)
+        if self.fill in FURNISHES:
+            one_of("trained_on of whole rooms", self.trained_on, "own")
+        named = {  # by budget, how long it takes
+            **dict.fromkeys(("planit", "rooms_planit"), self.planit.updates),
+            **dict.fromkeys(("annealer", "search"), self.seconds_a_room),
+            "rooms_pointer": self.training_minutes,
+        }
+        if self.fill in named:
+            one_of(f"budget.name of column={self.column}", self.budget.name, *named[self.fill])
 
 
 ConfigStore.instance().store(name="cell_schema", node=CellConfig)
@@ -387,8 +394,6 @@ class WholeRooms:
 def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
     """The whole rooms of a cell: the same for every column and seed, or the first of them."""
     training, designs = both(*whole_parts(config.room.type, config.data, config.fold))
-    if config.trained_on != "own":
-        raise InputError(f"trained_on: expected own, as whole rooms are learned from; got {config.trained_on}")
     return WholeRooms(training, designs[: max(1, round(config.share_of_rooms * len(designs)))], device)
 
 

@@ -33,7 +33,8 @@ def weights_of(seed: np.random.SeedSequence) -> Iterator[None]:
 class PaperNetwork(nn.Module):
     """Convolutions of 8, 16, 32 features, then fully connected 7200, 512, 512 (section 4.4, Figure 5).
 
-    Input: uint8 pictures (B, 128, 128, 3). Output: (B, actions).
+    Input: uint8 pictures (B, 128, 128, 3). Output: (B, actions). Squares of three pixels in strides of two, without
+    padding, as 7200 asks for, do not reach the last row and column.
     """
 
     def __init__(self, actions: int, dueling: bool = False):

@@ -222,3 +222,14 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
 def test_cells_of_files_that_no_table_shows_are_refused(tmp_path):
     with pytest.raises(InputError, match="tables are of designer, floorplans, designer_rooms; got json"):
         configured(tmp_path, "data=json", "data.root=x.jsonl", "column=rules")
+
+
+@pytest.mark.parametrize("column", ["planit", "rooms_planit", "annealer", "search_long", "rooms_pointer"])
+def test_a_column_is_refused_with_a_budget_that_it_does_not_have_before_rooms_are_read(tmp_path, column):
+    with pytest.raises(InputError, match=rf"^budget\.name of column={column}: expected one of smoke, .*; got scene$"):
+        configured(tmp_path, "budget=scene", f"column={column}")
+
+
+def test_whole_rooms_are_learned_from_their_own_source_alone(tmp_path):
+    with pytest.raises(InputError, match=r"^trained_on of whole rooms: expected one of own; got both$"):
+        configured(tmp_path, "column=rooms_agent", "trained_on=both")
