@@ -35,7 +35,7 @@ from layoutrl.rivals.rooms.search import search
 from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
-from layoutrl.rooms.documents import parse_room, room_to_dict
+from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
@@ -189,6 +189,14 @@ def documents() -> list[dict[str, Any]]:
     return [room_to_dict(room) for room in rooms]
 
 
+def room_of_text(text: str | bytes) -> Room:
+    """What files are read by, a room at a time."""
+    document = parsed(text)
+    if isinstance(document, RoomError):
+        raise document
+    return room_from_dict(document)
+
+
 @times(400, 12_000)
 def test_a_room_of_json_is_a_room_or_an_error_of_its_own(count, documents):
     dice, read = random.Random(count), 0
@@ -199,7 +207,7 @@ def test_a_room_of_json_is_a_room_or_an_error_of_its_own(count, documents):
             if dice.random() < 0.7
             else mutated_bytes(text.encode(), dice)
         )
-        room = answered(lambda content=content: parse_room(content), RoomError, content)
+        room = answered(lambda content=content: room_of_text(content), RoomError, content)
         if room is not None:
             read += 1
             assert isinstance(room, Room)
@@ -219,7 +227,7 @@ def test_a_brief_is_furnished_as_far_as_it_goes(count, documents):
             if dice.random() < 0.7:
                 del item["center"], item["rotation"]
         content = json.dumps(mutated_document(document, dice))
-        room = answered(lambda content=content: parse_room(content), RoomError, content)
+        room = answered(lambda content=content: room_of_text(content), RoomError, content)
         if room is not None:
             read += 1
             asked = answered(lambda room=room: answerable(room, known), (), content)
@@ -239,19 +247,19 @@ def test_an_outline_of_very_many_corners_is_answered(corners, documents):
     for radius in (2 + 0 * angle, 2 + np.cos(40 * angle) / 4, np.where(np.arange(corners) % 2, 2, 2.5)):
         outline = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]).tolist()
         document = documents[0] | {"outline": outline, "doors": [], "windows": [], "walls": [], "furniture": []}
-        answered(lambda document=document: parse_room(json.dumps(document)), RoomError, corners)
+        answered(lambda document=document: room_of_text(json.dumps(document)), RoomError, corners)
 
 
 def test_brackets_and_numbers_without_end_are_answered():
     for text in ("[" * 10**6, '{"a":' * 10**5, "9" * 10**6, '"' + "x" * 10**7, "-" * 10**6, "[" + "1," * 10**6):
         with pytest.raises(RoomError):
-            answered(lambda text=text: parse_room(text), (), text[:100])
+            answered(lambda text=text: room_of_text(text), (), text[:100])
 
 
 @pytest.mark.parametrize("text", ['{"id": "a", "id": "b"}', '{"outline": [], "outline": []}'])
 def test_a_key_that_stands_twice_is_refused(text):
     with pytest.raises(RoomError, match="stands there twice"):
-        parse_room(text)
+        room_of_text(text)
 
 
 # Real sources --------------------------------------------------------------------------------------------------------

@@ -22,9 +22,11 @@ from layoutrl.rooms.room import Point, Room
 
 
 def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
-    """The rooms, or ten designed bedrooms where None are given. Raises InputError for an empty list."""
+    """The rooms, or ten designed bedrooms where None are given. Raises InputError for any but a list of one or more."""
     if rooms is None:
         return design_rooms("bedroom", "train", seed=0, count=10).rooms
+    if not (isinstance(rooms, Sequence) and all(isinstance(room, Room) for room in rooms)):
+        raise InputError(f"rooms: expected a list of rooms, as read_rooms(file).rooms is; got {rooms!r:.60}")
     if not rooms:
         raise InputError("rooms: expected at least one room")
     return rooms
@@ -90,7 +92,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         render_mode: str | None = None,
     ):
         if on_illegal not in ("drop", "stop"):
-            raise ValueError(f"unknown on_illegal {on_illegal!r}")
+            raise ValueError(f"on_illegal: expected drop or stop; got {on_illegal!r}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"unknown render_mode {render_mode!r}")
         check_at_least_one(max_moves=max_moves)

@@ -44,7 +44,7 @@ def observation_of(
         return GeometryObservation(rooms, categories_of(rooms) if categories is None else categories, device)
     if kind == "image":
         return ImageObservation(rooms, device)
-    raise ValueError(f"unknown observation {kind!r}")
+    raise ValueError(f"observation: expected geometry or image; got {kind!r}")
 
 
 class GeometryObservation:

@@ -99,14 +99,6 @@ def with_layout(
     return {**document, "furniture": entries}
 
 
-def parse_room(text: str | bytes) -> Room:
-    """One room from its JSON text. Raises RoomError naming the field and what is expected there."""
-    document = parsed(text)
-    if isinstance(document, RoomError):
-        raise document
-    return room_from_dict(document)
-
-
 def parsed(text: str | bytes) -> Any:
     """What a text of JSON holds, or the RoomError that says why it is none."""
     try:

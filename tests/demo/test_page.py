@@ -15,7 +15,7 @@ from PIL import Image
 
 from layoutrl.benchmarks.serving import browser_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.documents import parse_room, room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM
@@ -149,7 +149,7 @@ def test_it_begins_with_a_room_and_a_gallery_of_all_types(page):
 def test_a_room_of_each_type_is_shown(page):
     for room_type in MAIN_ITEM:
         take(page, room_type.replace("_", " "))
-        room = parse_room(saved(page, "json"))
+        room = room_from_dict(json.loads(saved(page, "json")))
         assert room.room_type == room_type
         expect(page.locator("#plan .item")).to_have_count(len(room.furniture))
         expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
@@ -186,7 +186,7 @@ def test_faults_are_marked_while_dragging_with_words(page):
     expect(page.locator("#furniture li").filter(has_text="bed overlaps something")).to_be_visible()
     page.mouse.up()
     settled(page)
-    room = parse_room(saved(page, "json"))
+    room = room_from_dict(json.loads(saved(page, "json")))
     assert {name for _, name in faults(room)} >= {"overlaps"}
 
 
@@ -297,7 +297,7 @@ def test_the_moves_end_by_themselves(page):
     expect(page.locator("body")).to_have_attribute("data-state", "playing")
     settled(page)
     expect(page.locator("#skip")).to_be_hidden()
-    assert not faults(parse_room(saved(page, "json")))
+    assert not faults(room_from_dict(json.loads(saved(page, "json"))))
 
 
 def test_what_is_locked_stays(still):
@@ -385,7 +385,7 @@ def test_a_room_is_drawn_gets_doors_and_windows_and_is_furnished(still):
     page.locator("#window").click()
     page.mouse.click(*corner(page, 2.5, 4.1))
     settled(page)
-    room = parse_room(saved(page, "json"))
+    room = room_from_dict(json.loads(saved(page, "json")))
     assert [o.kind for o in room.openings] == ["door", "window"]
     assert room.openings[1].shape.bounds == pytest.approx((1.75, 4, 3.25, 4.2))
     page.locator("#usual").click()
@@ -393,7 +393,7 @@ def test_a_room_is_drawn_gets_doors_and_windows_and_is_furnished(still):
     expect(page.locator("#verdict")).to_contain_text("to be placed")
     page.locator("#furnish").click()
     settled(page)
-    room = parse_room(saved(page, "json"))
+    room = room_from_dict(json.loads(saved(page, "json")))
     assert all(entry.center for entry in room.furniture)
     assert not faults(room)
     page.locator("#plan .window").click()
@@ -464,7 +464,7 @@ def test_files_are_opened_and_dropped(page, tmp_path):
 
 def test_a_room_is_saved_as_it_is_read(page):
     document = room_of(page)
-    assert room_to_dict(parse_room(json.dumps(document))) == document
+    assert room_to_dict(room_from_dict(json.loads(json.dumps(document)))) == document
 
 
 def test_a_room_is_saved_as_drawings(page):

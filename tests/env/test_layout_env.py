@@ -89,12 +89,19 @@ def test_rooms_of_a_file_are_taken_as_the_readme_says(tmp_path, monkeypatch):
     play(names["env"], 0, 5)
 
 
+@pytest.mark.parametrize("environment", ["layoutrl/Layout-v0", "layoutrl/Rooms-v0"])
+@pytest.mark.parametrize("rooms", ["my_rooms.jsonl", Path("my_rooms.jsonl"), [{"id": "b-17"}], l_room()])
+def test_what_is_no_list_of_rooms_is_refused(environment, rooms):
+    with pytest.raises(InputError, match=r"^rooms: expected a list of rooms, as read_rooms\(file\)\.rooms is; got .+"):
+        gymnasium.make(environment, rooms=rooms)
+
+
 def test_no_rooms_or_unknown_choices_are_refused():
     with pytest.raises(ValueError, match="rooms"):
         LayoutEnv([])
-    with pytest.raises(ValueError, match="sketch"):
+    with pytest.raises(ValueError, match="observation: expected geometry or image; got 'sketch'"):
         LayoutEnv([l_room()], observation="sketch")
-    with pytest.raises(ValueError, match="bounce"):
+    with pytest.raises(ValueError, match="on_illegal: expected drop or stop; got 'bounce'"):
         LayoutEnv([l_room()], on_illegal="bounce")
     with pytest.raises(ValueError, match="target"):
         LayoutEnv([l_room(target=None)])
