@@ -132,9 +132,9 @@ def run(config: PlaceConfig) -> Done:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
     total = len(source.collection.rooms) if source else count(config)  # says, too, where there is no such file
     if config.run is not None:
-        load_config(Path(config.run).expanduser(), TrainConfig)  # what is wrong with it is said before anything is made
+        load_config(Path(config.run), TrainConfig)  # what is wrong with it is said before anything is made
     files = [] if piped else out_files(config, suffix)
-    folder = Path(config.rooms).expanduser().resolve()
+    folder = Path(config.rooms).resolve()
     if source and files and folder.is_dir() and folder in files[0].resolve().parents:
         raise InputError(f"out: {files[0]} lies in the folder that is read; expected it elsewhere, as out=<file>")
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
@@ -297,7 +297,7 @@ class Work:
 
 def check_move(config: PlaceConfig) -> None:
     """Raise InputError where `move=` names no known category; an agent of the user's own may know others."""
-    table = names_of(Path(config.categories).expanduser() if config.categories else None)
+    table = names_of(Path(config.categories) if config.categories else None)
     for name in sorted(names_in(config.move) - {ALL, *table.categories}):
         if config.run is None:
             near = ", ".join(nearest(name, table.categories))
@@ -306,7 +306,7 @@ def check_move(config: PlaceConfig) -> None:
 
 def source_of(config: PlaceConfig) -> Source | None:
     """The file, read whole; None of rooms in JSON, which come one after the other."""
-    path = Path(config.rooms).expanduser()
+    path = Path(config.rooms)
     if config.rooms == STANDARD or format_of(path) == "json":
         for name in ("into", "room_type", "categories"):
             if getattr(config, name) is not None:
@@ -321,14 +321,14 @@ def source_of(config: PlaceConfig) -> Source | None:
         move=config.move,
         into=config.into,
         room_type=config.room_type,
-        categories=Path(config.categories).expanduser() if config.categories else None,
+        categories=Path(config.categories) if config.categories else None,
     )
 
 
 def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
     """The files to write: one, or in formats that hold each room once, one for each choice. All are new."""
-    source = Path(config.rooms).expanduser().absolute()
-    out = Path(config.out).expanduser() if config.out else source.with_name(f"{source.stem}-placed{suffix}")
+    source = Path(config.rooms).absolute()
+    out = Path(config.out) if config.out else source.with_name(f"{source.stem}-placed{suffix}")
     shard, shards = config.part
     if shards > 1:
         out = out.with_name(f"{out.stem}-{shard}of{shards}{out.suffix}")
@@ -346,7 +346,7 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
     if config.drawing == "dxf" and find_spec("ezdxf") is None:
         raise InputError("drawing: dxf needs ezdxf; expected it to be installed, as by pip install 'layoutrl[dxf]'")
     shard, shards = config.part
-    folder = Path(config.pictures).expanduser() / (f"{shard}of{shards}" if shards > 1 else "")
+    folder = Path(config.pictures) / (f"{shard}of{shards}" if shards > 1 else "")
     folder.mkdir(parents=True, exist_ok=True)
     if new and any(folder.iterdir()):
         raise InputError(f"pictures: {folder} is not empty; expected a new folder, as pictures=<folder>")
@@ -356,9 +356,11 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
 def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
     """All that decides what is placed where, as JSON keeps it: a run that was stopped goes on only with the same."""
     if source:
-        files = files_below(Path(config.rooms).expanduser(), FORMATS)
+        files = files_below(Path(config.rooms), FORMATS)
+    elif config.rooms == STANDARD:
+        files = []
     else:
-        files = [] if config.rooms == STANDARD else inputs(config)
+        files = inputs(config)
     stats = [(str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
     said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
     kept: dict[str, Any] = json.loads(json.dumps(said | {"rooms": stats, "version": __version__}))

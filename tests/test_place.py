@@ -778,3 +778,8 @@ def test_a_shard_that_is_none_is_refused(shard: str) -> None:
 def test_what_cannot_be_meant_is_refused(given: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         composed("place", "rooms=rooms.jsonl", given)
+
+
+def test_what_is_nobodys_home_is_no_file() -> None:
+    with pytest.raises(InputError, match="~nobody-at-all"):
+        run(PlaceConfig(rooms="~nobody-at-all/rooms.jsonl"))

@@ -94,7 +94,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         if on_illegal not in ("drop", "stop"):
             raise ValueError(f"on_illegal: expected drop or stop; got {on_illegal!r}")
         if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"unknown render_mode {render_mode!r}")
+            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
         check_at_least_one(max_moves=max_moves)
         rooms = standing_or_some(rooms)
         self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())

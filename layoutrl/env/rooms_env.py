@@ -55,7 +55,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         render_mode: str | None = None,
     ):
         if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"unknown render_mode {render_mode!r}")
+            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
         check_at_least_one(max_moves=max_moves)
         self.simulator, self.designs = simulator_of(rooms, moves, reward)
         self.max_moves = max_moves

@@ -53,7 +53,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
     ):
         if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"unknown render_mode {render_mode!r}")
+            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         self.num_envs = num_envs
         self.max_moves = max_moves

@@ -49,9 +49,10 @@ def expanded(path: str) -> str:
 OmegaConf.register_new_resolver("home", expanded, replace=True)  # of conf/, for where Hydra itself writes
 
 
-def expand_paths(config: Any) -> None:
-    """Expand those of a configuration; `data` has its own, which it expands as it reads."""
-    for name in PATHS:
+def expand_paths(config: Any, *more: str) -> None:
+    """Expand those of a configuration, and the options of `more` names; `data` has its own, which it expands as it
+    reads."""
+    for name in (*PATHS, *more):
         if path := getattr(config, name, None):
             setattr(config, name, expanded(path))
 
@@ -251,6 +252,7 @@ class PlaceConfig:
         return shard, shards
 
     def __post_init__(self) -> None:
+        expand_paths(self, "rooms", "categories", "pictures")
         one_of("checkpoint", self.checkpoint, "last", "best")
         one_of("drawing", self.drawing, "svg", "png", "dxf")
         one_of("unit", self.unit, "auto", *UNITS)

@@ -64,7 +64,7 @@ def hired(config: PlaceConfig) -> Hired:
         agents: Furnishes = Agents(device)
         furnisher = agents if config.by == "agents" else helped(agents, config.search)
         return Hired(furnisher, pretrained.known, pretrained.types_with)
-    folder = Path(config.run).expanduser()
+    folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
     network, categories, _ = trained_network(folder, trained, device, config.checkpoint)
     if trained.method.every_move:

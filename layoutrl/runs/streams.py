@@ -84,11 +84,11 @@ def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str] | None]:
 
 def inputs(config: PlaceConfig) -> list[Path]:
     """The files of rooms that are read: of a folder that is written into, none that this command writes."""
-    path = Path(config.rooms).expanduser()
+    path = Path(config.rooms)
     files = room_files(path)
     if path.is_file() or not config.out:
         return files
-    out = Path(config.out).expanduser().resolve()
+    out = Path(config.out).resolve()
     own = re.compile(rf"{re.escape(out.stem)}(-\d+of\d+)?{re.escape(out.suffix)}")
     return [file for file in files if file.resolve().parent != out.parent or not own.fullmatch(file.name)]
 

@@ -121,7 +121,7 @@ def test_what_cannot_be_asked_is_refused_and_changes_nothing() -> None:
         RoomsEnv([])
     with pytest.raises(ValueError, match="max_moves: expected a whole number, 1 or more"):
         RoomsEnv(max_moves=0)
-    with pytest.raises(ValueError, match="unknown render_mode"):
+    with pytest.raises(ValueError, match="render_mode: expected rgb_array"):
         RoomsVectorEnv(2, render_mode="text")
 
 
