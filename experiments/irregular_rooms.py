@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 import torch
 
 from layoutrl.env.measures import measured
@@ -27,6 +26,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.faults import Items
+from layoutrl.rooms.oddities import BACK, sides_off_walls
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
@@ -53,11 +53,8 @@ def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
     """(category, whether its back, or of what has no front a side, is at a wall) of each rectangle that stands."""
     items = Items.of(rooms)
     those = np.flatnonzero(items.placed & ~items.round)
-    corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)  # the back is from the second on
-    walls = shapely.boundary([room.indoor for room in rooms])[items.room[those]]
-    off = shapely.distance(walls[:, None], shapely.points(corners))
-    sides = np.maximum(off[:, :-1], off[:, 1:])
-    back = np.where(items.period[those] == 360, sides[:, 1], sides.min(1))
+    sides = sides_off_walls(rooms, items, those)
+    back = np.where(items.period[those] == 360, sides[:, BACK], sides.min(1))
     return zip(items.category[those].tolist(), (back <= AT_THE_WALL).tolist(), strict=True)
 
 

@@ -83,9 +83,10 @@ class EveryMove:
         length, legal = simulator.reach(room, position)
         reached = torch.where(legal[..., None], led_to(simulator, room, position, length), position[:, None])
         count = legal.shape[1]
+        left = simulator.reward(room, position).total.repeat_interleave(count, 0)
         room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
         after = reached.flatten(0, 1)
-        gained = (simulator.reward(room, after).total - simulator.reward(room, before).total) / REWARD_SCALE
+        gained = (simulator.reward(room, after).total - left) / REWARD_SCALE
         action = torch.arange(count, device=room.device).repeat(len(position))
         discounts = torch.full_like(gained, self.discount_at(updates))
         return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])

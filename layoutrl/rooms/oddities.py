@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import shapely
 
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.faults import Fault
+from layoutrl.rooms.faults import Fault, Items
 from layoutrl.rooms.room import Item, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "away from its table", "before a window"
-ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW)
 NEAR = 0.05  # metres: no farther from its wall or window is at it
 CLOSED = 0.2  # metres of a window
+BACK = 1  # of the sides of an item, in the order of their corners
 
 # What the designer always puts with its back at a wall, in 300 rooms of every type; not what rooms of people have in
 # their middle, too: sofas, armchairs, lounge chairs.
@@ -30,11 +30,14 @@ def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
     """(index of the item, what is odd about it) of those `asked` about, or of all; item by item."""
     items = [item for item in layout.furniture if item.center is not None]
     hosts = [item.footprint for item in items if item.category in HOSTS and not item.tucked]
+    every = Items.of([layout])
+    backed = np.flatnonzero(every.placed & ~every.round & np.isin(every.category, list(AT_A_WALL)))
+    off_wall = backed[sides_off_walls([layout], every, backed)[:, BACK] > NEAR]
     found = []
     for k, item in enumerate(layout.furniture):
         if item.center is None or (asked is not None and k not in asked):
             continue
-        if _off_its_wall(layout, item):
+        if k in off_wall:
             found.append((k, OFF_ITS_WALL))
         if item.tucked and hosts and not any(item.footprint.intersects(host) for host in hosts):
             found.append((k, ASTRAY))
@@ -43,14 +46,15 @@ def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
     return found
 
 
-def _off_its_wall(layout: Room, item: Item) -> bool:
-    if item.category not in AT_A_WALL or item.form == "circle":
-        return False
-    half = np.array([[-1, -1], [-1, 1]]) * item.size / 2  # the ends of its back, as it faces right
-    angle = np.radians(item.degrees)
-    turned = half @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    off = shapely.distance(layout.indoor.boundary, shapely.points(turned + item.center))
-    return bool((off > NEAR).any())
+def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) -> np.ndarray:
+    """How far the four sides of some items (n,), rectangles that stand, are from the walls, in metres: (n, 4).
+
+    Of a side it is the farther of its ends; the BACK is one of them.
+    """
+    corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
+    walls = shapely.boundary([layout.indoor for layout in layouts])[items.room[those]]
+    off = shapely.distance(walls[:, None], shapely.points(corners))
+    return np.maximum(off[:, :-1], off[:, 1:])
 
 
 def _closes(item: Item, window: shapely.Geometry) -> bool:
