@@ -89,7 +89,7 @@ class CellConfig(TrainConfig):
             raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
         if self.fill in FURNISHES:
             one_of("trained_on of whole rooms", self.trained_on, "own")
-        named = {  # by budget, how long it takes
+        named: dict[str, dict[str, Any]] = {  # by budget, how long it takes
             **dict.fromkeys(("planit", "rooms_planit"), self.planit.updates),
             **dict.fromkeys(("annealer", "search"), self.seconds_a_room),
             "rooms_pointer": self.training_minutes,
