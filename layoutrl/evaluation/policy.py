@@ -23,6 +23,7 @@ from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
 SHORTLIST = 8  # places of an episode that may be the stopping place
+FRUITLESS = 120  # moves in a row that gain nothing end an episode, where Q is of what moves gain: a room's length
 BLOCK = 500  # observations shown to the network at once: on a CPU, a larger block waits for memory
 
 
@@ -89,8 +90,9 @@ class GreedyPolicy:
     illegal choice ends the episode; with `"mask"` the best legal move is taken.
 
     Where Q is of what moves gain (`EveryMove`), it is near zero at the best of places. Then it goes back to the place
-    of its path of the highest sum of gains. A move gained its Q, less the discounted Q of what is left where it leads;
-    on average of the move and the one back, as what both err in alike cancels.
+    of its path of the highest sum of gains, and looks no further once FRUITLESS moves in a row have not raised it. A
+    move gained its Q, less the discounted Q of what is left where it leads; on average of the move and the one back, as
+    what both err in alike cancels.
     """
 
     network: nn.Module
@@ -132,6 +134,8 @@ class GreedyPolicy:
                 value[t, active] = value[t - 1, active] + (gained - lost) / 2 if t else 0.0
             highest, action = q.masked_fill(closed, -torch.inf).max(1, keepdim=True)
             goes_on = (legal.gather(1, action) & highest.isfinite()).squeeze(1)
+            if self.gains_discount is not None:
+                goes_on &= t - value[: t + 1, active].argmax(0) < FRUITLESS
             active, action = active[goes_on], action[goes_on].squeeze(1)
             if not len(active):
                 break

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -98,28 +99,44 @@ def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
     assert often.final.tolist() == [[1.5, 1.5]]  # on average of the four moves into it
 
 
+def perfect_at_gains(simulator: Simulator, discount: float) -> Callable[[torch.Tensor], torch.Tensor]:
+    """The optimal values of the paper's reward in room 0, as they are when each move pays what it gains."""
+
+    def values(place: torch.Tensor) -> torch.Tensor:
+        index = np.zeros(len(place), int)
+        q = perfect_values(simulator, index, place.numpy(), discount, dtype=torch.float64)
+        stands = simulator.reward(index, place.numpy()).total / REWARD_SCALE
+        return torch.tensor((1 - discount) * q - stands[:, None]).float()
+
+    return values
+
+
 def test_what_moves_gain_adds_up_to_how_much_better_a_place_is_than_the_start():
-    room, discount = wide_room(), 0.6
-    simulator = Simulator([room], STEPS, Reward())
+    simulator, discount = Simulator([wide_room()], STEPS, Reward()), 0.6
     batch_simulator = BatchSimulator(simulator, dtype=torch.float64)
-
-    class Perfect:
-        """The optimal values of the paper's reward, as they are when each move pays what it gains."""
-
-        def __call__(self, place: torch.Tensor) -> torch.Tensor:
-            index = np.zeros(len(place), int)
-            q = perfect_values(simulator, index, place.numpy(), discount, dtype=torch.float64)
-            stands = simulator.reward(index, place.numpy()).total / REWARD_SCALE
-            return torch.tensor((1 - discount) * q - stands[:, None]).float()
-
     starts = np.array([(0.5, 0.5), (3.5, 2.5), (0.5, 2.5)])
-    policy = GreedyPolicy(Perfect(), 12, "mask", unturned(STEPS), gains_discount=discount)
+    perfect = perfect_at_gains(simulator, discount)
+    policy = GreedyPolicy(perfect, 12, "mask", unturned(STEPS), gains_discount=discount)
     run = policy.rollout(batch_simulator, Place(), np.zeros(3, int), starts)
     earned = simulator.reward(np.zeros(39, int), run.path.reshape(-1, 2)).total.reshape(13, 3) / REWARD_SCALE
     np.testing.assert_allclose(run.value - run.value[0], earned - earned[0], atol=1e-4)
     assert run.final.tolist() == [[2.5, 1.5]] * 3
     once = replace(policy, max_moves=1).rollout(batch_simulator, Place(), np.zeros(1, int), np.array([(2.0, 1.5)]))
     assert once.final.tolist() == [[2.5, 1.5]]
+
+
+def test_it_looks_no_further_once_moves_in_a_row_have_gained_nothing(monkeypatch):
+    simulator = Simulator([wide_room()], STEPS, Reward())
+    starts = np.array([(1.5, 1.0), (2.5, 1.5)])
+    policy = GreedyPolicy(perfect_at_gains(simulator, 0.6), 12, "mask", unturned(STEPS), gains_discount=0.6)
+    patient = policy.rollout(BatchSimulator(simulator, dtype=torch.float64), Place(), np.zeros(2, int), starts)
+    monkeypatch.setattr("layoutrl.evaluation.policy.FRUITLESS", 3)
+    run = policy.rollout(BatchSimulator(simulator, dtype=torch.float64), Place(), np.zeros(2, int), starts)
+    assert run.best.tolist() == patient.best.tolist() == [3, 0]
+    for b, looked in enumerate(run.best + 3):
+        np.testing.assert_array_equal(run.path[: looked + 1, b], patient.path[: looked + 1, b])
+        assert (run.path[looked:, b] == run.path[looked, b]).all()
+        assert np.isneginf(run.value[looked + 1 :, b]).all()
 
 
 def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_more():
