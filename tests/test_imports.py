@@ -57,7 +57,7 @@ for command, argument in (
     (tmp_path / "broken.json").write_text("{")
     done = fresh("-c", code, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("Override anything in the config") == 1
+    assert done.stdout.count("--cfg job lists every option") == 1
     assert done.stdout.count("ended error: ") == 10
 
 

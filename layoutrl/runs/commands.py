@@ -70,7 +70,8 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             signal.signal(signal.SIGINT, signal.default_int_handler)
         with answers_errors(), raised_errors():
             if not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
-                print(meanings(name))  # and what Hydra has to say, below
+                print(explanation(name))
+                return
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
                 job()
@@ -80,14 +81,22 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
     return main
 
 
-def meanings(name: str) -> str:
-    """What the options of a command mean: conf/<name>.yaml, without what is there for Hydra."""
+def explanation(name: str) -> str:
+    """What --help says: conf/<name>.yaml without what is there for Hydra, and which files its groups offer."""
     lines, shown = [], True
     for line in (config_directory() / f"{name}.yaml").read_text(encoding="utf-8").splitlines():
         if line[:1].strip():  # not indented
             shown = not line.startswith(("defaults:", "hydra:"))
         lines += [line] * (shown or not line)
-    return "\n".join(lines).strip() + "\n"
+    offered = {
+        group: sorted(file.stem for file in (config_directory() / group).glob("*.yaml")) for group in groups(name)
+    }
+    return "\n".join([
+        "\n".join(lines).strip(),
+        "",
+        *(f"{group}=<one of {', '.join(files)}>" for group, files in offered.items()),
+        "--cfg job lists every option and its value, those of groups (<group>.<option>) too",
+    ])  # fmt: skip
 
 
 @contextmanager
