@@ -78,7 +78,10 @@ class CellConfig(TrainConfig):
     results: str | None = None
 
     def __post_init__(self) -> None:
+        disturbed = self.data.disturbed
         super().__post_init__()
+        if self.trained_on != "own":
+            self.data = replace(self.data, disturbed=disturbed)  # the designed ones
         self.planit.check("planit")
         one_of("fill", self.fill, *FILLS, *FURNISHES)
         check_furnishing(self.search, self.annealer)
@@ -87,8 +90,6 @@ class CellConfig(TrainConfig):
         one_of("planit_time", self.planit_time, "agent", "updates")
         if self.data.source not in SOURCES:
             raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
-        if self.fill in FURNISHES:
-            one_of("trained_on of whole rooms", self.trained_on, "own")
         named: dict[str, dict[str, Any]] = {  # by budget, how long it takes
             **dict.fromkeys(("planit", "rooms_planit"), self.planit.updates),
             **dict.fromkeys(("annealer", "search"), self.seconds_a_room),
@@ -134,9 +135,9 @@ def setting_of(config: CellConfig, device: torch.device) -> Setting:
         room = np.zeros(config.budget.random_starts, dtype=int)
     else:
         training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
-        if config.trained_on != "own":
-            designed = designed_rooms(config.room.type, config.room.item, designer(config), "train")
-            training = designed + (training if config.trained_on == "both" else [])
+        training = learned_from(
+            config, training, lambda d: designed_rooms(config.room.type, config.room.item, d, "train")
+        )
         room = np.arange(len(held_out))
     simulator = Simulator(held_out, config.method.moves, config.reward)
     return Setting(training, simulator, room, simulator.starts(room, np.random.default_rng(STARTS_SEED)), device)
@@ -144,8 +145,15 @@ def setting_of(config: CellConfig, device: torch.device) -> Setting:
 
 def designer(config: CellConfig) -> Data:
     """Designed rooms, as many as the budget has."""
-    rooms = config.data
-    return Data("designer", train_rooms=rooms.train_rooms, test_rooms=rooms.test_rooms, seed=rooms.seed)
+    told = ("train_rooms", "test_rooms", "seed", "disturbed")
+    return Data("designer", **{name: getattr(config.data, name) for name in told})
+
+
+def learned_from(config: CellConfig, own: list[Room], designed: Callable[[Data], list[Room]]) -> list[Room]:
+    """The rooms to train on: `own`, of the source's training folds, those that the designer makes, or both."""
+    if config.trained_on == "own":
+        return own
+    return designed(designer(config)) + (own if config.trained_on == "both" else [])
 
 
 def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
@@ -379,7 +387,7 @@ FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
 
 @dataclass(frozen=True)
 class WholeRooms:
-    """Designed rooms to learn from, and designs whose briefs are to be furnished."""
+    """Rooms to learn from, and designs whose briefs are to be furnished."""
 
     training: list[Room]
     designs: list[Room]
@@ -394,6 +402,7 @@ class WholeRooms:
 def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
     """The whole rooms of a cell: the same for every column and seed, or the first of them."""
     training, designs = both(*whole_parts(config.room.type, config.data, config.fold))
+    training = learned_from(config, training, lambda designed: whole_parts(config.room.type, designed, 0)[0])
     return WholeRooms(training, designs[: max(1, round(config.share_of_rooms * len(designs)))], device)
 
 

@@ -5,7 +5,7 @@
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
 were asked for; the files have all rooms. The quick methods furnish all held-out rooms, those that take a second
 a room or more a fifth of them. With `designer_rooms`, the folder of the authors' real bedrooms and tatami rooms, these
-are furnished, too.
+are furnished, too: a fifth of them, held out; what learns places is trained on designed rooms, on real ones, and on both.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ METHODS = {
     "random": "random",
 }
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
+TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
+LEARNS = ("agent", "pointer in sequence")
 SWEEPS = (
     "designer,random,nearest", "rooms_agent", "annealer,search", "rooms_pointer", "annealer_long,search_long",
     "rooms_planit",
@@ -88,6 +90,8 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
         if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
             root = str(Path(chosen["designer_rooms"]).absolute())
             own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}
+            if {*columns.split(",")} <= {METHODS[words] for words in LEARNS}:
+                own["trained_on"] = chosen.get("trained_on", ",".join(TRAINED_ON))
             made.append({name: value for name, value in sweep.items() if name != "data.root"} | own)
     return made
 
@@ -106,14 +110,21 @@ def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
     """What the filled cells of a folder say of these rooms: a table for each question, designed rooms and real ones."""
     rooms = list(rooms)
     made: list[Table] = []
-    for name, title, suffix, types in (
-        ("table3", "Table 3", "", rooms),
-        ("table3-real", "Table 3, real rooms", "-designer_rooms-snapped", [room for room in rooms if room in REAL]),
+    designed = {words: f"own-{column}" for words, column in METHODS.items()}
+    real: dict[str, str] = {}
+    for words, column in METHODS.items():
+        if words in LEARNS:
+            real |= {f"{words}, trained on {what}": f"{trained}-{column}" for trained, what in TRAINED_ON.items()}
+        else:
+            real[words] = f"own-{column}"
+    for name, title, suffix, types, methods in (
+        ("table3", "Table 3", "", rooms, designed),
+        ("table3-real", "Table 3, real rooms", "-designer_rooms-snapped", [r for r in rooms if r in REAL], real),
     ):
         records: list[dict[str, Any]] = []
         used: list[Row] = []
         for room in types:
-            found = {words: row(folder, f"{room}{suffix}-own-{column}", LAYOUTS) for words, column in METHODS.items()}
+            found = {words: row(folder, f"{room}{suffix}-{cell}", LAYOUTS) for words, cell in methods.items()}
             known = {words: rows for words, rows in found.items() if rows}
             records += [record(room, words, known) for words in known]
             used += known.values()

@@ -96,7 +96,7 @@ class LearningConfig:
         one_of("room.type", self.room.type, *MAIN_ITEM)
         check_data(self.data)
         if self.data.source != "designer":
-            self.data.disturbed = 0.0  # rooms of files are as they are
+            self.data = replace(self.data, disturbed=0.0)  # rooms of files are as they are
         one_of("data.labels", self.data.labels, "snapped", "raw")
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)

@@ -65,8 +65,10 @@ def test_real_rooms_are_a_table_of_their_own(tmp_path):
     real = ("data=designer_rooms", f"data.root={REAL / 'designer_rooms'}")
     config = configured(tmp_path, *TINY, "column=nearest", "room=tatami", *real)
     fill(config)
+    fill(configured(tmp_path, *TINY, "column=rooms_pointer", "room=tatami", *real, "trained_on=designer"))
     *_, best, _, _ = table3.tables(folder_of(config))
-    assert [line[:2] for line in best.lines] == [["tatami", "nearest room"]]
+    words = ("pointer in sequence, trained on designed rooms", "nearest room")
+    assert [line[:2] for line in best.lines] == [["tatami", method] for method in words]
     assert cell(config)["rooms"] > 2
 
 
@@ -76,6 +78,9 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
     sweeps = table3.stages({"designer_rooms": "x", "room": "kitchen,tatami", "column": "search", "floorplans": "y"})
     assert [sweep["room"] for sweep in sweeps] == ["kitchen,tatami", "tatami"]
     assert all("floorplans" not in sweep for sweep in sweeps)
+    learned = table3.stages({"designer_rooms": "x", "room": "tatami", "column": "rooms_agent"})
+    assert [sweep.get("trained_on") for sweep in learned] == [None, "designer,own,both"]
+    assert "trained_on" not in sweeps[1]
     with pytest.raises(InputError, match=r"column: expected some of .*; got geometric"):
         table3.stages({"column": "designer,geometric"})
     with pytest.raises(InputError, match="room: expected some of"):
