@@ -246,6 +246,8 @@ def test_evaluate_takes_the_runs_own_data_but_for_what_is_given(bedroom_run: Pat
     assert "3 rooms of designer (held_out)" in done.stdout
     done = layoutrl("evaluate", f"run={bedroom_run}", "data=designer", "part=training", "starts=2", cwd=tmp_path)
     assert "32 rooms of designer (training)" in done.stdout  # as many as it was trained on
+    done = layoutrl("evaluate", f"run={bedroom_run}", "data.train_rooms=5", "part=training", cwd=tmp_path)
+    assert "5 rooms of designer (training)" in done.stdout
 
 
 def test_watch_shows_the_agent_move(bedroom_run: Path, tmp_path: Path) -> None:
