@@ -5,7 +5,7 @@
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
 were asked for; the files have all rooms. The quick methods furnish all held-out rooms, those that take a second
 a room or more a fifth of them. With `designer_rooms`, the folder of the authors' real bedrooms and tatami rooms, these
-are furnished, too: a fifth of them, held out; what learns places is trained on designed rooms, on real ones, and on both.
+are furnished, too, a fifth of them that is held out; what learns places learns from designed rooms, real ones and both.
 """
 
 from __future__ import annotations

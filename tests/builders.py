@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate
 from shapely.geometry import Polygon, box
 
+from layoutrl.agents.gains import WIDENED, shown
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.rooms.room import MAIN_ITEM, WALL_THICKNESS, Item, Opening, Ring, Room, wall_band
 
@@ -174,3 +175,10 @@ def assert_seeded(weights: Callable[[int], torch.Tensor]) -> None:
     torch.manual_seed(4)
     assert torch.equal(first, weights(0))
     assert not torch.equal(first, weights(1))
+
+
+def learned_gains(q: torch.Tensor, legal: torch.Tensor) -> torch.Tensor:
+    """What a network has learned that knows what each move gains (B, A): on its scale, the gap to the best widened."""
+    scaled = shown(q)
+    best = scaled.masked_fill(~legal, -torch.inf).amax(1, keepdim=True)
+    return best - (best - scaled) / (1 - WIDENED)

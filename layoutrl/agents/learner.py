@@ -11,10 +11,11 @@ from torch import nn
 from layoutrl import InputError
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule
+from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.method import Method
 from layoutrl.agents.networks import GeometryNetwork, PaperNetwork, weights_of
 from layoutrl.agents.replay import Replay
-from layoutrl.agents.training import Begin, EveryMove, Training
+from layoutrl.agents.training import Begin, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import COLUMNS, categories_of, observation_of

@@ -14,14 +14,12 @@ from torch import Tensor
 
 from layoutrl.agents.dqn import DQN, Observe
 from layoutrl.agents.exploration import LinearSchedule, explore
-from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.env.batch import BatchSimulator
+from layoutrl.agents.gains import EveryMove
+from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
 from layoutrl.env.episodes import Episodes, Step
-from layoutrl.env.scenes import Scenes, led_to
 from layoutrl.env.symmetry import Symmetry, shares
 
 Begin = Callable[[torch.Generator], Episodes]  # episodes that draw by the generator
-REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber loss is quadratic where it matters
 
 
 @dataclass(frozen=True)
@@ -56,40 +54,6 @@ class Stopwatch:
         """Seconds of each stage since this was last asked."""
         seconds, self.seconds = self.seconds, {}
         return seconds
-
-
-@dataclass(frozen=True)
-class EveryMove:
-    """How values of all legal moves are learned at once, of every pose that is sampled: by what each move gains.
-
-    A move gains the reward of the pose that it leads to, less that of the pose that it leaves. That is the paper's
-    reward shaped by a potential, what staying would pay (Ng, Harada & Russell 1999; all of it times 1 - discount), so
-    that the best moves stay the best. Without it neighbouring moves differ by a percent or two of what they have in
-    common, and what a network errs in that is more. The discount rises over the first half of the updates.
-    """
-
-    simulator: BatchSimulator | Scenes
-    updates: int
-    discount: tuple[float, float]  # first and last: what rises linearly is the horizon, 1 / (1 - discount)
-
-    def discount_at(self, updates: int) -> float:
-        """The discount after so many updates."""
-        first, last = (1 / (1 - discount) for discount in self.discount)
-        return 1 - 1 / LinearSchedule(first, last, self.updates // 2)(updates)
-
-    def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
-        """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
-        simulator = self.simulator
-        length, legal = simulator.reach(room, position)
-        reached = torch.where(legal[..., None], led_to(simulator, room, position, length), position[:, None])
-        count = legal.shape[1]
-        left = simulator.reward(room, position).total.repeat_interleave(count, 0)
-        room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
-        after = reached.flatten(0, 1)
-        gained = (simulator.reward(room, after).total - left) / REWARD_SCALE
-        action = torch.arange(count, device=room.device).repeat(len(position))
-        discounts = torch.full_like(gained, self.discount_at(updates))
-        return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
 
 
 class Training:
@@ -188,7 +152,7 @@ class Training:
             if self._every_move is None:
                 stats = self.agent.update(*turned)
             else:
-                target = self.agent.td_target(moves, next_observation).view_as(legal)
+                target = self._every_move.target(self.agent.target, legal, moves, observation, next_observation)
                 legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
                 observation = in_every_view(self._observe, self._symmetries, observation)
                 stats = self.agent.update_every_move(legal, target, observation)

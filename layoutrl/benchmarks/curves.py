@@ -14,7 +14,7 @@ from gymnasium.wrappers import TransformReward
 from torch import nn
 
 from layoutrl.agents.learner import Learner
-from layoutrl.agents.training import REWARD_SCALE
+from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import categories_of, observation_of

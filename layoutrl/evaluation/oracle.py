@@ -19,7 +19,7 @@ import shapely
 import torch
 from torch import Tensor
 
-from layoutrl.agents.training import REWARD_SCALE
+from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID, snap
 from layoutrl.env.simulator import DIRECTIONS, Simulator

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from layoutrl.agents.dqn import Observe
+from layoutrl.agents.gains import gains
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
@@ -128,6 +129,7 @@ class GreedyPolicy:
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
             q = self.values(observe, rooms[active], here)
             if self.gains_discount is not None:
+                q = gains(q, legal)
                 before, left = left, self.gains_discount * q.masked_fill(~legal, -torch.inf).amax(1)
                 left = left.where(legal.any(1), 0.0)
                 gained, lost = promised - left, q.gather(1, made ^ 1).squeeze(1) - before

@@ -51,6 +51,7 @@ def check_method(prefix: str, method: Method) -> None:
         first = method.discount_start
         within(f"{prefix}.discount_start", first, 0 <= first <= method.discount, "0 to the discount")
         within(f"{prefix}.scope", method.scope, method.scope == "item", f"item with {prefix}.every_move")
+        within(f"{prefix}.double", method.double, not method.double, f"false with {prefix}.every_move")
         within(f"{prefix}.climbs", method.climbs, method.climbs == 0, f"0 with {prefix}.every_move")
         within(f"{prefix}.slide", method.slide, not method.slide, f"false with {prefix}.every_move: no slide goes back")
     if (goal := method.goal_iou) is not None:

@@ -13,10 +13,11 @@ from torch import nn
 
 from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule
+from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.learner import Learner
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.agents.replay import Replay, Transitions
-from layoutrl.agents.training import REWARD_SCALE, EveryMove, Progress, Training
+from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
+from layoutrl.agents.training import Progress, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import GeometryObservation, categories_of
@@ -184,28 +185,6 @@ def test_each_symmetry_is_learned_in_an_equal_share_of_every_batch_as_if_the_roo
                 torch.testing.assert_close(observation[share], observe(room, where))
 
 
-def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_anywhere():
-    rooms, moves = small_rooms(), Moves((0.4, 0.1))
-    exact = Simulator(rooms, moves, Reward())
-    learns = EveryMove(BatchSimulator(exact), 20, (0.5, 0.8))
-    rng = np.random.default_rng(0)
-    room = rng.integers(2, size=20)
-    position = exact.starts(room, rng)
-    for updates, discount in ((0, 0.5), (10, 0.8)):
-        legal, found = learns.transitions(torch.tensor(room), torch.tensor(position), updates)
-        reached, allowed = exact.destinations(room, position)
-        np.testing.assert_array_equal(legal, allowed)
-        reached = np.where(allowed[..., None], reached, position[:, None]).reshape(-1, 2)
-        whose = np.repeat(room, moves.count)
-        np.testing.assert_allclose(found.next_position, reached, atol=1.1e-6)
-        np.testing.assert_array_equal(found.room, whose)
-        np.testing.assert_array_equal(found.next_legal, exact.destinations(whose, reached)[1])
-        left = np.repeat(position, moves.count, 0)
-        gained = exact.reward(whose, reached).total - exact.reward(whose, left).total
-        np.testing.assert_allclose(found.reward, gained / REWARD_SCALE, atol=1e-5)
-        np.testing.assert_allclose(found.discount, discount)
-
-
 def test_in_every_view_the_values_of_every_move_are_those_of_the_moves_there():
     rooms, moves = small_rooms(), Moves((0.4, 0.1))
     learned = []
@@ -233,11 +212,6 @@ def test_in_every_view_the_values_of_every_move_are_those_of_the_moves_there():
         assert torch.equal(turned_legal[two, view.action], legal[two])
         torch.testing.assert_close(turned_target[two, view.action], target[two])
         torch.testing.assert_close(turned_observation[two], observe.turned(observation[two], view))
-
-
-def test_the_horizon_rises_over_the_first_half():
-    learns = EveryMove(BatchSimulator(Simulator(small_rooms(), Moves(), Reward())), 100, (0.5, 0.9))
-    assert [learns.discount_at(n) for n in (0, 25, 50, 100)] == pytest.approx([0.5, 1 - 1 / 6, 0.9, 0.9])
 
 
 @pytest.mark.parametrize("rises_from", [0.8, 0.5])

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.agents.training import REWARD_SCALE
+from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.reward import Reward
@@ -25,7 +25,7 @@ from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.evaluation.policy import BLOCK, SHORTLIST, GreedyPolicy, Rollout
 from layoutrl.rooms.room import Item, Room
-from tests.builders import l_room, random_room, rectangular_room
+from tests.builders import l_room, learned_gains, random_room, rectangular_room
 
 STEPS = Moves((0.5,), slide=False)
 RIGHT, LEFT, BELOW, UP = range(4)
@@ -100,13 +100,14 @@ def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
 
 
 def perfect_at_gains(simulator: Simulator, discount: float) -> Callable[[torch.Tensor], torch.Tensor]:
-    """The optimal values of the paper's reward in room 0, as they are when each move pays what it gains."""
+    """The optimal values of the paper's reward in room 0, as they are learned when each move pays what it gains."""
 
     def values(place: torch.Tensor) -> torch.Tensor:
         index = np.zeros(len(place), int)
         q = perfect_values(simulator, index, place.numpy(), discount, dtype=torch.float64)
         stands = simulator.reward(index, place.numpy()).total / REWARD_SCALE
-        return torch.tensor((1 - discount) * q - stands[:, None]).float()
+        legal = torch.tensor(simulator.destinations(index, place.numpy())[1])
+        return learned_gains(torch.tensor((1 - discount) * q - stands[:, None]), legal).float()
 
     return values
 

@@ -1,0 +1,88 @@
+"""Learning what each move of a pose gains: of which numbers it is learned, and on which scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from layoutrl.agents.exploration import LinearSchedule
+from layoutrl.agents.replay import REWARD_SCALE, Transitions
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.scenes import Scenes, led_to
+
+UNIT = 0.01  # of rewards / 100: smaller values are learned as they are, larger ones by their logarithm
+LARGEST = 12.0  # on that scale: more than any value has, whatever a network says
+WIDENED = 0.9  # share of the gap between the best move and another: it is learned 1 / (1 - WIDENED) times as large
+
+
+@dataclass(frozen=True)
+class EveryMove:
+    """How values of all legal moves are learned at once, of every pose that is sampled: by what each move gains.
+
+    A move gains the reward of the pose that it leads to, less that of the pose that it leaves. That is the paper's
+    reward shaped by a potential, what staying would pay (Ng, Harada & Russell 1999; all of it times 1 - discount), so
+    that the best moves stay the best. The discount rises over the first half of the updates.
+
+    Values fall by a share (1 - discount) with each move away from the goal, and moves of one pose differ by no more
+    than that share of them. They are learned as h(Q) = asinh(Q / UNIT), in which each move counts as much, near and far
+    (van Seijen, Fatemi & Tavakoli 2019; nothing here hangs on chance, so that this changes no value). In these numbers
+    the gap to the best move is learned wider (advantage learning: Baird 1999; Bellemare et al. 2016). `gains` takes
+    both back.
+    """
+
+    simulator: BatchSimulator | Scenes
+    updates: int
+    discount: tuple[float, float]  # first and last: what rises linearly is the horizon, 1 / (1 - discount)
+
+    def discount_at(self, updates: int) -> float:
+        """The discount after so many updates."""
+        first, last = (1 / (1 - discount) for discount in self.discount)
+        return 1 - 1 / LinearSchedule(first, last, self.updates // 2)(updates)
+
+    def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
+        """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
+        simulator = self.simulator
+        length, legal = simulator.reach(room, position)
+        reached = torch.where(legal[..., None], led_to(simulator, room, position, length), position[:, None])
+        count = legal.shape[1]
+        left = simulator.reward(room, position).total.repeat_interleave(count, 0)
+        room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
+        after = reached.flatten(0, 1)
+        gained = (simulator.reward(room, after).total - left) / REWARD_SCALE
+        action = torch.arange(count, device=room.device).repeat(len(position))
+        discounts = torch.full_like(gained, self.discount_at(updates))
+        return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
+
+    @torch.no_grad()
+    def target(
+        self, network: nn.Module, legal: Tensor, moves: Transitions, observation: Tensor, next_observation: Tensor
+    ) -> Tensor:
+        """h(gain + discount max Q(s', a')) - WIDENED (max h(Q(s)) - h(Q(s, a))) of all moves, by the target: (B, A)."""
+        following = value_of(_best(network(next_observation), moves.next_legal).squeeze(1))
+        following = following.where(moves.next_legal.any(1), 0.0)
+        learned = network(observation)
+        wider = WIDENED * (_best(learned, legal) - learned)
+        return shown(moves.reward + moves.discount * following).view_as(legal) - wider
+
+
+def gains(learned: Tensor, legal: Tensor) -> Tensor:
+    """Q of what moves gain, in rewards / 100, of what a network has learned: (B, A) each."""
+    best = _best(learned, legal)
+    return value_of(best - (1 - WIDENED) * (best - learned))
+
+
+def shown(value: Tensor) -> Tensor:
+    """Values on the scale on which they are learned."""
+    return (value / UNIT).asinh()
+
+
+def value_of(scaled: Tensor) -> Tensor:
+    """The values that are shown so."""
+    return UNIT * scaled.clamp(-LARGEST, LARGEST).sinh()
+
+
+def _best(q: Tensor, legal: Tensor) -> Tensor:
+    """Of the best legal move: (B, 1)."""
+    return q.masked_fill(~legal, -torch.inf).amax(1, keepdim=True)

@@ -1,0 +1,107 @@
+"""Learning what moves gain: exact gains, the scale, the widened gap, and that optimal values stay optimal."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutrl.agents.gains import UNIT, WIDENED, EveryMove, gains, shown, value_of
+from layoutrl.agents.replay import REWARD_SCALE
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.reward import Reward
+from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.oracle import perfect_values
+from layoutrl.rooms.room import Item, Room
+from tests.builders import l_room, learned_gains, rectangular_room
+
+
+def small_rooms() -> list[Room]:
+    return [rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.3, 0.4)), id="a"), l_room(id="b")]
+
+
+def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_anywhere():
+    rooms, moves = small_rooms(), Moves((0.4, 0.1))
+    exact = Simulator(rooms, moves, Reward())
+    learns = EveryMove(BatchSimulator(exact), 20, (0.5, 0.8))
+    rng = np.random.default_rng(0)
+    room = rng.integers(2, size=20)
+    position = exact.starts(room, rng)
+    for updates, discount in ((0, 0.5), (10, 0.8)):
+        legal, found = learns.transitions(torch.tensor(room), torch.tensor(position), updates)
+        reached, allowed = exact.destinations(room, position)
+        np.testing.assert_array_equal(legal, allowed)
+        reached = np.where(allowed[..., None], reached, position[:, None]).reshape(-1, 2)
+        whose = np.repeat(room, moves.count)
+        np.testing.assert_allclose(found.next_position, reached, atol=1.1e-6)
+        np.testing.assert_array_equal(found.room, whose)
+        np.testing.assert_array_equal(found.next_legal, exact.destinations(whose, reached)[1])
+        left = np.repeat(position, moves.count, 0)
+        gained = exact.reward(whose, reached).total - exact.reward(whose, left).total
+        np.testing.assert_allclose(found.reward, gained / REWARD_SCALE, atol=1e-5)
+        np.testing.assert_allclose(found.discount, discount)
+
+
+def test_the_horizon_rises_over_the_first_half():
+    learns = EveryMove(BatchSimulator(Simulator(small_rooms(), Moves(), Reward())), 100, (0.5, 0.9))
+    assert [learns.discount_at(n) for n in (0, 25, 50, 100)] == pytest.approx([0.5, 1 - 1 / 6, 0.9, 0.9])
+
+
+def test_values_far_below_the_unit_are_shown_in_it_and_tenths_of_larger_ones_at_equal_distances():
+    small = torch.tensor([-1e-5, 0.0, 1e-5])
+    torch.testing.assert_close(shown(small), small / UNIT, rtol=1e-3, atol=0)
+    falling = shown(0.9 ** torch.arange(20.0))
+    torch.testing.assert_close(-falling.diff(), torch.full((19,), 0.1054), rtol=1e-2, atol=0)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_what_is_learned_says_what_moves_gain_and_keeps_their_order(seed):
+    rng = np.random.default_rng(seed)
+    q = torch.tensor(rng.normal(size=(6, 4)) * 10.0 ** rng.uniform(-5, 0, (6, 1)))
+    legal = torch.tensor(rng.random((6, 4)) < 0.7)
+    legal[:, 0] = True
+    learned = learned_gains(q, legal)
+    torch.testing.assert_close(gains(learned, legal), q, rtol=1e-6, atol=1e-12)
+    assert torch.equal(gains(learned, legal).argsort(1), learned.argsort(1))
+    best = shown(q).masked_fill(~legal, -torch.inf).amax(1, keepdim=True)
+    torch.testing.assert_close((best - learned) * (1 - WIDENED), best - shown(q))
+
+
+def test_whatever_a_network_says_is_a_finite_value():
+    assert value_of(torch.tensor([-1e9, 1e9])).isfinite().all()
+
+
+def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be():
+    """Exact Q by branch and bound, told as gains, on the scale, widened: one update would change nothing."""
+    room, discount, moves = rectangular_room(4, 3, Item("bed", (1.0, 1.0), (2.5, 1.5))), 0.6, Moves((0.5,), slide=False)
+    exact = Simulator([room], moves, Reward())
+    simulator = BatchSimulator(exact, dtype=torch.float64)
+
+    def network(place: torch.Tensor) -> torch.Tensor:
+        index = np.zeros(len(place), int)
+        q = perfect_values(exact, index, place.numpy(), discount, dtype=torch.float64)
+        gained = (1 - discount) * q - (exact.reward(index, place.numpy()).total / REWARD_SCALE)[:, None]
+        return learned_gains(torch.tensor(gained), torch.tensor(exact.destinations(index, place.numpy())[1]))
+
+    whose, place = (
+        torch.zeros(4, dtype=torch.int64),
+        torch.tensor([(0.5, 0.5), (2.0, 1.5), (2.5, 1.5), (3.5, 2.5)]).double(),
+    )
+    learns = EveryMove(simulator, 0, (discount, discount))
+    legal, found = learns.transitions(whose, place, 0)
+    target = learns.target(network, legal, found, place, found.next_position)
+    torch.testing.assert_close(target[legal], network(place)[legal], rtol=0, atol=2e-2)
+    assert not legal.all()
+
+
+def test_where_no_move_is_legal_nothing_follows():
+    simulator = BatchSimulator(Simulator(small_rooms(), Moves((0.4,)), Reward()))
+    learns = EveryMove(simulator, 0, (0.5, 0.5))
+    legal, found = learns.transitions(torch.tensor([0]), torch.tensor([[1.2, 1.0]], dtype=torch.float64), 0)
+    found = found._replace(next_legal=torch.zeros_like(found.next_legal))
+    network = lambda seen: torch.zeros(len(seen), legal.shape[1])  # noqa: E731
+    target = learns.target(network, legal, found, torch.zeros(1), torch.zeros(len(found.reward)))
+    torch.testing.assert_close(target.flatten(), shown(found.reward))
