@@ -46,7 +46,7 @@ from layoutrl.rivals.supervised import (
 )
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import Data, both, designed_rooms, two_parts, whole_parts
+from layoutrl.rooms.sources.parts import Data, both, designed_rooms, designs, two_parts, whole_parts
 from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, PlanitMethodConfig, TrainConfig, part
@@ -78,10 +78,7 @@ class CellConfig(TrainConfig):
     results: str | None = None
 
     def __post_init__(self) -> None:
-        disturbed = self.data.disturbed
         super().__post_init__()
-        if self.trained_on != "own":
-            self.data = replace(self.data, disturbed=disturbed)  # the designed ones
         self.planit.check("planit")
         one_of("fill", self.fill, *FILLS, *FURNISHES)
         check_furnishing(self.search, self.annealer)
@@ -90,6 +87,8 @@ class CellConfig(TrainConfig):
         one_of("planit_time", self.planit_time, "agent", "updates")
         if self.data.source not in SOURCES:
             raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
+        if self.fill in FURNISHES and self.data.source == "designer":
+            one_of("trained_on of whole rooms", self.trained_on, "own")
         named: dict[str, dict[str, Any]] = {  # by budget, how long it takes
             **dict.fromkeys(("planit", "rooms_planit"), self.planit.updates),
             **dict.fromkeys(("annealer", "search"), self.seconds_a_room),
@@ -97,6 +96,11 @@ class CellConfig(TrainConfig):
         }
         if self.fill in named:
             one_of(f"budget.name of column={self.column}", self.budget.name, *named[self.fill])
+
+    @property
+    def learns_from_designs(self) -> bool:
+        """Whether any of the rooms to train on are the designer's."""
+        return self.data.source == "designer" or self.trained_on != "own"
 
 
 ConfigStore.instance().store(name="cell_schema", node=CellConfig)
@@ -145,8 +149,8 @@ def setting_of(config: CellConfig, device: torch.device) -> Setting:
 
 def designer(config: CellConfig) -> Data:
     """Designed rooms, as many as the budget has."""
-    told = ("train_rooms", "test_rooms", "seed", "disturbed")
-    return Data("designer", **{name: getattr(config.data, name) for name in told})
+    rooms = config.data
+    return Data("designer", None, rooms.train_rooms, rooms.test_rooms, rooms.seed, rooms.disturbed)
 
 
 def learned_from(config: CellConfig, own: list[Room], designed: Callable[[Data], list[Room]]) -> list[Room]:
@@ -401,9 +405,9 @@ class WholeRooms:
 
 def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
     """The whole rooms of a cell: the same for every column and seed, or the first of them."""
-    training, designs = both(*whole_parts(config.room.type, config.data, config.fold))
-    training = learned_from(config, training, lambda designed: whole_parts(config.room.type, designed, 0)[0])
-    return WholeRooms(training, designs[: max(1, round(config.share_of_rooms * len(designs)))], device)
+    training, held_out = both(*whole_parts(config.room.type, config.data, config.fold))
+    training = learned_from(config, training, lambda d: designs(config.room.type, d, "train").rooms)
+    return WholeRooms(training, held_out[: max(1, round(config.share_of_rooms * len(held_out)))], device)
 
 
 def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.random.Generator], Room]) -> list[Room]:

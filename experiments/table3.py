@@ -82,7 +82,10 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other: of designed rooms, and of real ones. Raises InputError for other types."""
     rooms = some_of("room", chosen, MAIN_ITEM)
     some_of("column", chosen, METHODS.values())
-    common = {name: value for name, value in chosen.items() if name not in ("floorplans", "designer_rooms")}
+    common = {
+        name: value for name, value in chosen.items() if name not in ("floorplans", "designer_rooms", "trained_on")
+    }
+    trained_on = {"trained_on": chosen.get("trained_on", ",".join(TRAINED_ON))}
     made = []
     for columns in [chosen["column"]] if "column" in chosen else SWEEPS:
         sweep = common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
@@ -90,9 +93,11 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
         if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
             root = str(Path(chosen["designer_rooms"]).absolute())
             own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}
-            if {*columns.split(",")} <= {METHODS[words] for words in LEARNS}:
-                own["trained_on"] = chosen.get("trained_on", ",".join(TRAINED_ON))
-            made.append({name: value for name, value in sweep.items() if name != "data.root"} | own)
+            sweep = {name: value for name, value in sweep.items() if name != "data.root"} | own
+            learn = [column for column in columns.split(",") if column in [METHODS[words] for words in LEARNS]]
+            others = [column for column in columns.split(",") if column not in learn]
+            for some, more in ((learn, trained_on), (others, {})):
+                made += [sweep | more | {"column": ",".join(some)}] if some else []
     return made
 
 

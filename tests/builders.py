@@ -14,7 +14,10 @@ from shapely.affinity import rotate
 from shapely.geometry import Polygon, box
 
 from layoutrl.agents.gains import WIDENED, shown
+from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.rooms.room import MAIN_ITEM, WALL_THICKNESS, Item, Opening, Ring, Room, wall_band
 
 
@@ -177,8 +180,26 @@ def assert_seeded(weights: Callable[[int], torch.Tensor]) -> None:
     assert not torch.equal(first, weights(1))
 
 
+def small_rooms() -> list[Room]:
+    """Two in which an item is home after a few moves."""
+    return [rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.3, 0.4)), id="a"), l_room(id="b")]
+
+
 def learned_gains(q: torch.Tensor, legal: torch.Tensor) -> torch.Tensor:
     """What a network has learned that knows what each move gains (B, A): on its scale, the gap to the best widened."""
     scaled = shown(q)
     best = scaled.masked_fill(~legal, -torch.inf).amax(1, keepdim=True)
     return best - (best - scaled) / (1 - WIDENED)
+
+
+def perfect_at_gains(simulator: Simulator, discount: float) -> Callable[[torch.Tensor], torch.Tensor]:
+    """The optimal values of the paper's reward in room 0, as they are learned when each move pays what it gains."""
+
+    def values(place: torch.Tensor) -> torch.Tensor:
+        index = np.zeros(len(place), int)
+        q = perfect_values(simulator, index, place.numpy(), discount, dtype=torch.float64)
+        stands = simulator.reward(index, place.numpy()).total / REWARD_SCALE
+        legal = torch.tensor(simulator.destinations(index, place.numpy())[1])
+        return learned_gains(torch.tensor((1 - discount) * q - stands[:, None]), legal).float()
+
+    return values

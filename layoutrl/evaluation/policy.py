@@ -134,10 +134,9 @@ class GreedyPolicy:
                 left = left.where(legal.any(1), 0.0)
                 gained, lost = promised - left, q.gather(1, made ^ 1).squeeze(1) - before
                 value[t, active] = value[t - 1, active] + (gained - lost) / 2 if t else 0.0
+                closed |= (t - value[: t + 1, active].argmax(0) >= FRUITLESS)[:, None]
             highest, action = q.masked_fill(closed, -torch.inf).max(1, keepdim=True)
             goes_on = (legal.gather(1, action) & highest.isfinite()).squeeze(1)
-            if self.gains_discount is not None:
-                goes_on &= t - value[: t + 1, active].argmax(0) < FRUITLESS
             active, action = active[goes_on], action[goes_on].squeeze(1)
             if not len(active):
                 break

@@ -95,7 +95,7 @@ class LearningConfig:
         expand_paths(self)
         one_of("room.type", self.room.type, *MAIN_ITEM)
         check_data(self.data)
-        if self.data.source != "designer":
+        if not self.learns_from_designs:
             self.data = replace(self.data, disturbed=0.0)  # rooms of files are as they are
         one_of("data.labels", self.data.labels, "snapped", "raw")
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
@@ -105,6 +105,11 @@ class LearningConfig:
         within("seed", self.seed, self.seed >= 0, "0 or more")
         named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
         within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
+
+    @property
+    def learns_from_designs(self) -> bool:
+        """Whether any of the rooms to train on are the designer's."""
+        return self.data.source == "designer"
 
 
 @dataclass

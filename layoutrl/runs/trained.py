@@ -114,9 +114,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
     same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
     if designed and same:
         # It was trained on no more of them, and on these.
-        assert data.train_rooms is not None
-        assert own.train_rooms is not None
-        data = replace(data, train_rooms=min(data.train_rooms, own.train_rooms), disturbed=own.disturbed)
+        few = [count for count in (data.train_rooms, own.train_rooms) if count is not None]
+        data = replace(data, train_rooms=min(few), disturbed=own.disturbed)
     whole = trained.method.scope == "room"
 
     def parts_of(data: Data) -> tuple[list[Room], list[Room]]:

@@ -13,13 +13,8 @@ from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.oracle import perfect_values
-from layoutrl.rooms.room import Item, Room
-from tests.builders import l_room, learned_gains, rectangular_room
-
-
-def small_rooms() -> list[Room]:
-    return [rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.3, 0.4)), id="a"), l_room(id="b")]
+from layoutrl.rooms.room import Item
+from tests.builders import learned_gains, perfect_at_gains, rectangular_room, small_rooms
 
 
 def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_anywhere():
@@ -80,12 +75,7 @@ def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be
     exact = Simulator([room], moves, Reward())
     simulator = BatchSimulator(exact, dtype=torch.float64)
 
-    def network(place: torch.Tensor) -> torch.Tensor:
-        index = np.zeros(len(place), int)
-        q = perfect_values(exact, index, place.numpy(), discount, dtype=torch.float64)
-        gained = (1 - discount) * q - (exact.reward(index, place.numpy()).total / REWARD_SCALE)[:, None]
-        return learned_gains(torch.tensor(gained), torch.tensor(exact.destinations(index, place.numpy())[1]))
-
+    network = perfect_at_gains(exact, discount)
     whose, place = (
         torch.zeros(4, dtype=torch.int64),
         torch.tensor([(0.5, 0.5), (2.0, 1.5), (2.5, 1.5), (3.5, 2.5)]).double(),
@@ -93,7 +83,7 @@ def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be
     learns = EveryMove(simulator, 0, (discount, discount))
     legal, found = learns.transitions(whose, place, 0)
     target = learns.target(network, legal, found, place, found.next_position)
-    torch.testing.assert_close(target[legal], network(place)[legal], rtol=0, atol=2e-2)
+    torch.testing.assert_close(target[legal].float(), network(place)[legal], rtol=0, atol=2e-2)
     assert not legal.all()
 
 

@@ -28,7 +28,7 @@ from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.rooms.room import Item, Room, symmetry
 from layoutrl.runs.config import composed
-from tests.builders import l_room, opening, rectangular_room
+from tests.builders import l_room, opening, rectangular_room, small_rooms
 
 SETTINGS = {
     "updates": 6, "batch": 8, "episodes": 5, "max_moves": 4, "discount": 0.9, "goal_iou": None, "warmup_moves": 12,
@@ -111,10 +111,6 @@ def weights_of_one(columns: int, actions: int) -> GeometryNetwork:
     with torch.random.fork_rng():
         torch.manual_seed(1)
         return GeometryNetwork(columns, actions, element_width=8, width=16)
-
-
-def small_rooms() -> list[Room]:
-    return [rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.3, 0.4)), id="a"), l_room(id="b")]
 
 
 def run_of(

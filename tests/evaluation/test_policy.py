@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,10 +21,9 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
-from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.evaluation.policy import BLOCK, SHORTLIST, GreedyPolicy, Rollout
 from layoutrl.rooms.room import Item, Room
-from tests.builders import l_room, learned_gains, random_room, rectangular_room
+from tests.builders import l_room, perfect_at_gains, random_room, rectangular_room
 
 STEPS = Moves((0.5,), slide=False)
 RIGHT, LEFT, BELOW, UP = range(4)
@@ -97,19 +95,6 @@ def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
     assert run.final.tolist() == [[2.0, 1.5]]
     often = follow(nearing((2.0, 1.5), {(1.0, 1.5, RIGHT): 3.0}), (1.0, 1.5), max_moves=4)
     assert often.final.tolist() == [[1.5, 1.5]]  # on average of the four moves into it
-
-
-def perfect_at_gains(simulator: Simulator, discount: float) -> Callable[[torch.Tensor], torch.Tensor]:
-    """The optimal values of the paper's reward in room 0, as they are learned when each move pays what it gains."""
-
-    def values(place: torch.Tensor) -> torch.Tensor:
-        index = np.zeros(len(place), int)
-        q = perfect_values(simulator, index, place.numpy(), discount, dtype=torch.float64)
-        stands = simulator.reward(index, place.numpy()).total / REWARD_SCALE
-        legal = torch.tensor(simulator.destinations(index, place.numpy())[1])
-        return learned_gains(torch.tensor((1 - discount) * q - stands[:, None]), legal).float()
-
-    return values
 
 
 def test_what_moves_gain_adds_up_to_how_much_better_a_place_is_than_the_start():

@@ -251,6 +251,11 @@ def test_whole_real_rooms_are_furnished_by_what_learned_in_them_in_designed_ones
         assert setting.designs == settings["own"].designs
 
 
+def test_whole_rooms_are_learned_from_their_own_source_alone(tmp_path):
+    with pytest.raises(InputError, match=r"^trained_on of whole rooms: expected one of own; got both$"):
+        configured(tmp_path, "column=rooms_agent", "trained_on=both")
+
+
 def test_a_cell_says_how_many_of_the_designed_rooms_were_disturbed_and_that_no_real_one_was(tmp_path):
     for trained_on, share in (("own", 0.0), ("both", 0.5)):
         config = configured(tmp_path, "column=rooms_agent", "data=designer_rooms", f"trained_on={trained_on}")

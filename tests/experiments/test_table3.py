@@ -81,6 +81,11 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
     learned = table3.stages({"designer_rooms": "x", "room": "tatami", "column": "rooms_agent"})
     assert [sweep.get("trained_on") for sweep in learned] == [None, "designer,own,both"]
     assert "trained_on" not in sweeps[1]
+    mixed = table3.stages(
+        {"designer_rooms": "x", "room": "tatami", "column": "nearest,rooms_agent", "trained_on": "both"}
+    )
+    told = [(sweep["column"], sweep.get("trained_on")) for sweep in mixed]
+    assert told == [("nearest,rooms_agent", None), ("rooms_agent", "both"), ("nearest", None)]
     with pytest.raises(InputError, match=r"column: expected some of .*; got geometric"):
         table3.stages({"column": "designer,geometric"})
     with pytest.raises(InputError, match="room: expected some of"):

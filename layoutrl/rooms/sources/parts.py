@@ -56,7 +56,7 @@ def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[R
 def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why."""
     if data.source == "designer":
-        return _designed(room_type, data, "train").rooms, _designed(room_type, data, "test").rooms
+        return designs(room_type, data, "train").rooms, designs(room_type, data, "test").rooms
     chosen = all_standing(data.read(room_type))
     print(chosen)
     return split(chosen.rooms, fold)
@@ -79,10 +79,11 @@ def both(training: list[Room], held_out: list[Room]) -> tuple[list[Room], list[R
 
 def designed_rooms(room_type: str, item: str, data: Data, part: Part) -> list[Room]:
     """One part of the designer's rooms in which `item` moves; prints how each template fared."""
-    return _with_item(_designed(room_type, data, part), room_type, item)
+    return _with_item(designs(room_type, data, part), room_type, item)
 
 
-def _designed(room_type: str, data: Data, part: Part) -> Collection:
+def designs(room_type: str, data: Data, part: Part) -> Collection:
+    """One part of the designer's rooms, whole; prints how each template fared."""
     count = {"train": data.train_rooms, "test": data.test_rooms}[part]
     if count is None or data.seed is None:
         raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
@@ -90,11 +91,11 @@ def _designed(room_type: str, data: Data, part: Part) -> Collection:
         raise InputError(
             f"data.root: {data.path} is a file; the designer expects the folder of its cache (data=json reads rooms)"
         )
-    designs = designer_cache.read(data.path, room_type, part, data.seed, count)
-    print(f"designer, {part} rooms of seed {data.seed}\n{designs}")
+    made = designer_cache.read(data.path, room_type, part, data.seed, count)
+    print(f"designer, {part} rooms of seed {data.seed}\n{made}")
     if part == "train" and data.disturbed:
-        _disturb(designs.rooms, data.disturbed, data.seed)
-    return Collection(f"designer, {part}", designs.rooms, inside=True)
+        _disturb(made.rooms, data.disturbed, data.seed)
+    return Collection(f"designer, {part}", made.rooms, inside=True)
 
 
 def _disturb(rooms: list[Room], share: float, seed: int) -> None:
