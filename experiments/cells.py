@@ -25,17 +25,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from columns import (
-    FILLS,
-    FURNISHES,
-    RESULTS,
-    CellConfig,
-    clock_of,
-    folder_of,
-    name_of,
-    setting_of,
-    whole_rooms_of,
-)
+from cell_config import RESULTS, CellConfig, folder_of, name_of
+from cell_trainings import clock_of
+from item_columns import FILLS, setting_of
+from room_columns import FURNISHES, whole_rooms_of
 
 from layoutrl import InputError
 from layoutrl.env.measures import measured
@@ -49,6 +42,7 @@ from layoutrl.runs.config import config_directory, expanded, options
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences
 from layoutrl.runs.machine import device_of, machine
+from layoutrl.runs.ranges import one_of
 
 LAYOUTS = "layouts"  # the row of whole rooms
 DRAWN_ROOMS = 2  # layouts that are kept, to be drawn
@@ -93,6 +87,7 @@ def fill(config: CellConfig) -> None:
 
 def filled(config: CellConfig) -> dict[str, Any]:
     """All that is kept of a cell: where it comes from, and a row of numbers for each set of places."""
+    one_of("fill", config.fill, *FILLS, *FURNISHES)
     began, device = datetime.now(UTC), device_of(config.device)
     if device.type == "cpu":
         torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds
@@ -271,7 +266,7 @@ def asked(script: str | None) -> list[str]:
 main = command("cell", CellConfig, fill, sweeps=True)
 
 if __name__ == "__main__":
-    # A cluster's jobs, which do not begin here, find columns.py by it.
+    # A cluster's jobs do not begin here: they find the modules that this one imports by the path.
     path = str(Path(__file__).parent), os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, path))
     main()

@@ -13,7 +13,7 @@ import real_rooms
 import table1
 import table2
 import table3
-from columns import RESULTS
+from cell_config import RESULTS
 from printing import Table, write
 
 ROOT = Path(__file__).parents[1]

@@ -12,8 +12,8 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
+from cell_trainings import refuse_other_rooms
 from cells import INDEX, IOU, unpacked
-from columns import refuse_other_rooms
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cell_config import RESULTS
 from cells import FLAG, IOU, METRES, unpacked
-from columns import RESULTS
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf

@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from columns import CellConfig, folder_of, name_of
+from cell_config import CellConfig, folder_of, name_of
 
 from layoutrl.runs.config import composed
 from tests import commands

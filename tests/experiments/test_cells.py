@@ -10,19 +10,19 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
 
+import cell_trainings
 import cells
-import columns
 import numpy as np
 import pytest
+from cell_config import folder_of, name_of
 from cells import cells_of, fill, given, packed, unpacked
-from columns import folder_of, name_of
 from hydra import compose, initialize_config_dir
 
 from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
 from layoutrl.runs import planit_training
 from layoutrl.runs.checkpoints import checkpoints
-from layoutrl.runs.config import composed, config_directory
+from layoutrl.runs.config import TrainConfig, composed, config_directory, part
 from layoutrl.runs.monitor import watched
 from tests.commands import script
 from tests.experiments.builders import LITTLE, cell, configured
@@ -33,7 +33,7 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     fill(config)
     file = folder_of(config) / f"{name_of(config)}.json"
     before = file.read_text()
-    monkeypatch.setattr(columns.agent_training, "train", None)  # would fail
+    monkeypatch.setattr(cell_trainings.agent_training, "train", None)  # would fail
     fill(config)
     assert file.read_text() == before
     assert "begins" in capsys.readouterr().out.split("done")[0]
@@ -90,8 +90,8 @@ def test_a_training_that_is_killed_goes_on(tmp_path, designed, monkeypatch):
     monkeypatch.undo()
     (unfinished,) = (tmp_path / "again" / "tatami").glob("*unfinished")
     begun = []
-    train = columns.agent_training.train
-    monkeypatch.setattr(columns.agent_training, "train", lambda *a: begun.append(a[-1]) or train(*a))
+    train = cell_trainings.agent_training.train
+    monkeypatch.setattr(cell_trainings.agent_training, "train", lambda *a: begun.append(a[-1]) or train(*a))
     fill(again)
     assert begun == [unfinished]
     assert cell(again)["rows"] == whole["rows"]
@@ -99,7 +99,7 @@ def test_a_training_that_is_killed_goes_on(tmp_path, designed, monkeypatch):
 
 def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami")
-    training = columns.part(config, columns.TrainConfig)
+    training = part(config, TrainConfig)
     began, may_end, trained = threading.Event(), threading.Event(), []
 
     def train(training: Any, _: Any) -> Any:
@@ -111,9 +111,9 @@ def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
         return folder, {"updates": 7}
 
     with ThreadPoolExecutor() as pool:
-        first = pool.submit(columns.trained_once, config, training, "what", train)
+        first = pool.submit(cell_trainings.trained_once, config, training, "what", train)
         assert began.wait(60)
-        second = pool.submit(columns.trained_once, config, training, "what", train)
+        second = pool.submit(cell_trainings.trained_once, config, training, "what", train)
         assert not wait([second], timeout=0.2).done
         may_end.set()
         assert first.result() == second.result()
@@ -158,8 +158,8 @@ def test_planit_goes_on_where_its_time_is_told(tmp_path, designed, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Training, "_update", a_second)
-    monkeypatch.setattr(columns, "agent_seconds", lambda *_: 10.0)
-    monkeypatch.setattr(columns, "clock_of", lambda _: lambda: now[0])
+    monkeypatch.setattr("item_columns.agent_seconds", lambda *_: 10.0)
+    monkeypatch.setattr(cell_trainings, "clock_of", lambda _: lambda: now[0])
     with monkeypatch.context() as patch:
         patch.setattr(planit_training, "reported", killed)
         with pytest.raises(KeyboardInterrupt):

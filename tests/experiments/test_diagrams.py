@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from columns import RESULTS
+from cell_config import RESULTS
 from diagrams import LOOKS, results
 from matplotlib import style
 from table1 import CEILING, PAPER, main_table, measured

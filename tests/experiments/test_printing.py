@@ -10,8 +10,8 @@ import cells
 import numpy as np
 import pages
 import pytest
+from cell_config import RESULTS
 from cells import packed
-from columns import RESULTS
 from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
 
 from layoutrl import InputError

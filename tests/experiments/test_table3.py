@@ -8,9 +8,10 @@ import json
 import numpy as np
 import pytest
 import table3
+from cell_config import RESULTS, folder_of
 from cells import FLAG, IOU, fill, unpacked
-from columns import FURNISHES, RESULTS, folder_of
 from printing import Row
+from room_columns import FURNISHES
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value

@@ -15,8 +15,8 @@ import real_rooms
 import table1
 import table2
 import table3
+from cell_config import RESULTS, CellConfig, folder_of, name_of
 from cells import stated
-from columns import RESULTS, CellConfig, folder_of, name_of
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
@@ -187,9 +187,9 @@ def configurations(table: str, sweep: dict[str, str]) -> Iterator[CellConfig]:
 
 
 def test_cells_are_composed_as_hydra_does() -> None:
-    sweep = {"column": "geometric", "seed": "0,1", "trained_on": "own,both", "room": "bedroom,kitchen"}
+    sweep = {"column": "geometric", "seed": "0,1", "fold": "0,1", "room": "bedroom,kitchen"}
     *_, last = configurations("table1", sweep)
-    assert last == composed("cell", "table=table1", "column=geometric", "seed=1", "trained_on=both", "room=kitchen")
+    assert last == composed("cell", "table=table1", "column=geometric", "seed=1", "fold=1", "room=kitchen")
 
 
 def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):

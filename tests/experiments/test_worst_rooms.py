@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import worst_rooms
+from cell_config import name_of
 from cells import fill
-from columns import name_of
 
 from layoutrl.rooms.room import Item
 from layoutrl.rooms.sources.parts import Data

@@ -1,4 +1,4 @@
-"""Every column is scored in the same rooms, from the same places."""
+"""Every column of one item is scored in the same rooms, from the same places."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import cells
-import columns
+import item_columns
 import numpy as np
 import pytest
 import table1
+from cell_config import folder_of, name_of
 from cells import fill, unpacked
-from columns import folder_of, name_of
 
 from layoutrl import InputError
 from layoutrl.rivals.budgets import updates_budget
-from layoutrl.rooms.sources.parts import Data, whole_parts
-from layoutrl.runs.config import TrainConfig, part
+from layoutrl.runs import planit_training
 from tests.experiments.builders import REAL, cell, configured
 
 
@@ -58,7 +57,7 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     assert (best >= unpacked(found["rows"]["agent"]["iou"], cells.IOU)).all()
     rules = cell(replace(agent, column="rules"))["rows"]
     another = configured(tmp_path, designed, "column=paper", "room=tatami", "seed=1", "method.max_moves=3")
-    settings = [columns.setting_of(config, "cpu") for config in (agent, another)]
+    settings = [item_columns.setting_of(config, "cpu") for config in (agent, another)]
     np.testing.assert_array_equal(settings[0].starts, settings[1].starts)
     np.testing.assert_allclose(
         unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
@@ -94,7 +93,7 @@ def test_the_supervised_are_trained_for_as_long_as_the_agent(column, filled, des
         asked.append((seconds, clock))
         return spent
 
-    monkeypatch.setattr(columns, "seconds_budget", budget)
+    monkeypatch.setattr(item_columns, "seconds_budget", budget)
     fill(config)
     assert asked == [(cell(replace(config, column="geometric"))["training_seconds"], time.process_time)]
     assert made == [0, 1, 2, 3]
@@ -122,9 +121,9 @@ def test_the_regressor_is_refused_without_the_agent_whose_time_it_gets(agent_fol
 
 def test_planit_is_refused_before_it_is_trained(tmp_path, designed, monkeypatch):
     config = configured(tmp_path, designed, "column=planit_long", "room=tatami")
-    usable = columns.planit_training.usable
-    monkeypatch.setattr(columns.planit_training, "usable", lambda training, held_out: usable(training, held_out[1:]))
-    monkeypatch.setattr(columns.planit_training, "train", None)
+    usable = planit_training.usable
+    monkeypatch.setattr(planit_training, "usable", lambda training, held_out: usable(training, held_out[1:]))
+    monkeypatch.setattr(planit_training, "train", None)
     fill(config)
     assert "scored in all rooms or none" in (folder_of(config) / f"{name_of(config)}.error").read_text()
 
@@ -144,7 +143,7 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
         asked.append((seconds, clock))
         return updates_budget(2)
 
-    monkeypatch.setattr(columns, "seconds_budget", budget)
+    monkeypatch.setattr("cell_trainings.seconds_budget", budget)
     fill(config)
     longer = configured(tmp_path, designed, "column=planit_long", "planit.updates={smoke: 3}", *few)
     fill(longer)
@@ -166,7 +165,7 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
     file = folder_of(config) / f"{name_of(config)}.json"
     before = file.read_text()
     file.unlink()
-    monkeypatch.setattr(columns, "seconds_budget", None)  # it is not trained again
+    monkeypatch.setattr("cell_trainings.seconds_budget", None)  # it is not trained again
     fill(config)
     assert cell(config)["rows"] == json.loads(before)["rows"]
     trained, *tables = table1.planit_tables(folder_of(config), ["study", "tatami"])
@@ -188,15 +187,15 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
 
 def test_one_scene_is_trained_and_tested_in(tmp_path, designed):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami", "protocol=scene", "seed=2")
-    setting = columns.setting_of(config, "cpu")
+    setting = item_columns.setting_of(config, "cpu")
     assert setting.training == setting.simulator.rooms
     assert len(setting.training) == 1
     assert len(setting.starts) == 16
     assert len(np.unique(setting.starts, axis=0)) == 16
-    other = columns.setting_of(replace(config, seed=1), "cpu")
+    other = item_columns.setting_of(replace(config, seed=1), "cpu")
     assert other.training != setting.training
     with pytest.raises(InputError, match="expected a scene, 0 to 5; got 6"):
-        columns.setting_of(replace(config, seed=6), "cpu")
+        item_columns.setting_of(replace(config, seed=6), "cpu")
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
@@ -210,7 +209,7 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
             "column=geometric",
             f"trained_on={trained_on}",
         )
-        tasks[trained_on] = columns.setting_of(config, "cpu")
+        tasks[trained_on] = item_columns.setting_of(config, "cpu")
     real, designed, both = (tasks[name].training for name in ("own", "designer", "both"))
     assert both == designed + real
     assert len(designed) == 12
@@ -219,45 +218,3 @@ def test_real_rooms_are_trained_on_alone_and_beside_designed_ones(tmp_path):
         assert {room.group for room in task.simulator.rooms} == held_out
         assert not held_out & {room.group for room in task.training}
         np.testing.assert_array_equal(task.starts, tasks["own"].starts)
-
-
-def test_cells_of_files_that_no_table_shows_are_refused(tmp_path):
-    with pytest.raises(InputError, match="tables are of designer, floorplans, designer_rooms; got json"):
-        configured(tmp_path, "data=json", "data.root=x.jsonl", "column=rules")
-
-
-@pytest.mark.parametrize("column", ["planit", "rooms_planit", "annealer", "search_long", "rooms_pointer"])
-def test_a_column_is_refused_with_a_budget_that_it_does_not_have_before_rooms_are_read(tmp_path, column):
-    with pytest.raises(InputError, match=rf"^budget\.name of column={column}: expected one of smoke, .*; got scene$"):
-        configured(tmp_path, "budget=scene", f"column={column}")
-
-
-@pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
-def test_whole_real_rooms_are_furnished_by_what_learned_in_them_in_designed_ones_or_in_both(tmp_path):
-    real = ("room=tatami", "data=designer_rooms", f"data.root={REAL / 'designer_rooms'}")
-    settings = {
-        name: columns.whole_rooms_of(configured(tmp_path, "column=rooms_agent", *real, f"trained_on={name}"), "cpu")
-        for name in ("own", "designer", "both")
-    }
-    own, designed, both = (settings[name].training for name in ("own", "designer", "both"))
-    assert both == designed + own
-    undisturbed, disturbed = (
-        whole_parts("tatami", Data("designer", train_rooms=12, test_rooms=6, seed=0, disturbed=share), 0)[0]
-        for share in (0.0, 0.5)
-    )
-    assert designed == disturbed != undisturbed
-    assert {room.group for room in own}.isdisjoint(room.group for room in settings["own"].designs)
-    for setting in settings.values():
-        assert setting.designs == settings["own"].designs
-
-
-def test_whole_rooms_are_learned_from_their_own_source_alone(tmp_path):
-    with pytest.raises(InputError, match=r"^trained_on of whole rooms: expected one of own; got both$"):
-        configured(tmp_path, "column=rooms_agent", "trained_on=both")
-
-
-def test_a_cell_says_how_many_of_the_designed_rooms_were_disturbed_and_that_no_real_one_was(tmp_path):
-    for trained_on, share in (("own", 0.0), ("both", 0.5)):
-        config = configured(tmp_path, "column=rooms_agent", "data=designer_rooms", f"trained_on={trained_on}")
-        assert part(config, TrainConfig).data.disturbed == 0
-        assert config.data.disturbed == columns.designer(config).disturbed == share

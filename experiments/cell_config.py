@@ -1,0 +1,91 @@
+"""A cell of the tables: its configuration, its file, and which rooms it learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from layoutrl import InputError
+from layoutrl.rivals.rooms.annealer import Annealing
+from layoutrl.rivals.rooms.search import Searching
+from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import Data
+from layoutrl.runs.config import PlanitMethodConfig, TrainConfig
+from layoutrl.runs.ranges import check_furnishing, one_of
+
+RESULTS = Path(__file__).parent / "results"
+SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
+
+
+@dataclass
+class CellConfig(TrainConfig):
+    planit: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
+    annealer: Annealing = MISSING
+    search: Searching = MISSING
+    table: str = MISSING
+    column: str = MISSING
+    fill: Any = MISSING  # by what: one of FILLS in item_columns.py or, for whole rooms, of FURNISHES in room_columns.py
+    protocol: Any = "unseen"  # this and what follows: conf/cell.yaml says what each is
+    trained_on: Any = "own"
+    planit_time: Any = "agent"
+    seconds_a_room: dict[str, float] = MISSING
+    training_minutes: dict[str, float] = MISSING
+    share_of_rooms: float = 1.0
+    results: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.planit.check("planit")
+        check_furnishing(self.search, self.annealer)
+        one_of("protocol", self.protocol, "unseen", "scene")
+        one_of("trained_on", self.trained_on, "own", "designer", "both")
+        one_of("planit_time", self.planit_time, "agent", "updates")
+        if self.data.source not in SOURCES:
+            raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
+        if self.data.source == "designer":
+            one_of("trained_on of designed rooms", self.trained_on, "own")
+        named: dict[str, dict[str, Any]] = {  # by budget, how long it takes
+            **dict.fromkeys(("planit", "rooms_planit"), self.planit.updates),
+            **dict.fromkeys(("annealer", "search"), self.seconds_a_room),
+            "rooms_pointer": self.training_minutes,
+        }
+        if self.fill in named:
+            one_of(f"budget.name of column={self.column}", self.budget.name, *named[self.fill])
+
+    @property
+    def learns_from_designs(self) -> bool:
+        """Whether any of the rooms to train on are the designer's."""
+        return self.data.source == "designer" or self.trained_on != "own"
+
+
+ConfigStore.instance().store(name="cell_schema", node=CellConfig)
+
+
+def folder_of(config: CellConfig) -> Path:
+    """Where the cells of a table lie. Those of another budget lie elsewhere."""
+    return Path(config.results or RESULTS) / config.budget.name / config.table
+
+
+def name_of(config: CellConfig) -> str:
+    """Of a cell's file: the task, what was trained on, column and seed."""
+    data = "" if config.data.source == "designer" else f"-{config.data.source}-{config.data.labels}"
+    item = "" if config.room.item == "main" else f"-{config.room.item}"
+    return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
+
+
+def designer(config: CellConfig) -> Data:
+    """Designed rooms, as many as the budget has."""
+    rooms = config.data
+    return Data("designer", None, rooms.train_rooms, rooms.test_rooms, rooms.seed, rooms.disturbed)
+
+
+def learned_from(config: CellConfig, own: list[Room], designed: Callable[[Data], list[Room]]) -> list[Room]:
+    """The rooms to train on: `own`, of the source's training folds, those that the designer makes, or both."""
+    if config.trained_on == "own":
+        return own
+    return designed(designer(config)) + (own if config.trained_on == "both" else [])

@@ -1,0 +1,130 @@
+"""What cells train: once of its kind, and gone on with where it was killed; and for how long rivals train."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from cell_config import CellConfig, designer, folder_of, name_of
+from torch import nn
+
+from layoutrl import InputError
+from layoutrl.rivals.budgets import seconds_budget, updates_budget
+from layoutrl.rivals.planit.placement import Placer
+from layoutrl.rooms.room import Room
+from layoutrl.runs import planit_training, resume
+from layoutrl.runs import training as agent_training
+from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, part
+from layoutrl.runs.files import locked, write_json
+from layoutrl.runs.folder import differences, folders_of, load_config, wanted_folder
+from layoutrl.runs.machine import device_of, machine
+from layoutrl.runs.trained import trained_network as load_network
+
+
+def trained_network(
+    config: CellConfig, rooms: list[Room], held_out: list[Room], device: torch.device
+) -> tuple[nn.Module, list[str], dict[str, Any]]:
+    """The network that is trained on rooms in this way, the categories it knows, and about its training."""
+    training = part(config, TrainConfig)
+    if config.trained_on == "designer":  # the same agent, wherever it is tested
+        training.data = designer(config)
+    what = [resume.digest(rooms), config.budget.name, config.seed]
+    how = [asdict(part) for part in (config.room, config.method, config.reward)]
+
+    def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
+        trained = agent_training.train(training, rooms, held_out, device, begun)
+        if trained.learner.agent.updates < trained.learner.updates:
+            raise KeyboardInterrupt
+        return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
+
+    folder, about = trained_once(config, training, [what, how], train)
+    network, categories, _ = load_network(folder, load_config(folder, TrainConfig), device)
+    return network, categories, about
+
+
+def trained_once(
+    config: CellConfig,
+    training: Config,
+    what: Any,
+    train: Callable[[Config, Path | None], tuple[Path, dict[str, Any]]],
+) -> tuple[Path, dict[str, Any]]:
+    """The folder of a training, and what is said of it; made where there is none of its kind (`what`), and so named.
+
+    `train` is given the configuration, with the name of the folder to train in; and, where a training of so many
+    updates was killed, its folder to go on with. Jobs that want the same wait for the first, and take what it made.
+    """
+    name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
+    training = replace(training, name=f"{name}-unfinished")
+    folder = Path(config.runs) / config.room.type / name
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with locked(folder.with_name(f"{name}.lock"), wait=True):
+        if not folder.exists():
+            made, about = train(training, resume.begun(training))
+            about |= {"trained_on_machine": machine(device_of(config.device))}
+            write_json(made / "trained.json", about)
+            made.rename(folder)
+            for left in folders_of(wanted_folder(training)):  # killed, and not gone on with
+                shutil.rmtree(left)
+    return folder, json.loads((folder / "trained.json").read_text(encoding="utf-8"))
+
+
+def trained_planit(
+    config: CellConfig, training_rooms: list[Room], rooms: list[Room], device: torch.device, seconds: float | None
+) -> tuple[Placer, dict[str, Any]]:
+    """PlanIT, trained on rooms for so long or for its own updates, in the rooms to be scored in; and about that."""
+    training, held_out = planit_training.usable(training_rooms, rooms)
+    if len(held_out.rooms) < len(rooms):
+        raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
+    updates = config.planit.updates[config.budget.name]
+    what = [resume.digest(training.rooms), config.budget.name, config.seed, seconds, asdict(config.planit)]
+    how = {part: getattr(config, part) for part in ("room", "data", "seed", "fold", "device", "runs")}
+    rival = PlanitConfig(**how, budget=config.budget, method=config.planit)
+
+    def train(rival: PlanitConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
+        spent = seconds_budget(seconds, clock_of(device)) if seconds else updates_budget(updates)
+        trained = planit_training.train(rival, training, held_out, spent, device, begun)
+        if trained.stopped:
+            raise KeyboardInterrupt
+        return trained.folder, {"training_seconds": seconds or trained.seconds, "updates": trained.updates}
+
+    folder, about = trained_once(config, rival, what, train)
+    return planit_training.load(folder, training, held_out, device), about
+
+
+def agent_seconds(config: CellConfig, device: torch.device) -> float:
+    """For how long the agent was trained on the same rooms: the mean over its seeds, since some met a busy machine.
+
+    Raises InputError where an agent is not done, or was trained elsewhere.
+    """
+    name = name_of(replace(config, column="geometric")).removesuffix(f"seed{config.seed}")
+    files = sorted(folder_of(config).glob(f"{name}seed*"))
+    agents = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.suffix == ".json"]
+    if not agents or len(agents) < len(files):  # one that runs or has failed has a file that says so
+        raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
+    for agent in agents:
+        refuse_other_rooms(name, agent["config"], resume.stated(config))
+    ours = machine(device)["gpu"]
+    for theirs in {agent["trained_on_machine"]["gpu"] for agent in agents} - {ours}:
+        raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
+    return float(np.mean([agent["training_seconds"] for agent in agents]))
+
+
+def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
+    """Raise InputError where two configurations of cells are not scored in the same rooms."""
+    one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
+    one["room"], other["room"] = (part["room"] | {"updates": None} for part in (one, other))  # does not say which
+    if others := differences(one, other):
+        raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")
+
+
+def clock_of(device: torch.device) -> Callable[[], float]:
+    """What seconds of training are counted by: on a processor its own time, whatever else runs on the machine."""
+    return time.process_time if device.type == "cpu" else time.perf_counter

@@ -1,0 +1,195 @@
+"""The columns of tables of one item in a room: their rooms and starts, and how a cell of each is filled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from cell_config import CellConfig, learned_from
+from cell_trainings import agent_seconds, clock_of, trained_network, trained_planit
+
+from layoutrl import InputError
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
+from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.oracle import perfect_places
+from layoutrl.evaluation.policy import greedy
+from layoutrl.rivals.budgets import seconds_budget
+from layoutrl.rivals.planit.canvas import box_of
+from layoutrl.rivals.planit.scoring import score_all
+from layoutrl.rivals.rules import best_wall_place, far_end_place, nearest_room_place, nearest_wall_place
+from layoutrl.rivals.supervised import (
+    Network,
+    pointed_places,
+    regressed_places,
+    scored_places,
+    train_pointer,
+    train_regressor,
+    train_scorer,
+)
+from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import designed_rooms, two_parts
+from layoutrl.runs import resume
+from layoutrl.runs.machine import keep_freed_memory
+
+DRAWN = 1  # rooms whose layouts are kept, to be drawn
+STARTS_SEED = 0  # of the one list of starts that every method is scored from
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Rooms to learn from, rooms to be scored in, and one start in each of these or many in the only one."""
+
+    training: list[Room]
+    simulator: Simulator  # of the rooms to be scored in
+    room: np.ndarray
+    starts: np.ndarray
+    device: torch.device
+
+
+def setting_of(config: CellConfig, device: torch.device) -> Setting:
+    """The rooms of a cell, and its starts: the same for every column and seed. Raises InputError beyond the scenes."""
+    if config.protocol == "scene":
+        scenes = designed_rooms(config.room.type, config.room.item, config.data, "test")
+        if config.seed >= len(scenes):
+            raise InputError(f"seed: expected a scene, 0 to {len(scenes) - 1}; got {config.seed}")
+        training = held_out = [scenes[config.seed]]
+        room = np.zeros(config.budget.random_starts, dtype=int)
+    else:
+        training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
+        training = learned_from(
+            config, training, lambda d: designed_rooms(config.room.type, config.room.item, d, "train")
+        )
+        room = np.arange(len(held_out))
+    simulator = Simulator(held_out, config.method.moves, config.reward)
+    return Setting(training, simulator, room, simulator.starts(room, np.random.default_rng(STARTS_SEED)), device)
+
+
+def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """The agent: from the one start; best of three; without the paper's rule that an illegal move ends a test, where
+    that is the method's; and, of designed rooms never seen, from many starts."""
+    simulator = setting.simulator
+    network, categories, about = trained_network(config, setting.training, simulator.rooms, setting.device)
+    policy = greedy(network, config.method)
+    observe = observation_of(config.method.observation, simulator.rooms, setting.device, categories)
+    batch_simulator = BatchSimulator(simulator, setting.device)
+    run = policy.rollout(batch_simulator, observe, setting.room, setting.starts)
+    places = {
+        "agent": (setting.room, run.final),
+        "best of 3": (setting.room, best_of(run.choices(3), simulator, setting.room)),
+    }
+    if policy.on_illegal == "stop":
+        masked = replace(policy, on_illegal="mask").rollout(batch_simulator, observe, setting.room, setting.starts)
+        places["illegal moves masked"] = setting.room, masked.final
+    if config.protocol == "unseen" and config.data.source == "designer":
+        room = np.resize(setting.room, config.budget.random_starts)
+        starts = simulator.starts(room, np.random.default_rng([STARTS_SEED, 1]))
+        places["random starts"] = room, policy.rollout(batch_simulator, observe, room, starts).final
+    # In analysis alone: did it know better, and not get there? What gains nothing more is better than what does.
+    designed = simulator.designer_position[setting.room]
+    there, here = (
+        policy.best_moves(batch_simulator, observe, setting.room, place)[1] for place in (designed, run.final)
+    )
+    better = there < here if config.method.every_move else there > here
+    return {
+        "places": places,
+        "moves": float(run.moves.mean()),
+        "ms_a_room": 1000 * run.seconds / len(setting.room),
+        "knew_better": better,
+        **about,
+    }
+
+
+def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.ndarray:
+    """Of choices (B, n, 2) the one with the highest IoU, by knowledge of the answer: (B, 2)."""
+    count = choices.shape[1]
+    iou = simulator.reward(np.repeat(room, count), choices.reshape(-1, 2)).iou.reshape(-1, count)
+    return choices[np.arange(len(room)), iou.argmax(1)]
+
+
+def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """The agent's network, told the designer's place for as long as the agent was trained."""
+    network, observe, about = supervised(config, setting, train_regressor)
+    place = regressed_places(network, observe, setting.room, setting.starts, config.method.views(setting.device))
+    return {"places": {"agent": (setting.room, place)}, **about}
+
+
+def pointer(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """A network made to point at the place, told it for as long as the agent was trained. It needs no start."""
+    network, observe, about = supervised(config, setting, train_pointer)
+    place = pointed_places(network, observe, config.method.views(setting.device))
+    return {"places": {"agent": (setting.room, place[setting.room])}, **about}
+
+
+def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """The same network, told how good a place is; it takes the best of many. It needs no start."""
+    network, observe, about = supervised(config, setting, train_scorer)
+    place = scored_places(network, setting.simulator, observe, config.method.views(setting.device))
+    return {"places": {"agent": (setting.room, place[setting.room])}, **about}
+
+
+def supervised(
+    config: CellConfig, setting: Setting, train: Callable[..., Network]
+) -> tuple[Network, GeometryObservation, dict[str, Any]]:
+    """A network, told the answer for as long as the agent was trained: (network, what it sees in a test, about it)."""
+    seconds = agent_seconds(config, setting.device)
+    spent = seconds_budget(seconds, clock_of(setting.device))
+    keep_freed_memory()
+    categories = categories_of(setting.training)
+    training = Simulator(setting.training, config.method.moves, config.reward)
+    observe = GeometryObservation(setting.training, categories, setting.device)
+    seed = np.random.SeedSequence(config.seed)
+    network = train(training, observe, spent, seed, device=setting.device)
+    observe = GeometryObservation(setting.simulator.rooms, categories, setting.device)
+    return network, observe, {"training_seconds": seconds}
+
+
+def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """PlanIT: the moving item among all others, and whole rooms from nothing."""
+    seconds = agent_seconds(config, setting.device) if config.planit_time == "agent" else None
+    placer, about = trained_planit(config, setting.training, setting.simulator.rooms, setting.device, seconds)
+    seed = resume.seeds(config)[3]
+    one, every = score_all(placer, config.budget.evaluation_rooms, seed)
+    return {
+        "items": one,
+        "all items": {name: found.as_dict() for name, found in every.items()},
+        "layouts": {
+            name: [[[i.category, *np.round(box_of(i), 3).tolist()] for i in items] for items in found.layouts[:DRAWN]]
+            for name, found in every.items()
+        },
+        **about,
+    }
+
+
+def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:
+    """What needs no learning."""
+    simulator, room, starts = setting.simulator, setting.room, setting.starts
+    places = {
+        "random start": starts,
+        "nearest wall": nearest_wall_place(simulator, room, starts),
+        "nearest room": nearest_room_place(simulator, room, setting.training),
+        "best wall or corner": best_wall_place(simulator, room),  # with knowledge of the answer
+    }
+    if simulator.rooms[0].moving.category == "bathtub":
+        places["hand rule"] = far_end_place(simulator, room)
+    return {"places": {name: (room, place) for name, place in places.items()}}
+
+
+def oracle(config: CellConfig, setting: Setting) -> dict[str, Any]:
+    """A perfect Q, with the same moves."""
+    place = perfect_places(setting.simulator, setting.room, setting.starts, config.method.discount)
+    return {"places": {"oracle": (setting.room, place)}}
+
+
+FILLS: dict[str, Callable[[CellConfig, Setting], dict[str, Any]]] = {
+    "agent": agent,
+    "regressor": regressor,
+    "pointer": pointer,
+    "scorer": scorer,
+    "planit": planit,
+    "rules": rules,
+    "oracle": oracle,
+}

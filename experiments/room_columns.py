@@ -1,0 +1,99 @@
+"""The columns of tables of whole rooms: their rooms, and how a cell of each is filled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from cell_config import CellConfig, learned_from
+from cell_trainings import clock_of, trained_network, trained_planit
+
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.rivals.budgets import seconds_budget
+from layoutrl.rivals.planit.scoring import furnished_rooms
+from layoutrl.rivals.rooms.annealer import anneal
+from layoutrl.rivals.rooms.baselines import Library, nearest_layout, random_layout
+from layoutrl.rivals.rooms.pointer import furnish as furnish_by_pointer
+from layoutrl.rivals.rooms.pointer import train_rooms_pointer
+from layoutrl.rivals.rooms.relations import mine
+from layoutrl.rivals.rooms.search import search
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources.parts import both, designs, whole_parts
+from layoutrl.runs import resume
+
+
+@dataclass(frozen=True)
+class WholeRooms:
+    """Rooms to learn from, and designs whose briefs are to be furnished."""
+
+    training: list[Room]
+    designs: list[Room]
+    device: torch.device
+
+    @property
+    def briefs(self) -> list[Room]:
+        """What who furnishes the rooms is given."""
+        return [brief_of(design) for design in self.designs]
+
+
+def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
+    """The whole rooms of a cell: the same for every column and seed, or the first of them."""
+    training, held_out = both(*whole_parts(config.room.type, config.data, config.fold))
+    training = learned_from(config, training, lambda d: designs(config.room.type, d, "train").rooms)
+    return WholeRooms(training, held_out[: max(1, round(config.share_of_rooms * len(held_out)))], device)
+
+
+def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.random.Generator], Room]) -> list[Room]:
+    """Each brief furnished on its own; what is drawn hangs on the seed and on the room's number."""
+    return [furnish(brief, np.random.default_rng([config.seed, k])) for k, brief in enumerate(rooms.briefs)]
+
+
+def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    library = Library(rooms.training)
+    return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, library, rng))
+
+
+def by_rules(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    relations, seconds = mine(rooms.training), config.seconds_a_room[config.budget.name]
+
+    def furnish(brief: Room, rng: np.random.Generator) -> Room:
+        spent = seconds_budget(seconds, time.process_time)
+        if config.fill == "search":
+            return search(brief, relations, config.search, spent, rng)
+        return anneal(brief, relations, config.annealer, spent, rng)
+
+    return lambda: each(config, rooms, furnish)
+
+
+def by_pointer(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    spent = seconds_budget(60 * config.training_minutes[config.budget.name], clock_of(rooms.device))
+    network = train_rooms_pointer(rooms.training, spent, np.random.SeedSequence(config.seed), device=rooms.device)
+    return lambda: furnish_by_pointer(network, rooms.briefs)
+
+
+def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    placer, _ = trained_planit(config, rooms.training, rooms.designs, rooms.device, None)
+    return lambda: furnished_rooms(placer, resume.seeds(config)[3])
+
+
+def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    network, categories, _ = trained_network(config, rooms.training, rooms.designs, rooms.device)
+    furnisher = Furnisher(network, config.method, categories)
+    return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1)]
+
+
+Furnish = Callable[[], list[Room]]  # layouts; what comes before it is called is no time of furnishing
+FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
+    "designer": lambda _, rooms: lambda: rooms.designs,
+    "random": lambda config, rooms: lambda: each(config, rooms, random_layout),
+    "nearest": by_nearest_room,
+    "annealer": by_rules,
+    "search": by_rules,
+    "rooms_agent": by_agent,
+    "rooms_pointer": by_pointer,
+    "rooms_planit": by_planit,
+}
