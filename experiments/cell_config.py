@@ -29,7 +29,7 @@ class CellConfig(TrainConfig):
     search: Searching = MISSING
     table: str = MISSING
     column: str = MISSING
-    fill: Any = MISSING  # by what: one of FILLS in item_columns.py or, for whole rooms, of FURNISHES in room_columns.py
+    fill: Any = MISSING  # by what: of FILLS in item_columns.py or, for whole rooms, FURNISHES in room_columns.py
     protocol: Any = "unseen"  # this and what follows: conf/cell.yaml says what each is
     trained_on: Any = "own"
     planit_time: Any = "agent"

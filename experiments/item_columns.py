@@ -16,7 +16,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.oracle import perfect_places
-from layoutrl.evaluation.policy import greedy
+from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.scoring import score_all
@@ -81,7 +81,7 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
         "agent": (setting.room, run.final),
         "best of 3": (setting.room, best_of(run.choices(3), simulator, setting.room)),
     }
-    if policy.on_illegal == "stop":
+    if isinstance(policy, GreedyPolicy) and policy.on_illegal == "stop":
         masked = replace(policy, on_illegal="mask").rollout(batch_simulator, observe, setting.room, setting.starts)
         places["illegal moves masked"] = setting.room, masked.final
     if config.protocol == "unseen" and config.data.source == "designer":
@@ -91,7 +91,7 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     # In analysis alone: did it know better, and not get there? What gains nothing more is better than what does.
     designed = simulator.designer_position[setting.room]
     there, here = (
-        policy.best_moves(batch_simulator, observe, setting.room, place)[1] for place in (designed, run.final)
+        policy.q.best_moves(batch_simulator, observe, setting.room, place)[1] for place in (designed, run.final)
     )
     better = there < here if config.method.every_move else there > here
     return {

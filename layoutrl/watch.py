@@ -52,7 +52,7 @@ def run(config: WatchConfig) -> list[Path]:
     else:
         simulator = shown.simulator
         starts = simulator.starts(chosen, rng)
-        run = shown.policy.rollout(BatchSimulator(simulator, shown.policy.device), shown.observe, chosen, starts)
+        run = shown.policy.rollout(BatchSimulator(simulator, shown.policy.q.device), shown.observe, chosen, starts)
         iou = simulator.reward(chosen, run.final).iou
         episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
     with style.context(STYLE):

@@ -21,7 +21,8 @@ import pytest
 import layoutrl.place
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.policy import GreedyPolicy, Rollout, greedy
+from layoutrl.evaluation.policy import GreedyPolicy, greedy
+from layoutrl.evaluation.rollout import Rollout
 from layoutrl.place import run as place
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import rival

@@ -19,7 +19,7 @@ from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import categories_of, observation_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.policy import GreedyPolicy, greedy
+from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.evaluation.probe import Probe
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
@@ -45,7 +45,7 @@ class Curve:
     _seconds: float = 0.0
     _resumed: float = field(default_factory=lambda: time.perf_counter())
 
-    def add(self, updates: int, policy: GreedyPolicy) -> Point:
+    def add(self, updates: int, policy: Policy) -> Point:
         """Note and print how good a policy is after so many updates. The clock stands still meanwhile."""
         self._seconds += time.perf_counter() - self._resumed
         point = Point(updates, self._seconds, self.probe(policy)[0]["iou"])

@@ -63,7 +63,7 @@ class Furnisher:
         for first in range(0, len(asked), BLOCK):
             block = asked[first : first + BLOCK]
             upright = [_upright(briefs[k])[0] for k in block]
-            world = _World(upright, self._moves, self._categories, self._policy.device)
+            world = _World(upright, self._moves, self._categories, self._policy.q.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
             for _ in range(choices):
                 self._add_another(world, layouts)
@@ -109,7 +109,7 @@ class Furnisher:
             return []
         every = scene.expand(len(action), -1), here.expand(len(action), -1)
         reached = (world.scenes.moved(*every, action, length[0, action]).cpu().numpy() @ turn.T).tolist()
-        value = self._policy.values(world.observe, scene, here)[0, action].tolist()
+        value = self._policy.q(world.observe, scene, here)[0, action].tolist()
         names = [f"{100 * s:g} cm {way}" for s in self._moves.lengths(room) for way in WAYS]
         names += [f"slide {way}" for way in WAYS]
         found = [(names[a], (x, y), q) for a, (x, y), q in zip(action.tolist(), reached, value, strict=True)]
@@ -120,7 +120,7 @@ class Furnisher:
         how many degrees the room leans."""
         brief = replace(room, furniture=(*room.furniture[:k], item, *room.furniture[k + 1 :]), target=None)
         brief, lean = _upright(brief)
-        world = _World([brief], self._moves, self._categories, self._policy.device)
+        world = _World([brief], self._moves, self._categories, self._policy.q.device)
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
 
@@ -241,7 +241,7 @@ class Furnisher:
         value = np.full((len(state.room), QUARTERS * STARTS), -np.inf)
         center = np.zeros((*value.shape, 2))
         center[b, column] = start.cpu().numpy()
-        value[b, column] = self._policy.best_moves(world.scenes, world.observe, scene, start)[1]
+        value[b, column] = self._policy.q.best_moves(world.scenes, world.observe, scene, start)[1]
         quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
         return Options(center, quarters, value, [list(those[:, None]) for those in center])
 
@@ -275,7 +275,7 @@ class Furnisher:
         length, legal = scenes.reach(scene, here)
         reached = led_to(scenes, scene, here, length)
         whose = scene.repeat_interleave(length.shape[1], 0)
-        value = self._policy.best_moves(scenes, world.observe, whose, reached.flatten(0, 1))[1].reshape(legal.shape)
+        value = self._policy.q.best_moves(scenes, world.observe, whose, reached.flatten(0, 1))[1].reshape(legal.shape)
         center = reached.cpu().numpy()
         return Options(
             center,
@@ -315,7 +315,7 @@ class Furnisher:
         """Of poses (n,) of the moving items of states b (n,)."""
         place = torch.as_tensor(center, device=world.scenes.device)
         scene = world.scenes_of(state, b, quarter)
-        return self._policy.best_moves(world.scenes, world.observe, scene, place)[1]
+        return self._policy.q.best_moves(world.scenes, world.observe, scene, place)[1]
 
 
 class _World:

@@ -15,7 +15,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling
-from layoutrl.evaluation.policy import GreedyPolicy
+from layoutrl.evaluation.policy import Policy
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 
@@ -39,7 +39,7 @@ class Probe:
         self._starts = simulator.starts(self._room, rng)
         self.ceiling = float(lattice_ceiling(simulator, self._room, self._starts).mean())
 
-    def __call__(self, policy: GreedyPolicy) -> tuple[dict[str, float], list[np.ndarray]]:
+    def __call__(self, policy: Policy) -> tuple[dict[str, float], list[np.ndarray]]:
         """Mean IoU and the ceiling of the moves, and pictures of the first rooms: start, path, end, the designer's
         place."""
         run = policy.rollout(self._batch_simulator, self._observe, self._room, self._starts)

@@ -22,9 +22,8 @@ def check_method(prefix: str, method: Method) -> None:
     one_of(f"{prefix}.scope", method.scope, "item", "room")
     if method.scope == "room":
         one_of(f"{prefix}.observation of whole rooms", method.observation, "geometry")
-        one_of(f"{prefix}.on_illegal of whole rooms", method.on_illegal, "mask")
     one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
-    one_of(f"{prefix}.on_illegal", method.on_illegal, "stop", "mask")
+    check_on_illegal(f"{prefix}.on_illegal", method)
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
         value = getattr(method, name)
         within(f"{prefix}.{name}", value, value >= 1, "1 or more")
@@ -53,11 +52,21 @@ def check_method(prefix: str, method: Method) -> None:
         within(f"{prefix}.scope", method.scope, method.scope == "item", f"item with {prefix}.every_move")
         within(f"{prefix}.double", method.double, not method.double, f"false with {prefix}.every_move")
         within(f"{prefix}.climbs", method.climbs, method.climbs == 0, f"0 with {prefix}.every_move")
+        within(f"{prefix}.snap", method.snap, method.snap == 0, f"0 with {prefix}.every_move")
         within(f"{prefix}.slide", method.slide, not method.slide, f"false with {prefix}.every_move: no slide goes back")
     if (goal := method.goal_iou) is not None:
         within(f"{prefix}.goal_iou", goal, 0 < goal <= 1, "more than 0, up to 1; or null: no goal")
         can_end = method.scope == "item" and not method.every_move
         within(f"{prefix}.goal_iou", goal, can_end, "null, of whole rooms and with every_move")
+
+
+def check_on_illegal(name: str, method: Method) -> None:
+    """Raises InputError where a test of the method cannot treat illegal moves as it says."""
+    if method.scope == "room":
+        one_of(f"{name} of whole rooms", method.on_illegal, "mask")
+    if method.every_move:
+        one_of(f"{name} with every_move", method.on_illegal, "mask")
+    one_of(name, method.on_illegal, "stop", "mask")
 
 
 def check_furnishing(search: Any, annealer: Any) -> None:

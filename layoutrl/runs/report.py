@@ -11,7 +11,7 @@ from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.metrics import lattice_ceiling, score
-from layoutrl.evaluation.policy import GreedyPolicy
+from layoutrl.evaluation.policy import Policy
 from layoutrl.rivals.rules import nearest_room_place, random_wall_place
 from layoutrl.rooms.room import Room
 
@@ -19,7 +19,7 @@ AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner pl
 
 
 def evaluate(
-    policy: GreedyPolicy,
+    policy: Policy,
     simulator: Simulator,
     observe: Observe,
     training: Sequence[Room],
@@ -34,7 +34,7 @@ def evaluate(
     start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
     room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
     starts = simulator.starts(room, start_rng)
-    run = policy.rollout(BatchSimulator(simulator, policy.device), observe, room, starts)
+    run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, room, starts)
     ceiling = lattice_ceiling(simulator, room, starts)
     places = {
         AGENT: run.final,

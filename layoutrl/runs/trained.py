@@ -18,14 +18,14 @@ from layoutrl.env.observation import GeometryObservation, ImageObservation, obse
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.policy import GreedyPolicy, greedy
+from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
 from layoutrl.runs.checkpoints import load_checkpoint, taken
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
 from layoutrl.runs.folder import load_config, located
 from layoutrl.runs.machine import device_of
-from layoutrl.runs.ranges import one_of
+from layoutrl.runs.ranges import check_on_illegal
 from layoutrl.runs.resume import digest, stated
 
 
@@ -68,7 +68,7 @@ class TrainedRun:
         return Furnisher(self.network, self.method, self.categories)
 
     @property
-    def policy(self) -> GreedyPolicy:
+    def policy(self) -> Policy:
         """The agent, as it moves one item."""
         return greedy(self.network, self.method)
 
@@ -80,7 +80,7 @@ class TrainedRun:
     @property
     def observe(self) -> GeometryObservation | ImageObservation:
         """What is seen of these rooms."""
-        return observation_of(self.method.observation, self.rooms, self.policy.device, self.categories)
+        return observation_of(self.method.observation, self.rooms, self.policy.q.device, self.categories)
 
     @property
     def name(self) -> str:
@@ -141,8 +141,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
-    if whole:
-        one_of("on_illegal of whole rooms", method.on_illegal, "mask")
+    check_on_illegal("on_illegal", method)
     return TrainedRun(
         network,
         method,

@@ -26,6 +26,7 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
+from layoutrl.evaluation.rollout import MeanQ
 from layoutrl.rooms.room import Item, Room, symmetry
 from layoutrl.runs.config import composed
 from tests.builders import l_room, opening, rectangular_room, small_rooms
@@ -452,7 +453,7 @@ def test_an_agent_learns_to_put_the_item_where_the_designer_did_also_in_a_turned
     simulator, index = Simulator(rooms, moves, Reward()), np.repeat([0, 1], 60)
     starts = simulator.starts(index, np.random.default_rng(1))
     final = (
-        GreedyPolicy(agent.network, 40, "mask", views[:1])
+        GreedyPolicy(MeanQ(agent.network, views[:1]), 40, "mask")
         .rollout(BatchSimulator(simulator), turned, index, starts)
         .final
     )

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of
 from layoutrl.env.reward import Reward
@@ -20,66 +19,18 @@ from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.env.symmetry import Symmetry, symmetries
-from layoutrl.evaluation.policy import BLOCK, SHORTLIST, GreedyPolicy, Rollout
+from layoutrl.env.symmetry import symmetries
+from layoutrl.evaluation.policy import SHORTLIST, GreedyPolicy
+from layoutrl.evaluation.rollout import MeanQ, Rollout
 from layoutrl.rooms.room import Item, Room
-from tests.builders import l_room, perfect_at_gains, random_room, rectangular_room
-
-STEPS = Moves((0.5,), slide=False)
-RIGHT, LEFT, BELOW, UP = range(4)
-
-
-class Scripted:
-    """A network whose values hang on the position alone, by a function of (x, y)."""
-
-    def __init__(self, values):
-        self._values = values
-
-    def __call__(self, positions: torch.Tensor) -> torch.Tensor:
-        return torch.tensor([self._values(x, y) for x, y in positions.tolist()])
-
-
-class Place:
-    """An observation that is the position itself."""
-
-    def __call__(self, room: torch.Tensor, position: torch.Tensor) -> torch.Tensor:
-        return position
-
-    def turned(self, observation: torch.Tensor, symmetry: Symmetry) -> torch.Tensor:
-        return observation @ symmetry.matrix.double().T
-
-
-class Flat:
-    """A network to which everything is worth the same."""
-
-    def __call__(self, seen: torch.Tensor) -> torch.Tensor:
-        return torch.zeros(len(seen), STEPS.count)
-
-
-def wide_room(designer: tuple[float, float] = (2.5, 1.5)) -> Room:
-    """The item's centre may go from 0.3 to 3.7 and from 0.3 to 2.7."""
-    return rectangular_room(4, 3, Item("bed", (1.0, 1.0), designer))
-
-
-def unturned(moves: Moves) -> list[Symmetry]:
-    return symmetries(moves)[:1]
+from tests.builders import l_room, random_room, rectangular_room
+from tests.evaluation.builders import RIGHT, STEPS, Flat, Place, Scripted, nearing, unturned, wide_room
 
 
 def follow(agent, start, max_moves=20, on_illegal="mask", room: Room | None = None) -> Rollout:
     simulator = BatchSimulator(Simulator([room or wide_room()], STEPS, Reward()))
-    policy = GreedyPolicy(agent, max_moves, on_illegal, unturned(STEPS))
+    policy = GreedyPolicy(MeanQ(agent, unturned(STEPS)), max_moves, on_illegal)
     return policy.rollout(simulator, Place(), np.array([0]), np.array([start]))
-
-
-def nearing(home: tuple[float, float], overrated: dict[tuple[float, float, int], float] | None = None) -> Scripted:
-    """Values a move by how near it leads to a place, but for moves that it overrates, from (x, y) in a direction."""
-
-    def values(x: float, y: float) -> list[float]:
-        reached = [(x + 0.5, y), (x - 0.5, y), (x, y - 0.5), (x, y + 0.5)]
-        promised = [-abs(u - home[0]) - abs(v - home[1]) for u, v in reached]
-        return [q + (overrated or {}).get((round(x, 3), round(y, 3), a), 0.0) for a, q in enumerate(promised)]
-
-    return Scripted(values)
 
 
 def test_an_episode_stops_where_the_moves_lead_that_are_valued_highest():
@@ -97,39 +48,11 @@ def test_one_overrated_move_does_not_make_its_place_the_stopping_place():
     assert often.final.tolist() == [[1.5, 1.5]]  # on average of the four moves into it
 
 
-def test_what_moves_gain_adds_up_to_how_much_better_a_place_is_than_the_start():
-    simulator, discount = Simulator([wide_room()], STEPS, Reward()), 0.6
-    batch_simulator = BatchSimulator(simulator, dtype=torch.float64)
-    starts = np.array([(0.5, 0.5), (3.5, 2.5), (0.5, 2.5)])
-    perfect = perfect_at_gains(simulator, discount)
-    policy = GreedyPolicy(perfect, 12, "mask", unturned(STEPS), gains_discount=discount)
-    run = policy.rollout(batch_simulator, Place(), np.zeros(3, int), starts)
-    earned = simulator.reward(np.zeros(39, int), run.path.reshape(-1, 2)).total.reshape(13, 3) / REWARD_SCALE
-    np.testing.assert_allclose(run.value - run.value[0], earned - earned[0], atol=1e-4)
-    assert run.final.tolist() == [[2.5, 1.5]] * 3
-    once = replace(policy, max_moves=1).rollout(batch_simulator, Place(), np.zeros(1, int), np.array([(2.0, 1.5)]))
-    assert once.final.tolist() == [[2.5, 1.5]]
-
-
-def test_it_looks_no_further_once_moves_in_a_row_have_gained_nothing(monkeypatch):
-    simulator = Simulator([wide_room()], STEPS, Reward())
-    starts = np.array([(1.5, 1.0), (2.5, 1.5)])
-    policy = GreedyPolicy(perfect_at_gains(simulator, 0.6), 12, "mask", unturned(STEPS), gains_discount=0.6)
-    patient = policy.rollout(BatchSimulator(simulator, dtype=torch.float64), Place(), np.zeros(2, int), starts)
-    monkeypatch.setattr("layoutrl.evaluation.policy.FRUITLESS", 3)
-    run = policy.rollout(BatchSimulator(simulator, dtype=torch.float64), Place(), np.zeros(2, int), starts)
-    assert run.best.tolist() == patient.best.tolist() == [3, 0]
-    for b, looked in enumerate(run.best + 3):
-        np.testing.assert_array_equal(run.path[: looked + 1, b], patient.path[: looked + 1, b])
-        assert (run.path[looked:, b] == run.path[looked, b]).all()
-        assert np.isneginf(run.value[looked + 1 :, b]).all()
-
-
 def test_after_it_has_looked_it_climbs_by_the_shortest_moves_to_what_promises_more():
     agent, simulator = nearing((2.0, 1.5)), BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
     index, start = np.array([0]), np.array([(1.0, 1.5)])
     for climbs, ends in ((0, 1.5), (1, 2.0), (4, 2.0)):  # two moves from it, of which it looks for one
-        run = GreedyPolicy(agent, 1, "mask", unturned(STEPS), climbs).rollout(simulator, Place(), index, start)
+        run = GreedyPolicy(MeanQ(agent, unturned(STEPS)), 1, "mask", climbs).rollout(simulator, Place(), index, start)
         assert run.final.tolist() == [[ends, 1.5]]
         assert run.way(0)[:, 0].tolist() == [1.0, 1.5, 2.0][: len(run.way(0))]
         assert run.moves.tolist() == [len(run.way(0)) - 1]
@@ -147,7 +70,7 @@ def test_last_it_is_put_in_line_with_what_is_near(start, snap, ends):
     case = Item("bookcase", (0.4, 1.0), (3.0, 2.0), 0.0)
     room = rectangular_room(4, 4, Item("bed", (2.0, 1.0), (1.5, 2.0)), others=(case,))
     simulator = BatchSimulator(Simulator([room], STEPS, Reward()))
-    policy = GreedyPolicy(Flat(), 0, "mask", unturned(STEPS), snap=snap)
+    policy = GreedyPolicy(MeanQ(Flat(), unturned(STEPS)), 0, "mask", snap=snap)
     run = policy.rollout(simulator, GeometryObservation([room], ["bed"]), np.array([0]), np.array([start]))
     np.testing.assert_allclose(run.final, [ends], atol=1e-6)
     np.testing.assert_array_equal(run.way(0)[-1], run.final[0])
@@ -170,7 +93,7 @@ def test_it_is_put_in_line_the_same_way_however_the_item_is_turned(seed):
     scene = scenes.of(State(*map(torch.as_tensor, state)))
     names = categories_of(one.rooms)
     observe = ScenesObservation(scenes, RoomsObservation(rooms, names))
-    policy = GreedyPolicy(Flat(), 0, "mask", unturned(STEPS), snap=0.1)
+    policy = GreedyPolicy(MeanQ(Flat(), unturned(STEPS)), 0, "mask", snap=0.1)
     here = GeometryObservation(one.rooms, names)
     expected = policy.rollout(BatchSimulator(one), here, np.zeros(8, dtype=int), start)
     assert (expected.final != start).any()
@@ -180,25 +103,6 @@ def test_it_is_put_in_line_the_same_way_however_the_item_is_turned(seed):
 def test_at_the_border_fewer_moves_are_averaged_over():
     home = (3.5, 1.5)  # from the right there is no way to it
     assert follow(nearing(home), (2.0, 1.5), max_moves=6).final.tolist() == [list(home)]
-
-
-def test_choices_are_the_places_of_highest_value_that_lie_apart():
-    x = np.array([0.0, 1.0, 1.5, 1.9, 3.0, 2.95, 5.0, 2.96, 5.5])
-    path = np.stack([x, np.zeros(9)], 1)[:, None]
-    value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0, 2.0, 1.5, 1.7])[:, None]
-    run = Rollout(np.array([0]), path, value, np.array([2]), path[[2]], 0.0)
-    # 1.0 is on the way to 1.5, 1.9 and 2.96 on that to others; the start was not chosen.
-    assert run.choices(4)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5]
-    assert run.choices(5)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5, 1.5]
-    assert run.final.tolist() == run.choices(1)[:, 0].tolist()
-    near = replace(run, path=np.where(path == 3.0, 1.55, path))
-    assert near.choices(3)[0, :, 0].tolist() == [1.5, 5.0, 5.5]
-
-
-def test_who_never_moved_has_one_choice():
-    stayed = np.ones((4, 1, 2))
-    run = Rollout(np.array([0]), stayed, np.full((4, 1), -np.inf), np.array([0]), stayed[:1], 0.0)
-    assert run.choices(3).tolist() == [[[1, 1]] * 3]
 
 
 def test_it_never_goes_back_to_where_it_has_been():
@@ -249,40 +153,10 @@ def test_a_place_that_no_shortest_move_leads_into_is_worth_what_led_there():
     moves = Moves((3.3,), slide=True)  # of a room that the item spans, 4 m long: from end to end at most 3.4 m
     simulator = Simulator([rectangular_room(4, 1, Item("bed", (1.0, 1.0), (2.0, 0.5)))], moves, Reward())
     agent = Scripted(lambda x, y: [1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0])  # steps, then slides
-    policy = GreedyPolicy(agent, 2, "mask", unturned(moves))
+    policy = GreedyPolicy(MeanQ(agent, unturned(moves)), 2, "mask")
     run = policy.rollout(BatchSimulator(simulator), Place(), np.array([0]), np.array([(0.35, 0.5)]))
     np.testing.assert_allclose(run.path[:, 0], [[0.35, 0.5], [3.65, 0.5], [3.5, 0.5]], atol=1e-5)
     assert run.final.tolist() == [[3.65, 0.5]]
-
-
-def test_values_are_the_mean_over_all_views_of_a_room():
-    """Seen in all eight views, nothing is left of a preference for one direction; a wish to be right remains."""
-    views = symmetries(STEPS)
-    right = Scripted(lambda x, y: [8.0, 0.0, 0.0, 0.0])
-    q = GreedyPolicy(right, 1, "mask", views).values(
-        Place(), torch.zeros(1), torch.tensor([[1.0, 2.0]], dtype=torch.float64)
-    )
-    np.testing.assert_allclose(q, [[2.0] * 4])
-    # What an agent wants that sees all rooms alike is what it wants in each view, turned back: to the origin.
-    home = Scripted(lambda x, y: [-x, x, y, -y])
-    for place, best in (((3.0, 1.0), LEFT), ((-3.0, 1.0), RIGHT), ((1.0, 3.0), BELOW), ((1.0, -3.0), UP)):
-        q = GreedyPolicy(home, 1, "mask", views).values(
-            Place(), torch.zeros(1), torch.tensor([place], dtype=torch.float64)
-        )
-        assert q.argmax().item() == best
-        np.testing.assert_allclose(q, home(torch.tensor([place], dtype=torch.float64)))
-
-
-def test_values_of_however_many_places_are_those_of_each_and_no_more_than_a_block_is_seen_at_once():
-    places = torch.as_tensor(np.random.default_rng(0).random((2 * BLOCK + 1, 2)))
-    home = Scripted(lambda x, y: [-x, x, y, -y])
-    expected = home(places)
-    blocks = []
-    counting = lambda block: blocks.append(len(block)) or home(block)  # noqa: E731
-    q = GreedyPolicy(counting, 1, "mask", symmetries(STEPS)).values(Place(), torch.zeros(len(places)), places)
-    np.testing.assert_allclose(q, expected, atol=1e-6)
-    assert max(blocks) <= BLOCK
-    assert sum(blocks) == 8 * len(places)
 
 
 def hashed(seed: int, actions: int):
@@ -359,7 +233,7 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
     room = rng.integers(3, size=8)
     starts = exact.starts(room, rng)
     values = hashed(seed, exact.moves.count)
-    policy = GreedyPolicy(Scripted(values), max_moves, on_illegal, unturned(exact.moves), climbs)
+    policy = GreedyPolicy(MeanQ(Scripted(values), unturned(exact.moves)), max_moves, on_illegal, climbs)
     run = policy.rollout(simulator, Place(), room, starts)
     np.testing.assert_array_equal(run.path[0], starts)
     for b in range(8):
@@ -396,7 +270,7 @@ def test_rollouts_never_hang_on_the_designers_place(seed, on_illegal):
             observe = GeometryObservation([moved], [room.moving.category])
             torch.manual_seed(seed)
             learned = network(observe.space.shape[1], simulator.moves.count)
-            policy = GreedyPolicy(learned, 30, on_illegal, symmetries(simulator.moves))
+            policy = GreedyPolicy(MeanQ(learned, symmetries(simulator.moves)), 30, on_illegal)
             runs.append(policy.rollout(batch_simulator, observe, index, starts))
     for run in runs[1:]:
         np.testing.assert_array_equal(run.path, runs[0].path)
@@ -408,7 +282,7 @@ def test_neither_starts_nor_network_are_changed_by_a_rollout():
     simulator, observe = Simulator([room], STEPS, Reward()), GeometryObservation([room], ["bed"])
     batch_simulator = BatchSimulator(simulator)
     learned = network(observe.space.shape[1], 4)
-    policy = GreedyPolicy(learned, 10, "mask", unturned(STEPS))
+    policy = GreedyPolicy(MeanQ(learned, unturned(STEPS)), 10, "mask")
     starts = simulator.starts(np.zeros(5, dtype=int), np.random.default_rng(0))
     copies, weights = starts.copy(), [p.clone() for p in learned.parameters()]
     runs = [policy.rollout(batch_simulator, observe, np.zeros(5, dtype=int), starts) for _ in range(2)]
@@ -416,14 +290,3 @@ def test_neither_starts_nor_network_are_changed_by_a_rollout():
     np.testing.assert_array_equal(runs[0].path, runs[1].path)
     assert all(torch.equal(a, b) for a, b in zip(learned.parameters(), weights, strict=True))
     assert all(p.grad is None for p in learned.parameters())
-
-
-def test_the_best_move_is_legal_and_leads_to_where_the_agent_wants_to_be():
-    simulator = BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
-    policy = GreedyPolicy(nearing((2.0, 1.5)), 5, "mask", unturned(STEPS))
-    places = np.array([(1.0, 1.5), (3.0, 1.5), (2.0, 2.5), (2.0, 0.5)])
-    moves, values = policy.best_moves(simulator, Place(), np.zeros(4, int), places)
-    assert moves.tolist() == [RIGHT, LEFT, BELOW, UP]
-    assert values.tolist() == [-0.5, -0.5, -0.5, -0.5]
-    beyond = GreedyPolicy(nearing((9.0, 1.5)), 5, "mask", unturned(STEPS))
-    assert beyond.best_moves(simulator, Place(), np.zeros(1, int), np.array([(3.5, 1.5)]))[0] != RIGHT

@@ -16,6 +16,7 @@ from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.policy import GreedyPolicy
 from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.rollout import MeanQ
 from layoutrl.rooms.room import Item
 from layoutrl.runs.report import AGENT, evaluate
 from tests.builders import l_room, rectangular_room
@@ -38,7 +39,7 @@ def agent() -> DQN:
 
 
 def greedy(agent: DQN) -> GreedyPolicy:
-    return GreedyPolicy(agent.network, 20, "mask", symmetries(EXACT.moves))
+    return GreedyPolicy(MeanQ(agent.network, symmetries(EXACT.moves)), 20, "mask")
 
 
 def test_an_evaluation_scores_the_stopping_places_exactly(agent):

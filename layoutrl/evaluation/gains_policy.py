@@ -1,0 +1,68 @@
+"""Greedy rollouts where Q is of what moves gain (`EveryMove`)."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from layoutrl.agents.dqn import Observe
+from layoutrl.agents.gains import gains
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.scenes import Scenes
+from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun, ways
+
+FRUITLESS = 120  # moves in a row that gain nothing end an episode: a room's length
+
+
+@dataclass(frozen=True)
+class GainsPolicy:
+    """The greedy policy of an agent that learned what moves gain.
+
+    It never goes back to where it has been, and takes the best legal move. Q is near zero at the best of places: it
+    goes back to the place of its path of the highest sum of gains, and looks no further once FRUITLESS moves in a row
+    have not raised it. A move gained its Q, less the discounted Q of what is left where it leads; on average of the
+    move and the one back, as what both err in alike cancels. The designer's place is never consulted.
+
+    The value of a position is the sum of what was gained on the way to it. It says nothing of another episode's.
+    """
+
+    q: MeanQ  # on the scale on which it is learned
+    max_moves: int
+    discount: float  # that it was learned with
+
+    def rollout(
+        self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
+    ) -> Rollout:
+        """Follow the policy in rooms (B,) from starts (B, 2)."""
+        began = time.perf_counter()
+        rooms, path, value = begun(simulator, room, starts, self.max_moves)
+        active = every = torch.arange(len(rooms), device=rooms.device)
+        left = torch.zeros_like(value)  # to be gained, by the best move
+        made, promised = active.new_zeros(len(rooms), 1), left[0]
+        for t in range(self.max_moves + 1):  # what a move gained is known once it is made: one look more
+            here = path[t, active]
+            reached, legal = ways(simulator, rooms[active], here)
+            q = gains(self.q(observe, rooms[active], here), legal)
+            left[t, active] = q.masked_fill(~legal, -torch.inf).amax(1).where(legal.any(1), 0.0)
+            if t == 0:
+                value[0] = 0.0
+            else:
+                gained = promised - self.discount * left[t, active]
+                lost = q.gather(1, made ^ 1).squeeze(1) - self.discount * left[t - 1, active]
+                value[t, active] = value[t - 1, active] + (gained - lost) / 2
+            fruitless = t - value[: t + 1, active].argmax(0) >= FRUITLESS
+            closed = been(path[: t + 1, active], reached) | ~legal | fruitless[:, None]
+            highest, action = q.masked_fill(closed, -torch.inf).max(1, keepdim=True)
+            goes_on = highest.isfinite().squeeze(1)
+            active, made, promised = active[goes_on], action[goes_on], highest[goes_on].squeeze(1)
+            if not len(active) or t == self.max_moves:
+                break
+            path[t + 1 :, active] = reached[goes_on, made.squeeze(1)]
+        best = value.argmax(0)
+        found = (rooms, path, value, best, path[best, every][None])
+        room, way, values, stop, settling = (each.cpu().numpy() for each in found)
+        return Rollout(room, way, values, stop, settling, time.perf_counter() - began)

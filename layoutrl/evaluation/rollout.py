@@ -1,0 +1,129 @@
+"""What greedy rollouts have in common: the Q that they follow, the way that they take, and what is found on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from layoutrl.agents.dqn import Observe
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.geometry import snap
+from layoutrl.env.scenes import Scenes, led_to
+from layoutrl.env.symmetry import Symmetry
+
+DISTINCT = 0.1  # metres: places nearer to each other are one choice
+BLOCK = 500  # observations shown to the network at once: on a CPU, a larger block waits for memory
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """B greedy episodes: the way of each, and where it ends."""
+
+    room: np.ndarray  # (B,) index
+    path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
+    value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf after the end
+    best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
+    settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
+    seconds: float
+
+    @property
+    def final(self) -> np.ndarray:
+        """The stopping places (B, 2), in metres."""
+        return self.settling[-1]
+
+    @property
+    def moves(self) -> np.ndarray:
+        """Of each episode until the stopping place is reached (B,)."""
+        return self.best + self._settles.sum(0)
+
+    def way(self, b: int) -> np.ndarray:
+        """From the start of an episode to its stopping place: (moves + 1, 2), metres."""
+        return np.concatenate([self.path[: self.best[b] + 1, b], self.settling[1:, b][self._settles[:, b]]])
+
+    @cached_property
+    def _settles(self) -> np.ndarray:
+        """Whether an episode moves in a step of its settling: (S - 1, B)."""
+        return (np.diff(self.settling, axis=0) != 0).any(-1)
+
+    def choices(self, count: int) -> np.ndarray:
+        """The agent's first, second, ... stopping place: (B, count, 2), metres. Real designs leave a choice open.
+
+        After the first those of the places that it came by that it went on from only to lower Q, the highest before the
+        lower, DISTINCT apart from each other. The first is repeated where there are fewer.
+        """
+        path, value = self.path.swapaxes(0, 1), self.value.T
+        before, after = (np.pad(value, ((0, 0), pad), constant_values=-np.inf) for pad in ((1, 0), (0, 1)))
+        value = np.where((value > before[:, :-1]) & (value >= after[:, 1:]), value, -np.inf)
+        path = np.take_along_axis(path, np.argsort(-value, axis=1, kind="stable")[..., None], 1)  # best first
+        left = -np.sort(-value, axis=1) > -np.inf
+        chosen = [self.final]
+        while len(chosen) < count:
+            left &= np.linalg.norm(path - chosen[-1][:, None], axis=-1) >= DISTINCT
+            next_best = path[np.arange(len(path)), left.argmax(1)]
+            chosen.append(np.where(left.any(1, keepdims=True), next_best, self.final))
+        return np.stack(chosen, 1)
+
+
+@dataclass(frozen=True)
+class MeanQ:
+    """Q of a network, on average over the views of a room (`symmetries`), in all of which a design is as good."""
+
+    network: nn.Module
+    symmetries: Sequence[Symmetry]
+
+    @property
+    def device(self) -> torch.device:
+        """Where the network is."""
+        return next(self.network.parameters()).device
+
+    def best_moves(
+        self,
+        simulator: BatchSimulator | Scenes,
+        observe: Observe,
+        room: np.ndarray | Tensor,
+        position: np.ndarray | Tensor,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The legal move of highest Q from positions (B, 2) in rooms or scenes (B, ...), and that Q: (B,) each.
+
+        The Q is what the agent thinks of a position; -inf where no move is legal.
+        """
+        rooms, here = (torch.as_tensor(array, device=simulator.device) for array in (room, position))
+        _, legal = simulator.reach(rooms, here)
+        highest, action = self(observe, rooms, here).masked_fill(~legal, -torch.inf).max(1)
+        return action.cpu().numpy(), highest.cpu().numpy()
+
+    def __call__(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
+        """Q(s, a), (B, A): each move taken for what it is in the view."""
+        blocks = zip(*(each.split(BLOCK // len(self.symmetries)) for each in (rooms, positions)), strict=True)
+        return torch.cat([self._over_views(observe, observe(*block)) for block in blocks])
+
+    @torch.no_grad()
+    def _over_views(self, observe: Observe, observation: Tensor) -> Tensor:
+        seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
+        views = zip(self.network(seen).split(len(observation)), self.symmetries, strict=True)
+        return torch.stack([q[:, s.action] for q, s in views]).mean(0)
+
+
+def begun(
+    simulator: BatchSimulator | Scenes, room: np.ndarray | Tensor, starts: np.ndarray, moves: int
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Of episodes of so many moves: rooms (B, ...), paths (moves + 1, B, 2) that stay at the start, values of -inf."""
+    path = snap(torch.as_tensor(starts, device=simulator.device)).repeat(moves + 1, 1, 1)
+    value = torch.full(path.shape[:2], -torch.inf, device=simulator.device)
+    return torch.as_tensor(room, device=simulator.device), path, value
+
+
+def ways(simulator: BatchSimulator | Scenes, rooms: Tensor, here: Tensor) -> tuple[Tensor, Tensor]:
+    """Where moves lead from positions (B, 2): (B, A, 2), and which are legal: (B, A)."""
+    length, legal = simulator.reach(rooms, here)
+    return led_to(simulator, rooms, here, length), legal
+
+
+def been(path: Tensor, reached: Tensor) -> Tensor:
+    """Whether places (B, A, 2) are on the way (T, B, 2) so far: (B, A)."""
+    return (path[:, :, None] == reached).all(-1).any(0)
