@@ -53,7 +53,11 @@ IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1
 
 
 def fill(config: CellConfig) -> None:
-    """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells."""
+    """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells.
+
+    Raises InputError where nobody knows how to fill it.
+    """
+    one_of("fill", config.fill, *FILLS, *FURNISHES)
     folder, name = folder_of(config), name_of(config)
     if config.column in SEEDLESS and config.protocol == "unseen" and config.seed:
         print(f"{config.table}: {name} left out: {config.column} has one cell, seed 0, since it draws nothing")
@@ -87,7 +91,6 @@ def fill(config: CellConfig) -> None:
 
 def filled(config: CellConfig) -> dict[str, Any]:
     """All that is kept of a cell: where it comes from, and a row of numbers for each set of places."""
-    one_of("fill", config.fill, *FILLS, *FURNISHES)
     began, device = datetime.now(UTC), device_of(config.device)
     if device.type == "cpu":
         torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds

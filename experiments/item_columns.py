@@ -16,7 +16,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.oracle import perfect_places
-from layoutrl.evaluation.policy import GreedyPolicy, greedy
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rivals.planit.scoring import score_all
@@ -81,8 +81,9 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
         "agent": (setting.room, run.final),
         "best of 3": (setting.room, best_of(run.choices(3), simulator, setting.room)),
     }
-    if isinstance(policy, GreedyPolicy) and policy.on_illegal == "stop":
-        masked = replace(policy, on_illegal="mask").rollout(batch_simulator, observe, setting.room, setting.starts)
+    if config.method.on_illegal == "stop":
+        masking = greedy(network, replace(config.method, on_illegal="mask"))
+        masked = masking.rollout(batch_simulator, observe, setting.room, setting.starts)
         places["illegal moves masked"] = setting.room, masked.final
     if config.protocol == "unseen" and config.data.source == "designer":
         room = np.resize(setting.room, config.budget.random_starts)

@@ -328,6 +328,16 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["method.climbs=-1"], ["method.climbs", "0 or more"]),
         ("train", ["method.snap=-0.1"], ["method.snap", "0 or more metres"]),
         ("train", ["method=paper", "method.snap=0.01"], ["method.snap", "0 with method.observation=image"]),
+        (
+            "train",
+            ["method.every_move=true", "method.climbs=0", "method.slide=false"],
+            ["method.snap", "0 with method.every_move"],
+        ),
+        (
+            "train",
+            ["method=paper_every_move", "method.on_illegal=stop"],
+            ["method.on_illegal with every_move", "expected one of mask; got stop"],
+        ),
         ("train", ["data.train_rooms=0"], ["data.train_rooms", "1 or more"]),
         ("train", ["data.disturbed=1.5"], ["data.disturbed", "0 to 1"]),
         ("train", ["budget.reports=0"], ["budget.reports", "1 or more"]),

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.replay import REWARD_SCALE, Transitions
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.scenes import Scenes, led_to
+from layoutrl.env.scenes import Scenes, destinations
 
 UNIT = 0.01  # of rewards / 100: smaller values are learned as they are, larger ones by their logarithm
 LARGEST = 12.0  # on that scale: more than any value has, whatever a network says
@@ -44,8 +44,8 @@ class EveryMove:
     def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
         """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
         simulator = self.simulator
-        length, legal = simulator.reach(room, position)
-        reached = torch.where(legal[..., None], led_to(simulator, room, position, length), position[:, None])
+        reached, legal = destinations(simulator, room, position)
+        reached = torch.where(legal[..., None], reached, position[:, None])
         count = legal.shape[1]
         left = simulator.reward(room, position).total.repeat_interleave(count, 0)
         room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)

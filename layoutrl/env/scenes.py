@@ -94,6 +94,12 @@ class Scenes:
         return self.simulator.entry[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
 
 
+def destinations(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor) -> tuple[Tensor, Tensor]:
+    """Where each action leads from positions (B, 2): (B, A, 2), and whether it is legal: (B, A)."""
+    length, legal = simulator.reach(room, here)
+    return led_to(simulator, room, here, length), legal
+
+
 def led_to(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor, length: Tensor) -> Tensor:
     """Where each action leads, by lengths (B, A) in metres, from positions (B, 2): (B, A, 2)."""
     actions = torch.arange(length.shape[1], device=length.device).repeat(len(here))

@@ -15,7 +15,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
-from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, led_to
+from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destinations
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.choosing import Chosen, Options, best_of, faulty_items, unlike, wrong
 from layoutrl.evaluation.policy import greedy
@@ -272,9 +272,8 @@ class Furnisher:
         quarter = ends.quarter[every, best]
         scene = world.scenes_of(state, every, quarter)
         here = torch.as_tensor(ends.center[every, best], device=scene.device)
-        length, legal = scenes.reach(scene, here)
-        reached = led_to(scenes, scene, here, length)
-        whose = scene.repeat_interleave(length.shape[1], 0)
+        reached, legal = destinations(scenes, scene, here)
+        whose = scene.repeat_interleave(legal.shape[1], 0)
         value = self._policy.q.best_moves(scenes, world.observe, whose, reached.flatten(0, 1))[1].reshape(legal.shape)
         center = reached.cpu().numpy()
         return Options(

@@ -12,8 +12,8 @@ from torch import Tensor
 from layoutrl.agents.dqn import Observe
 from layoutrl.agents.gains import gains
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.scenes import Scenes
-from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun, ways
+from layoutrl.env.scenes import Scenes, destinations
+from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun
 
 FRUITLESS = 120  # moves in a row that gain nothing end an episode: a room's length
 
@@ -41,16 +41,15 @@ class GainsPolicy:
         began = time.perf_counter()
         rooms, path, value = begun(simulator, room, starts, self.max_moves)
         active = every = torch.arange(len(rooms), device=rooms.device)
+        value[0] = 0.0
         left = torch.zeros_like(value)  # to be gained, by the best move
         made, promised = active.new_zeros(len(rooms), 1), left[0]
         for t in range(self.max_moves + 1):  # what a move gained is known once it is made: one look more
             here = path[t, active]
-            reached, legal = ways(simulator, rooms[active], here)
+            reached, legal = destinations(simulator, rooms[active], here)
             q = gains(self.q(observe, rooms[active], here), legal)
             left[t, active] = q.masked_fill(~legal, -torch.inf).amax(1).where(legal.any(1), 0.0)
-            if t == 0:
-                value[0] = 0.0
-            else:
+            if t:
                 gained = promised - self.discount * left[t, active]
                 lost = q.gather(1, made ^ 1).squeeze(1) - self.discount * left[t - 1, active]
                 value[t, active] = value[t - 1, active] + (gained - lost) / 2
@@ -59,10 +58,8 @@ class GainsPolicy:
             highest, action = q.masked_fill(closed, -torch.inf).max(1, keepdim=True)
             goes_on = highest.isfinite().squeeze(1)
             active, made, promised = active[goes_on], action[goes_on], highest[goes_on].squeeze(1)
-            if not len(active) or t == self.max_moves:
+            if not len(active):
                 break
             path[t + 1 :, active] = reached[goes_on, made.squeeze(1)]
         best = value.argmax(0)
-        found = (rooms, path, value, best, path[best, every][None])
-        room, way, values, stop, settling = (each.cpu().numpy() for each in found)
-        return Rollout(room, way, values, stop, settling, time.perf_counter() - began)
+        return Rollout.of(began, rooms, path, value, best, path[best, every][None])

@@ -14,10 +14,10 @@ from layoutrl.agents.dqn import Observe
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import out_of_line
-from layoutrl.env.scenes import Scenes, led_to
+from layoutrl.env.scenes import Scenes, destinations, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.gains_policy import GainsPolicy
-from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun, ways
+from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun
 
 SHORTLIST = 8  # places of an episode that may be the stopping place
 
@@ -52,7 +52,7 @@ class GreedyPolicy:
         active = every = torch.arange(len(rooms), device=rooms.device)
         for t in range(self.max_moves):
             here = path[t, active]
-            reached, legal = ways(simulator, rooms[active], here)
+            reached, legal = destinations(simulator, rooms[active], here)
             been_there = been(path[: t + 1, active], reached)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
             q = self.q(observe, rooms[active], here)
@@ -66,9 +66,7 @@ class GreedyPolicy:
         best, promise = self._most_promising(simulator, observe, rooms, path, value)
         climb = self._climb(simulator, observe, rooms, path[best, every], promise)
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
-        found = (rooms, path, value, best, torch.cat([climb, in_line[None]]))
-        room, way, values, stop, settling = (each.cpu().numpy() for each in found)
-        return Rollout(room, way, values, stop, settling, time.perf_counter() - began)
+        return Rollout.of(began, rooms, path, value, best, torch.cat([climb, in_line[None]]))
 
     def _most_promising(
         self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 import torch
@@ -13,7 +15,7 @@ from torch import Tensor, nn
 from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
-from layoutrl.env.scenes import Scenes, led_to
+from layoutrl.env.scenes import Scenes
 from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
@@ -30,6 +32,12 @@ class Rollout:
     best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
     settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
     seconds: float
+
+    @classmethod
+    def of(cls, began: float, *found: Tensor) -> Self:
+        """Of all but the seconds as tensors, and when it began on the clock of `time.perf_counter`."""
+        room, path, value, best, settling = (each.cpu().numpy() for each in found)
+        return cls(room, path, value, best, settling, time.perf_counter() - began)
 
     @property
     def final(self) -> np.ndarray:
@@ -116,12 +124,6 @@ def begun(
     path = snap(torch.as_tensor(starts, device=simulator.device)).repeat(moves + 1, 1, 1)
     value = torch.full(path.shape[:2], -torch.inf, device=simulator.device)
     return torch.as_tensor(room, device=simulator.device), path, value
-
-
-def ways(simulator: BatchSimulator | Scenes, rooms: Tensor, here: Tensor) -> tuple[Tensor, Tensor]:
-    """Where moves lead from positions (B, 2): (B, A, 2), and which are legal: (B, A)."""
-    length, legal = simulator.reach(rooms, here)
-    return led_to(simulator, rooms, here, length), legal
 
 
 def been(path: Tensor, reached: Tensor) -> Tensor:

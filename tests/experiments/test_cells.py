@@ -49,6 +49,13 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     assert again["rows"] == json.loads(before)["rows"]
 
 
+def test_a_cell_that_nobody_knows_how_to_fill_is_refused(tmp_path):
+    config = configured(tmp_path, "column=rules", "fill=guesses")
+    with pytest.raises(InputError, match=r"^fill: expected one of agent, .*; got guesses$"):
+        fill(config)
+    assert not folder_of(config).exists()
+
+
 def test_what_draws_nothing_is_filled_once_whatever_the_seed(tmp_path, designed, capsys):
     first, second = (configured(tmp_path, designed, "column=rules", "room=tatami", f"seed={seed}") for seed in (0, 1))
     for config in (first, second):
