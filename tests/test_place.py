@@ -97,7 +97,7 @@ def test_an_item_that_the_agent_does_not_know_is_not_placed_and_other_furniture_
     assert ["center" in item for item in items] == [False, True, True]
     assert items[0]["faults"] == ["not placed"]
     said = capsys.readouterr().out
-    unknown = "the waterbed is not placed: its category is not known in a bedroom; expected one of "
+    unknown = "the waterbed is not placed: who is asked places no waterbed in a bedroom; expected one of "
     assert f"{rooms[0]['id']}: 0 of 1 placed; {unknown}" in said
     assert "placed 2 of 3 items in 3 rooms" in said
 
@@ -164,7 +164,7 @@ def test_without_an_agent_all_that_has_no_center_is_placed_and_what_cannot_be_is
     assert all({"center", "rotation"} <= item.keys() for item in rooms[0]["furniture"])
     assert [k for k, item in enumerate(rooms[1]["furniture"]) if "center" not in item] == [0, 1]
     said = capsys.readouterr().out
-    unknown = "the waterbed is not placed: its category is not known in a bedroom; expected one of "
+    unknown = "the waterbed is not placed: who is asked places no waterbed in a bedroom; expected one of "
     assert f"{rooms[1]['id']}: 3 of 5 placed; {unknown}" in said
     assert f"the {documents[1]['furniture'][1]['category']} of 9 by 9 m is not placed: it fits into the room" in said
 
@@ -440,7 +440,7 @@ def test_what_is_named_and_nobody_places_stays_where_it_was(
     assert [item["center"] for item in room["furniture"][:2]] == [[3.0, 1.0], [4.0, 3.0]]
     said = capsys.readouterr().out
     assert "flat: 2 of 4 placed; the bed of 6.2 by 1.5 m is not placed" in said
-    assert "the table is not placed: its category is not known in a" in said
+    assert "the table is not placed: who is asked places no table in a" in said
     assert "they stay" not in said
 
 

@@ -61,8 +61,8 @@ def server_of(answers: Answers, listener: socket.socket, timeout: float) -> uvic
 
 def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     """The page and its answers, at a host and port; an answer may take so many seconds."""
-    # Two workers of their own: who waits for a room to be furnished does not keep others from dragging.
-    workers = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("quick", "slow")}
+    # Workers of their own: who waits for a furnished room keeps nobody from dragging, or from files.
+    workers = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("looks", "files", "furnishes")}
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> Any:
@@ -76,12 +76,21 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
 
     def asking(work: Callable[[bytes], Any], worker: str) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
+            begun = False
+
+            def begin_work(body: bytes) -> Any:
+                nonlocal begun
+                begun = True
+                return work(body)
+
             try:
-                return await asyncio.wait_for(answered(work, worker, request), timeout)
+                return await asyncio.wait_for(answered(begin_work, worker, request), timeout)
             except InputError as error:
                 return refused(400, str(error))
-            except TimeoutError:
-                return refused(503, f"time: the answer took over {timeout:g} seconds; expected a smaller room")
+            except TimeoutError:  # a thread that has begun goes on, and the next answer waits for it
+                took = "the answer" if begun else "what was asked before"
+                mend = "a smaller room" if begun else "to ask again"
+                return refused(503, f"time: {took} took over {timeout:g} seconds; expected {mend}")
 
         return answer
 
@@ -91,11 +100,11 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
     routes.append(Route("/api", begin))
     for question in answers.questions:
-        worker = "quick" if question in ("look", "opening") else "slow"
+        worker = {"look": "looks", "opening": "looks", "svg": "files"}.get(question, "furnishes")
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
     for name, whole in (("read", answers.read), ("home", answers.home)):
-        routes.append(Route(f"/api/{name}", asking(whole, "slow"), methods=["POST"]))
+        routes.append(Route(f"/api/{name}", asking(whole, "files"), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
     handlers[Exception] = lambda _, error: broken(error)
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)

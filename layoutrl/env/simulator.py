@@ -55,6 +55,11 @@ class Moves:
         """How many actions there are."""
         return 4 * (len(self.steps) + self.slide)
 
+    @property
+    def first_slide(self) -> int:
+        """Of the four slides, where there are any."""
+        return 4 * len(self.steps)
+
     def lengths(self, room: Room) -> tuple[float, ...]:
         """Length of each step in this room, in metres."""
         unit = float(snap(np.array(pixel_size(room)))) if self.unit == "pixel" else 1.0

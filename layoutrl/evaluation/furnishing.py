@@ -156,6 +156,7 @@ class Furnisher:
         rooms, paths = world.rooms, [list[Placement]() for _ in which]
         order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
         largest = rooms.sequence()[which].argmin(1)
+        others_known = np.array([bool(known[r]) for r in which])
         state = rooms.empty(which)
         left = count  # items of each room that this sweep places
         for sweep in range(1 + SWEEPS + REPAIRS):
@@ -165,24 +166,27 @@ class Furnisher:
             for step in range(order.shape[1]):
                 is_largest = order[:, step] == largest
                 # The largest item is not lifted again: layouts would become alike.
-                b = np.flatnonzero((left > step) & ~(is_largest & (sweep > 0)))
-                if not len(b):
-                    continue
-                item, every = order[b, step], np.arange(len(b))
-                now = rows(state, b)._replace(moving=item)
-                stood = now.stands[every, item]
-                now.stands[every, item] = False
-                others = [known[which[n]] if is_largest[n] else [] for n in b]
-                chosen = self._chosen(world, now, stood, uniform, others)
-                found = np.isfinite(chosen.value)
-                no_other = b[~found & np.array([bool(layouts) for layouts in others])]
-                count[no_other] = left[no_other] = 0
-                put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
-                for values, those in zip(state, put, strict=True):
-                    values[b[found]] = those
-                for n, r in zip(np.flatnonzero(found), b[found], strict=True):
-                    k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
-                    paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
+                moves = (left > step) & ~(is_largest & (sweep > 0))
+                # What is to stand elsewhere looks in more places: no room's layout hangs on who is asked beside it.
+                for elsewhere in (True, False):
+                    b = np.flatnonzero(moves & ((is_largest & others_known) == elsewhere))
+                    if not len(b):
+                        continue
+                    item, every = order[b, step], np.arange(len(b))
+                    now = rows(state, b)._replace(moving=item)
+                    stood = now.stands[every, item]
+                    now.stands[every, item] = False
+                    others = [known[r] for r in which[b]] if elsewhere else [()] * len(b)
+                    chosen = self._chosen(world, now, stood, uniform, others)
+                    found = np.isfinite(chosen.value)
+                    if elsewhere:
+                        count[b[~found]] = left[b[~found]] = 0
+                    put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
+                    for values, those in zip(state, put, strict=True):
+                        values[b[found]] = those
+                    for n, r in zip(np.flatnonzero(found), b[found], strict=True):
+                        k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
+                        paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
         value = self._mean_value(world, state)
         return [Furnished(rooms.layout(state, r), value[r], paths[r]) if count[r] else None for r in range(len(which))]
 
@@ -218,7 +222,7 @@ class Furnisher:
 
         Values are too imprecise for the last centimetres to a wall.
         """
-        scenes, every, back = world.scenes, np.arange(len(chosen.value)), self._moves.count - len(WAYS) + 1
+        scenes, every, back = world.scenes, np.arange(len(chosen.value)), self._moves.first_slide + 1
         scene = world.scenes_of(state, every, chosen.quarter)
         here = torch.as_tensor(chosen.center, device=scene.device)
         length, legal = (values[:, back] for values in scenes.reach(scene, here))

@@ -44,6 +44,17 @@ SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by 
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
+EXPECTED = {  # where a field is missing
+    "id": "a name",
+    "room_type": f"one of {', '.join(MAIN_ITEM)}",
+    "outline": "the corners of the floor, as [[0, 0], [4, 0], [4, 3], [0, 3]] in metres",
+    "doors": "a list, [] where there is none",
+    "windows": "a list, [] where there is none",
+    "furniture": "a list of items with category and size",
+    "polygon": "its corners, in metres",
+    "category": "a name, as bed",
+    "size": "depth and width, in metres",
+}
 FAULTS = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
 ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
 
@@ -83,19 +94,24 @@ def with_layout(
     """A room's document with a layout of what was asked: poses of items that had no center, and what is wrong.
 
     `wrong` is (index of the item, fault), `unit` that of the document. All else is as it was; so is an item that the
-    layout does not place.
+    layout does not place, but for its faults. Centers are told to a tenth of a millimetre.
     """
     entries = [dict(entry) for entry in document["furniture"]]
     for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
-        entry.pop(FAULTS, None)
+        if before.center is None:
+            entry.pop(FAULTS, None)
         if before.center is None and item.center is not None:
-            entry["center"] = [round(metres * UNITS[unit], 6) for metres in item.center]
+            entry["center"] = [round(round(metres, 4) * UNITS[unit], 4) for metres in item.center]
             if item.rotation is not None:
                 entry["rotation"] = item.rotation
             if item.tucked:
                 entry["tucked"] = True
     for k, fault in wrong:
-        entries[k].setdefault(FAULTS, []).append(fault)
+        before_it = entries[k].get(FAULTS, [])
+        if not isinstance(before_it, list):  # the user's own
+            continue
+        if fault not in before_it:
+            entries[k][FAULTS] = [*before_it, fault]
     return {**document, "furniture": entries}
 
 
@@ -198,7 +214,7 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
     prefix = "" if field == "room" else f"{field}."
     for name in required:
         if name not in entry:
-            raise RoomError(prefix + name, "missing")
+            raise RoomError(prefix + name, f"missing; expected {EXPECTED.get(name, 'it to be there')}")
     for name in entry:
         known = required + optional
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
@@ -223,13 +239,13 @@ def _furniture(entries: list[Any]) -> tuple[Item, ...]:
 
 def _item(entry: Any, field: str) -> Item:
     _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
-    width, depth = _pair(entry["size"], f"{field}.size")
-    if width <= 0 or depth <= 0:
+    depth, width = _pair(entry["size"], f"{field}.size")
+    if depth <= 0 or width <= 0:
         raise RoomError(f"{field}.size", f"expected two lengths above zero, in metres; got {_show(entry['size'])}")
     form = entry.get("shape", "rectangle")
     if form not in ("rectangle", "circle"):
         raise RoomError(f"{field}.shape", f"expected rectangle or circle; got {_show(form)}")
-    if form == "circle" and width != depth:
+    if form == "circle" and depth != width:
         raise RoomError(f"{field}.size", f"expected the diameter twice for a circle; got {_show(entry['size'])}")
     tucked = entry.get("tucked", False)
     if not isinstance(tucked, bool):
@@ -239,7 +255,7 @@ def _item(entry: Any, field: str) -> Item:
         rotation = 0.0
     return Item(
         category=_text(entry["category"], f"{field}.category"),
-        size=(width, depth),
+        size=(depth, width),
         center=None if center is None else _pair(center, f"{field}.center"),
         rotation=None if rotation is None else _number(rotation, f"{field}.rotation"),
         form=form,

@@ -70,10 +70,10 @@ class Opening:
 class Item:
     """One piece of furniture.
 
-    `size` is (width, depth) in metres along the item's own x and y axis; `rotation` turns these
+    `size` is (depth, width) in metres along the item's own x and y axis; `rotation` turns these
     axes, in degrees counter-clockwise. It faces along its x axis. `center` is None for an item that is still to be
     placed, `rotation` too for one whose facing is then to be chosen.
-    A circle's width and depth are both its diameter. A `tucked` item (a chair) stands partly under
+    A circle's depth and width are both its diameter. A `tucked` item (a chair) stands partly under
     another by intent.
     """
 
@@ -98,18 +98,18 @@ class Item:
     @property
     def area(self) -> float:
         """Square metres of its footprint."""
-        width, depth = self.size
-        return math.pi / 4 * width * depth if self.form == "circle" else width * depth
+        depth, width = self.size
+        return math.pi / 4 * depth * width if self.form == "circle" else depth * width
 
     @cached_property
     def template(self) -> Polygon:
         """The footprint around the origin, rotated. Raises ValueError where the facing is still to be chosen."""
-        width, depth = self.size
+        depth, width = self.size
         if self.form == "circle":
-            return shapely.Point(0, 0).buffer(width / 2, quad_segs=CIRCLE_SEGMENTS)
-        rectangle = box(-width / 2, -depth / 2, width / 2, depth / 2)
+            return shapely.Point(0, 0).buffer(depth / 2, quad_segs=CIRCLE_SEGMENTS)
+        rectangle = box(-depth / 2, -width / 2, depth / 2, width / 2)
         if self.degrees % 90 == 0:  # exact, where sines of multiples of 90 degrees are not
-            return rectangle if self.degrees % 180 == 0 else box(-depth / 2, -width / 2, depth / 2, width / 2)
+            return rectangle if self.degrees % 180 == 0 else box(-width / 2, -depth / 2, width / 2, depth / 2)
         return rotate(rectangle, self.degrees, origin=(0, 0))
 
     @cached_property

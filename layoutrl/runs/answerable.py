@@ -79,12 +79,16 @@ def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[
     if not known:
         return f"nobody who is asked furnishes a {room.room_type}"
     ours = category_of(category) or category
-    if types := elsewhere(ours):
-        agents, places = ("the agent", "places") if len(types) == 1 else ("the agents", "place")
-        return f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
     if ours in known:
         return f"it is known as {ours}; expected that category"
-    return f"its category is not known in a {room.room_type}; expected one of {', '.join(sorted(known))}"
+    if types := elsewhere(ours):
+        agents, places = ("the agent", "places") if len(types) == 1 else ("the agents", "place")
+        if ours != category:
+            return (
+                f"it is known as {ours}, which {agents} of {', '.join(types)} {places}, not that of a {room.room_type}"
+            )
+        return f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
+    return f"who is asked places no {ours} in a {room.room_type}; expected one of {', '.join(sorted(known))}"
 
 
 def widths(room: Room) -> list[float]:

@@ -228,6 +228,7 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
     In a sweep commas part values; a comma within a text is quoted by the user there. Raises InputError for a value
     without an option.
     """
+    named = options(schema).keys() - {"run"}  # --run is Hydra's own
     texts = {name for name, kind in options(schema).items() if kind in (str, str | None)}
     sweeps = sweeps or not {"-m", "--multirun"}.isdisjoint(arguments)
 
@@ -235,6 +236,10 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
         if argument.startswith("="):
             raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
+        if key.startswith("--") and key[2:].replace("-", "_") in named:
+            raise InputError(
+                f"{argument}: expected <option>=<value> without dashes, as {key[2:].replace('-', '_')}=..."
+            )
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
         if not plain or (sweeps and re.search(r"[,()]", value)):
             return argument

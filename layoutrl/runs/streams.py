@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import sys
@@ -21,7 +22,7 @@ from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
 from layoutrl.runs.config import PlaceConfig
-from layoutrl.runs.files import LOCK, locked
+from layoutrl.runs.files import LOCK, locked, write_json
 
 STANDARD = "-"  # the name of standard input and output
 HEAD = 100  # rooms of a file
@@ -185,9 +186,8 @@ class Growing:
             self._stream.flush()
             if self._state:
                 kept = {"about": self._about, "bytes": self._stream.tell(), "tally": asdict(self.tally)}
-                fresh = self._state.with_suffix(".new")
-                fresh.write_text(json.dumps(kept))
-                fresh.replace(self._state)
+                os.fsync(self._stream.fileno())  # what is said to be done is on the disk
+                write_json(self._state, kept)
         except BrokenPipeError:  # nobody reads any more
             raise
         except OSError as error:

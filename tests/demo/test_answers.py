@@ -226,7 +226,7 @@ def lines_of(rooms: Sequence[Room]) -> bytes:
 def test_files_are_read_and_what_is_wrong_is_said(answers):
     said = answers.read(lines_of(ROOMS[:3]) + b"\n{}\n")
     assert [entry["room"]["id"] for entry in said["rooms"]] == [room.id for room in ROOMS[:3]]
-    assert said["left_out"] == ["line:4: id: missing"]
+    assert said["left_out"] == ["line:4: id: missing; expected a name"]
     one = answers.read(json.dumps(room_to_dict(ROOMS[0]), indent=2).encode())
     assert len(one["rooms"]) == 1
     for content, match in ((b"", "empty"), (b"nonsense", "expected JSON"), (b"PK\x03\x04nonsense", "file|sh3d")):

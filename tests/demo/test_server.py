@@ -131,13 +131,14 @@ def test_an_answer_that_takes_long_is_given_up_and_others_go_on(answers, monkeyp
 
     async def talk(client: Any) -> Any:
         late = asyncio.create_task(client.post("/api/furnish", json={"room": {}}))
-        others = [await client.post("/api/look", json={"room": room}) for room in ROOMS]
-        return await late, others
+        others = [await client.post(f"/api/{what}", json={"room": room}) for what in ("look", "svg") for room in ROOMS]
+        return await late, others, await client.post("/api/furnish", json={"room": {}})
 
-    late, others = talked(answers, talk, timeout=0.5)
+    late, others, later = talked(answers, talk, timeout=0.5)
     release.set()
-    assert late.status_code == 503
-    assert "took over 0.5 seconds" in late.json()["error"]
+    assert (late.status_code, later.status_code) == (503, 503)
+    assert late.json()["error"] == "time: the answer took over 0.5 seconds; expected a smaller room"
+    assert later.json()["error"] == "time: what was asked before took over 0.5 seconds; expected to ask again"
     assert {response.status_code for response in others} == {200}
 
 

@@ -175,6 +175,16 @@ def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> No
     assert nowhere == own  # what is not placed is left where it was
 
 
+def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -> None:
+    own = document()
+    own["furniture"][0]["faults"] = ["off its wall"]
+    own["furniture"][1]["faults"] = "a scratch"  # the user's own
+    room = room_from_dict(own)
+    written = with_layout(own, room, room, [(0, "off its wall"), (0, "overlaps"), (1, "overlaps")])
+    assert [item["faults"] for item in written["furniture"][:2]] == [["off its wall", "overlaps"], "a scratch"]
+    assert own["furniture"][0]["faults"] == ["off its wall"]
+
+
 @pytest.mark.parametrize("field", ["id", "group"])
 def test_a_name_that_cannot_be_written_is_refused(field: str) -> None:
     with pytest.raises(RoomError, match=f"^{field}: expected text that can be written as UTF-8"):

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.room import Item
+from layoutrl.runs import pretrained
 from layoutrl.runs.answerable import answerable, fits
 from tests.builders import opening, random_brief, random_room, rectangular_room
 
@@ -40,7 +41,7 @@ def test_a_sound_brief_is_answered_whole_and_nothing_is_said() -> None:
         ((BED, Item("wardrobe", (0.6, 3.5), None, 0.0)), "wardrobe of 0.6 by 3.5 m is not placed: it fits into"),
         (
             (BED, Item("wardrob", (0.6, 1.0), None, None)),
-            "wardrob is not placed: its category is not known in a bedroom; expected one of bed,",
+            "wardrob is not placed: who is asked places no wardrob in a bedroom; expected one of bed,",
         ),
     ],
 )
@@ -55,8 +56,14 @@ def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tup
 
 
 def test_what_another_name_means_is_offered_first() -> None:
-    (line,) = answerable(room_with(Item("couch", (0.9, 2.0), None, None)), ("chair", "tv_unit", "sofa")).lines
+    room = replace(room_with(Item("couch", (0.9, 2.0), None, None)), room_type="living_room")
+    (line,) = answerable(room, pretrained.known("living_room"), pretrained.types_with).lines
     assert line == "the couch is not placed: it is known as sofa; expected that category"
+    (line,) = answerable(replace(room, room_type="bedroom"), pretrained.known("bedroom"), pretrained.types_with).lines
+    assert (
+        line
+        == "the couch is not placed: it is known as sofa, which the agent of living_room places, not that of a bedroom"
+    )
 
 
 @pytest.mark.parametrize(

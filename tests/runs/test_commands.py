@@ -163,6 +163,15 @@ def test_only_texts_are_quoted_and_a_sweep_goes_on_to_be_one() -> None:
     assert as_written(["name=a,b", "name=a b"], TrainCommand, sweeps=True) == ["name=a,b", "name='a b'"]
 
 
+@pytest.mark.parametrize(
+    ("argument", "meant"), [("--name", "name"), ("--seed=3", "seed"), ("--data.root", "data.root")]
+)
+def test_an_option_with_dashes_is_told_how_it_is_written(argument: str, meant: str) -> None:
+    with pytest.raises(InputError, match=f"^{argument}: expected <option>=<value> without dashes, as {meant}="):
+        as_written([argument, "x"], TrainCommand)
+    assert as_written(["--cfg", "job"], TrainCommand) == ["--cfg", "job"]
+
+
 def test_texts_arrive_as_they_were_written(ask) -> None:
     (config,), status, _ = ask("train", TrainCommand, "name=1e3", "data.root=my rooms/[a], b=c", "runs='quoted'")
     assert status is None
