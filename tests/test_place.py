@@ -496,15 +496,15 @@ def test_a_full_disk_is_answered_and_the_same_command_goes_on(
 ) -> None:
     file, _ = many(tmp_path)
     config = PlaceConfig(by="search", rooms=str(file))
-    write, written = Path.write_text, []
+    write, written = streams.write_json, []
 
-    def full(path: Path, *content: str) -> int:
+    def full(path: Path, content: Any) -> None:
         written.append(path)
         if len(written) == 3:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, *content)
+        write(path, content)
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(streams, "write_json", full)
     with pytest.raises(InputError, match=r"^out: cannot write .*rooms\.jsonl \(No space left on device\)"):
         place(config)
     assert [room["id"] for room in run(config)] == [f"room {k}" for k in range(7)]
