@@ -99,8 +99,9 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
 
     routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
     routes.append(Route("/api", begin))
+    worker_of = {"look": "looks", "opening": "looks", "svg": "files"}
     for question in answers.questions:
-        worker = {"look": "looks", "opening": "looks", "svg": "files"}.get(question, "furnishes")
+        worker = worker_of.get(question, "furnishes")
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
     for name, whole in (("read", answers.read), ("home", answers.home)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import torch
@@ -163,30 +164,29 @@ class Furnisher:
             uniform = spread(sweep * QUARTERS * STARTS, QUARTERS * STARTS)  # each sweep looks elsewhere
             if sweep > SWEEPS:
                 left = np.where(wrong([rooms.layout(state, b) for b in range(len(which))]) > 0, count, 0)
-            for step in range(order.shape[1]):
+            # What is to stand elsewhere looks in more places: apart, so that no room hangs on who is asked beside it.
+            for step, elsewhere in product(range(order.shape[1]), (True, False)):
                 is_largest = order[:, step] == largest
                 # The largest item is not lifted again: layouts would become alike.
                 moves = (left > step) & ~(is_largest & (sweep > 0))
-                # What is to stand elsewhere looks in more places: no room's layout hangs on who is asked beside it.
-                for elsewhere in (True, False):
-                    b = np.flatnonzero(moves & ((is_largest & others_known) == elsewhere))
-                    if not len(b):
-                        continue
-                    item, every = order[b, step], np.arange(len(b))
-                    now = rows(state, b)._replace(moving=item)
-                    stood = now.stands[every, item]
-                    now.stands[every, item] = False
-                    others = [known[r] for r in which[b]] if elsewhere else [()] * len(b)
-                    chosen = self._chosen(world, now, stood, uniform, others)
-                    found = np.isfinite(chosen.value)
-                    if elsewhere:
-                        count[b[~found]] = left[b[~found]] = 0
-                    put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
-                    for values, those in zip(state, put, strict=True):
-                        values[b[found]] = those
-                    for n, r in zip(np.flatnonzero(found), b[found], strict=True):
-                        k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
-                        paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
+                b = np.flatnonzero(moves & ((is_largest & others_known) == elsewhere))
+                if not len(b):
+                    continue
+                item, every = order[b, step], np.arange(len(b))
+                now = rows(state, b)._replace(moving=item)
+                stood = now.stands[every, item]
+                now.stands[every, item] = False
+                others = [known[r] for r in which[b]] if elsewhere else [()] * len(b)
+                chosen = self._chosen(world, now, stood, uniform, others)
+                found = np.isfinite(chosen.value)
+                if elsewhere:
+                    count[b[~found]] = left[b[~found]] = 0
+                put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
+                for values, those in zip(state, put, strict=True):
+                    values[b[found]] = those
+                for n, r in zip(np.flatnonzero(found), b[found], strict=True):
+                    k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
+                    paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
         value = self._mean_value(world, state)
         return [Furnished(rooms.layout(state, r), value[r], paths[r]) if count[r] else None for r in range(len(which))]
 
@@ -201,7 +201,7 @@ class Furnisher:
         """Where each moving item, which does not stand, or `stood` (B,) there until now, is put among what does.
 
         It starts from where numbers (3, QUARTERS * STARTS) from 0 to 1 say, in every room from the same. It is put
-        where it stands in none of the layouts that are `known`.
+        where it stands in none of the layouts that are `known`, of all rooms or of none.
         """
         starts = self._starts(world, state, uniform)
         ends = self._ends(world, state, starts, any(known))

@@ -216,7 +216,7 @@ class Search:
         self._add(episode[origin[first[new]]], reached[first[new]])
         self._leads_to[place[origin], action] = places[of_key]
         # Steps can be taken back; slides perhaps not.
-        steps = self._leads_to[place, : 4 * len(self._simulator.moves.steps)]
+        steps = self._leads_to[place, : self._simulator.moves.first_slide]
         neighbour = np.append(self._cost, np.inf)[steps].min(1)
         self._value[place] = (neighbour + self._gamma * self._cost[place]) / (1 - self._gamma**2)
 

@@ -44,7 +44,7 @@ SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by 
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
-EXPECTED = {  # where a field is missing
+EXPECTED = {  # of each field that must be there
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
     "outline": "the corners of the floor, as [[0, 0], [4, 0], [4, 3], [0, 3]] in metres",
@@ -98,20 +98,19 @@ def with_layout(
     """
     entries = [dict(entry) for entry in document["furniture"]]
     for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
-        if before.center is None:
-            entry.pop(FAULTS, None)
-        if before.center is None and item.center is not None:
+        if before.center is not None:
+            continue
+        entry.pop(FAULTS, None)
+        if item.center is not None:
             entry["center"] = [round(round(metres, 4) * UNITS[unit], 4) for metres in item.center]
             if item.rotation is not None:
                 entry["rotation"] = item.rotation
             if item.tucked:
                 entry["tucked"] = True
     for k, fault in wrong:
-        before_it = entries[k].get(FAULTS, [])
-        if not isinstance(before_it, list):  # the user's own
-            continue
-        if fault not in before_it:
-            entries[k][FAULTS] = [*before_it, fault]
+        listed = entries[k].get(FAULTS, [])
+        if isinstance(listed, list) and fault not in listed:  # else it is a field of the user's own
+            entries[k][FAULTS] = [*listed, fault]
     return {**document, "furniture": entries}
 
 
@@ -214,7 +213,7 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
     prefix = "" if field == "room" else f"{field}."
     for name in required:
         if name not in entry:
-            raise RoomError(prefix + name, f"missing; expected {EXPECTED.get(name, 'it to be there')}")
+            raise RoomError(prefix + name, f"missing; expected {EXPECTED[name]}")
     for name in entry:
         known = required + optional
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):

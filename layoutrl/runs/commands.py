@@ -228,18 +228,17 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
     In a sweep commas part values; a comma within a text is quoted by the user there. Raises InputError for a value
     without an option.
     """
-    named = options(schema).keys() - {"run"}  # --run is Hydra's own
-    texts = {name for name, kind in options(schema).items() if kind in (str, str | None)}
+    kinds = options(schema)
+    texts = {name for name, kind in kinds.items() if kind in (str, str | None)}
     sweeps = sweeps or not {"-m", "--multirun"}.isdisjoint(arguments)
 
     def quoted(argument: str) -> str:
         if argument.startswith("="):
             raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
-        if key.startswith("--") and key[2:].replace("-", "_") in named:
-            raise InputError(
-                f"{argument}: expected <option>=<value> without dashes, as {key[2:].replace('-', '_')}=..."
-            )
+        bare = key.removeprefix("--").replace("-", "_")
+        if key.startswith("--") and bare in kinds and bare != "run":  # --run is Hydra's own
+            raise InputError(f"{argument}: expected <option>=<value> without dashes, as {bare}=...")
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
         if not plain or (sweeps and re.search(r"[,()]", value)):
             return argument

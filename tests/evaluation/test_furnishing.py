@@ -97,13 +97,12 @@ def test_a_layout_does_not_hang_on_what_else_is_furnished(furnisher, designs) ->
 
 
 def test_what_is_to_stand_elsewhere_does_not_hang_on_what_else_is_furnished(furnisher, designs) -> None:
-    """In one room the first layout is known, of the other nothing: they look in different places, each in its own."""
+    """A layout of each is known. Where one room looks for another place for its largest item, the other does not."""
     briefs = [brief_of(room) for room in designs[:2]]
     world = _World(briefs, Moves(), furnisher._categories, CPU)
     rank = world.rooms.sequence()
-    rank[1] = (
-        rank[1].max() - rank[1]
-    )  # the largest item of the other comes last: the rooms are at it at different steps
+    # The largest item of the second room comes last: the rooms are at theirs at different steps.
+    rank[1] = rank[1].max() - rank[1]
     ((first,),) = furnisher.furnish(briefs[:1], 1, 0)
     ((second,),) = furnisher.furnish(briefs[1:], 1, 0)
     known = [[first], [second]]

@@ -132,8 +132,8 @@ def _front_depth(item: Item) -> float:
 
 def _item(item: Item, base: float) -> tuple[Array, int]:
     """(half extents (4, 2) by facing, the facing it has, or nearly has where it leans)"""
-    width, depth = item.size
-    halves = np.array([(width, depth), (depth, width)] * 2) / 2
+    depth, width = item.size
+    halves = np.array([(depth, width), (width, depth)] * 2) / 2
     if item.rotation is None:
         return halves, 0
     quarter = round((item.rotation - base) / 90)

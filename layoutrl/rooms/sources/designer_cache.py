@@ -140,10 +140,10 @@ def _unpacked(content: bytes, room_type: str) -> Designs:
         return Opening(kind, ring(corners))
 
     def item(category: Any, form: Any, tucked: Any) -> Item:
-        width, depth, x, y, rotation = islice(numbers, 5)
+        depth, width, x, y, rotation = islice(numbers, 5)
         if form not in ("rectangle", "circle") or not isinstance(tucked, bool):
             raise ValueError
-        return Item(_text(category), (width, depth), (x, y), rotation, form, tucked)
+        return Item(_text(category), (depth, width), (x, y), rotation, form, tucked)
 
     def unpacked(name: Any, outline: Any, walls: Any, openings: Any, items: Any, target: Any) -> Room:
         return Room(
