@@ -47,6 +47,12 @@ def missing(room: Room) -> list[int]:
     return [k for k, item in enumerate(room.furniture) if item.center is None]
 
 
+def largest_first(room: Room) -> list[int]:
+    """The same, the largest first; what is tucked under others after them."""
+    items = room.furniture
+    return sorted(missing(room), key=lambda k: (items[k].tucked, -math.prod(items[k].size)))
+
+
 def facings(room: Room) -> tuple[float, float, float, float]:
     """The rotations in degrees that items may have: along most of the walls, and turned by quarters from there."""
     length: dict[float, float] = {}  # of the walls in each direction, modulo quarters

@@ -23,9 +23,9 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher, spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
-from layoutrl.rivals.rooms.rival import Rival, by_size, dice, laid_out, same, several
+from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.brief import furnished, missing, ways
+from layoutrl.rooms.brief import furnished, largest_first, missing, ways
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.oddities import oddities
@@ -137,7 +137,7 @@ class Mover:
     def _layouts(self, briefs: Sequence[Room], seeds: Sequence[int]) -> list[Furnished]:
         layouts, values = list(briefs), [np.zeros(0) for _ in briefs]
         rngs = [dice(brief, seeds) for brief in briefs]
-        orders = [by_size(brief) for brief in briefs]
+        orders = [largest_first(brief) for brief in briefs]
         for turn in range(max(map(len, orders))):
             asked = [(k, order[turn]) for k, order in enumerate(orders) if turn < len(order)]
             turned = [(k, facing) for k, item in asked for facing in facing_all_ways(layouts[k], item)]

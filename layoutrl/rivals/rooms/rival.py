@@ -15,7 +15,7 @@ from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import Searching, search
-from layoutrl.rooms.brief import missing
+from layoutrl.rooms.brief import largest_first
 from layoutrl.rooms.clearances import off, period
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
@@ -65,7 +65,7 @@ class Rival:
 
 def laid_out(brief: Room, layout: Room, value: float) -> Furnished:
     """A layout that took each item to its place at once, the largest first."""
-    items = [(k, layout.furniture[k]) for k in by_size(brief)]
+    items = [(k, layout.furniture[k]) for k in largest_first(brief)]
     return Furnished(layout, value, [(k, item.center, item.degrees) for k, item in items if item.center is not None])
 
 
@@ -97,9 +97,3 @@ def _alike(one: Item, other: Item) -> bool:
 def dice(brief: Room, seeds: Sequence[int]) -> np.random.Generator:
     """Of a room: the same in whichever file, shard or block it is."""
     return np.random.default_rng([*seeds, zlib.crc32(brief.id.encode())])
-
-
-def by_size(brief: Room) -> list[int]:
-    """What is to be placed, the largest first; what is tucked under others after them."""
-    items = brief.furniture
-    return sorted(missing(brief), key=lambda k: (items[k].tucked, -math.prod(items[k].size)))

@@ -17,6 +17,7 @@ from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.cost import Cost
 from layoutrl.rivals.rooms.relations import Relations
 from layoutrl.rivals.rooms.scene import DIRECTIONS, STRIP, Array, Scene, boxes_at, depth, scene_of, unreached
+from layoutrl.rooms.brief import largest_first
 from layoutrl.rooms.room import FIT, Room
 
 Pose = tuple[Array, int]  # centre (2,) and facing
@@ -75,13 +76,11 @@ class Finder:
     def __init__(self, scene: Scene, relations: Relations, settings: Searching, rng: np.random.Generator):
         self.scene, self.settings, self.rng = scene, settings, rng
         self.cost = Cost(scene, relations, settings.weights)
-        self.area = 4 * scene.half[:, 0].prod(-1)
-        self.tucked = np.array([item.tucked for item in scene.brief.furniture])
-        self.order = scene.movable[np.lexsort((-self.area[scene.movable], self.tucked[scene.movable]))]
-        self.places = {i: self._legal(i, *self._grid(i)) for i in self.order.tolist()}
+        self.order = largest_first(scene.brief)
+        self.places = {i: self._legal(i, *self._grid(i)) for i in self.order}
         self.center, self.quarter = scene.center.copy(), scene.quarter.copy()  # of the layout that grows
-        self.placed = ~np.isin(np.arange(len(self.area)), scene.movable)
-        self.lowest = (len(self.area) + 1, np.inf)  # items without a place or out of reach, and cost
+        self.placed = ~np.isin(np.arange(len(scene.center)), scene.movable)
+        self.lowest = (len(scene.center) + 1, np.inf)  # items without a place or out of reach, and cost
         self.best = self.center.copy(), self.quarter.copy(), self.placed.copy()
         self.restarts = 0
 
@@ -91,7 +90,7 @@ class Finder:
         self.nodes = self.settings.nodes
         if not self._extended(0, over):
             self.placed[:] = standing
-            for i in self.order.tolist():  # without going back: who finds no place, even out of reach, is left out
+            for i in self.order:  # without going back: who finds no place, even out of reach, is left out
                 for place in (self._ranked(i) or self._ranked(i, anywhere=True))[:1]:
                     self._put(i, place)
             self._remember()
@@ -103,7 +102,7 @@ class Finder:
         if k == len(self.order):
             self._remember()
             return True
-        i = int(self.order[k])
+        i = self.order[k]
         for place in self._ranked(i):
             if self.nodes <= 0 or (self.restarts and over()):
                 return False
