@@ -10,11 +10,12 @@ from torch import Tensor, nn
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.replay import REWARD_SCALE, Transitions
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.scenes import Scenes, destinations
+from layoutrl.env.scenes import Scenes
 
 UNIT = 0.01  # of rewards / 100: smaller values are learned as they are, larger ones by their logarithm
 LARGEST = 12.0  # on that scale: more than any value has, whatever a network says
 WIDENED = 0.9  # share of the gap between the best move and another: it is learned 1 / (1 - WIDENED) times as large
+LOSS = 1e-4  # of rewards / 100: what gains less than -LOSS loses
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,11 @@ class EveryMove:
     A move gains the reward of the pose that it leads to, less that of the pose that it leaves. That is the paper's
     reward shaped by a potential, what staying would pay (Ng, Harada & Russell 1999; all of it times 1 - discount), so
     that the best moves stay the best. The discount rises over the first half of the updates.
+
+    A room is a hundred moves long. So that a value has fewer steps to come from the goal, each move is repeated: up to
+    1, 2, 4, ... or `repeats` times, which is drawn, while it is legal and loses nothing. Near the goal, where rewards
+    change, that is once; on free floor the way back from a wrong move is so much the longer (persistent exploration:
+    Dabney, Ostrovski & Barreto 2021; action repetition: Lakshminarayanan, Sharma & Ravindran 2017).
 
     Values fall by a share (1 - discount) with each move away from the goal, and moves of one pose differ by no more
     than that share of them. They are learned as h(Q) = asinh(Q / UNIT), in which each move counts as much, near and far
@@ -35,25 +41,43 @@ class EveryMove:
     simulator: BatchSimulator | Scenes
     updates: int
     discount: tuple[float, float]  # first and last: what rises linearly is the horizon, 1 / (1 - discount)
+    repeats: int = 32  # of a move at most, a power of two
 
     def discount_at(self, updates: int) -> float:
         """The discount after so many updates."""
         first, last = (1 / (1 - discount) for discount in self.discount)
         return 1 - 1 / LinearSchedule(first, last, self.updates // 2)(updates)
 
-    def transitions(self, room: Tensor, position: Tensor, updates: int) -> tuple[Tensor, Transitions]:
-        """Which moves are legal (B, A), and all moves as transitions (B x A,); what is not legal leads nowhere."""
-        simulator = self.simulator
-        reached, legal = destinations(simulator, room, position)
-        reached = torch.where(legal[..., None], reached, position[:, None])
-        count = legal.shape[1]
-        left = simulator.reward(room, position).total.repeat_interleave(count, 0)
-        room, before = room.repeat_interleave(count, 0), position.repeat_interleave(count, 0)
-        after = reached.flatten(0, 1)
-        gained = (simulator.reward(room, after).total - left) / REWARD_SCALE
-        action = torch.arange(count, device=room.device).repeat(len(position))
-        discounts = torch.full_like(gained, self.discount_at(updates))
-        return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
+    def transitions(
+        self, room: Tensor, position: Tensor, updates: int, generator: torch.Generator
+    ) -> tuple[Tensor, Transitions]:
+        """Which moves are legal (B, A), and all as transitions (B x A,), repeated; what is not legal leads nowhere."""
+        simulator, discount = self.simulator, self.discount_at(updates)
+        legal = simulator.reach(room, position)[1]
+        stands = simulator.reward(room, position).total / REWARD_SCALE
+        b, action = torch.ones_like(legal).nonzero().unbind(1)
+        whose, before, stands = room[b], position[b], stands[b]
+        drawn = torch.randint(self.repeats.bit_length(), b.shape, generator=generator, device=b.device)
+        after, gained, discounts = before.clone(), torch.zeros_like(stands), torch.ones_like(stands)
+        goes = torch.arange(len(b), device=b.device)  # which of them go on
+        for made in range(self.repeats):
+            goes = goes[made < 2 ** drawn[goes]]
+            length, can = (
+                each.gather(1, action[goes, None]).squeeze(1) for each in simulator.reach(whose[goes], after[goes])
+            )
+            goes, length = goes[can], length[can]
+            there = simulator.moved(whose[goes], after[goes], action[goes], length)
+            stands_there = simulator.reward(whose[goes], there).total / REWARD_SCALE
+            gain = stands_there - stands[goes]
+            if made:
+                keeps = gain >= -LOSS
+                goes, there, stands_there, gain = goes[keeps], there[keeps], stands_there[keeps], gain[keeps]
+            gained[goes] += discounts[goes] * gain
+            discounts[goes] *= discount
+            after[goes], stands[goes] = there, stands_there
+            if not len(goes):
+                break
+        return legal, Transitions(whose, before, action, gained, discounts, after, simulator.reach(whose, after)[1])
 
     @torch.no_grad()
     def target(

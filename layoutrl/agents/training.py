@@ -146,7 +146,9 @@ class Training:
                 next_observation = self._observe(sampled.room, sampled.next_position)
                 turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
             else:
-                legal, moves = self._every_move.transitions(sampled.room, sampled.position, self.updates)
+                legal, moves = self._every_move.transitions(
+                    sampled.room, sampled.position, self.updates, self._replay_rng
+                )
                 next_observation = self._observe(moves.room, moves.next_position)
         with self._watch("learn"):
             if self._every_move is None:

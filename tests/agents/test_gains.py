@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutrl.agents.gains import UNIT, WIDENED, EveryMove, gains, shown, value_of
+from layoutrl.agents.gains import LOSS, UNIT, WIDENED, EveryMove, gains, shown, value_of
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import Reward
@@ -20,12 +20,12 @@ from tests.builders import learned_gains, perfect_at_gains, rectangular_room, sm
 def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_anywhere():
     rooms, moves = small_rooms(), Moves((0.4, 0.1))
     exact = Simulator(rooms, moves, Reward())
-    learns = EveryMove(BatchSimulator(exact), 20, (0.5, 0.8))
+    learns = EveryMove(BatchSimulator(exact), 20, (0.5, 0.8), repeats=1)
     rng = np.random.default_rng(0)
     room = rng.integers(2, size=20)
     position = exact.starts(room, rng)
     for updates, discount in ((0, 0.5), (10, 0.8)):
-        legal, found = learns.transitions(torch.tensor(room), torch.tensor(position), updates)
+        legal, found = learns.transitions(torch.tensor(room), torch.tensor(position), updates, torch.Generator())
         reached, allowed = exact.destinations(room, position)
         np.testing.assert_array_equal(legal, allowed)
         reached = np.where(allowed[..., None], reached, position[:, None]).reshape(-1, 2)
@@ -36,7 +36,37 @@ def test_every_move_of_a_pose_is_a_transition_and_none_that_is_illegal_leads_any
         left = np.repeat(position, moves.count, 0)
         gained = exact.reward(whose, reached).total - exact.reward(whose, left).total
         np.testing.assert_allclose(found.reward, gained / REWARD_SCALE, atol=1e-5)
-        np.testing.assert_allclose(found.discount, discount)
+        np.testing.assert_allclose(found.discount, np.where(allowed.ravel(), discount, 1.0), rtol=1e-6)
+
+
+def test_a_move_is_repeated_as_often_as_was_drawn_while_it_is_legal_and_loses_nothing():
+    rooms, moves, discount = small_rooms(), Moves((0.1, 0.02), slide=False), 0.9
+    exact = Simulator(rooms, moves, Reward())
+    learns = EveryMove(BatchSimulator(exact, dtype=torch.float64), 0, (discount, discount), repeats=4)
+    rng = np.random.default_rng(0)
+    room = rng.integers(2, size=40)
+    position = exact.starts(room, rng)
+    _, found = learns.transitions(torch.tensor(room), torch.tensor(position), 0, torch.Generator().manual_seed(0))
+    made = np.log(found.discount.numpy()) / np.log(discount)
+    assert {0, 1, 2, 4} <= {*made.round(6)}  # 0: illegal
+    drawn = set()
+    for k, (times, action) in enumerate(zip(made.round().astype(int), found.action.tolist(), strict=True)):
+        whose, here, gained = room[k // moves.count, None], position[k // moves.count, None], 0.0
+        ends = None  # why it ends
+        for n in range(times + 1):
+            reached, legal = exact.destinations(whose, here)
+            gain = exact.reward(whose, reached[:, action]).total - exact.reward(whose, here).total
+            if not legal[0, action] or (n and gain[0] < -REWARD_SCALE * LOSS):
+                ends = n
+                break
+            if n < times:
+                here, gained = reached[:, action], gained + discount**n * gain[0] / REWARD_SCALE
+        assert ends == times or times in (1, 2, 4)  # nothing ends it earlier than drawn but a wall or a loss
+        assert ends is None or ends >= times
+        drawn.add(times if ends is None else -1)
+        np.testing.assert_allclose(found.next_position[k], here[0], atol=1.1e-6)
+        np.testing.assert_allclose(found.reward[k], gained, atol=1e-6)
+    assert drawn == {-1, 1, 2, 4}
 
 
 def test_the_horizon_rises_over_the_first_half():
@@ -80,8 +110,8 @@ def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be
         torch.zeros(4, dtype=torch.int64),
         torch.tensor([(0.5, 0.5), (2.0, 1.5), (2.5, 1.5), (3.5, 2.5)]).double(),
     )
-    learns = EveryMove(simulator, 0, (discount, discount))
-    legal, found = learns.transitions(whose, place, 0)
+    learns = EveryMove(simulator, 0, (discount, discount), repeats=1)
+    legal, found = learns.transitions(whose, place, 0, torch.Generator())
     target = learns.target(network, legal, found, place, found.next_position)
     torch.testing.assert_close(target[legal].float(), network(place)[legal], rtol=0, atol=2e-2)
     assert not legal.all()
@@ -90,7 +120,9 @@ def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be
 def test_where_no_move_is_legal_nothing_follows():
     simulator = BatchSimulator(Simulator(small_rooms(), Moves((0.4,)), Reward()))
     learns = EveryMove(simulator, 0, (0.5, 0.5))
-    legal, found = learns.transitions(torch.tensor([0]), torch.tensor([[1.2, 1.0]], dtype=torch.float64), 0)
+    legal, found = learns.transitions(
+        torch.tensor([0]), torch.tensor([[1.2, 1.0]], dtype=torch.float64), 0, torch.Generator()
+    )
     found = found._replace(next_legal=torch.zeros_like(found.next_legal))
     network = lambda seen: torch.zeros(len(seen), legal.shape[1])  # noqa: E731
     target = learns.target(network, legal, found, torch.zeros(1), torch.zeros(len(found.reward)))
