@@ -54,30 +54,28 @@ class EveryMove:
         """Which moves are legal (B, A), and all as transitions (B x A,), repeated; what is not legal leads nowhere."""
         simulator, discount = self.simulator, self.discount_at(updates)
         legal = simulator.reach(room, position)[1]
-        stands = simulator.reward(room, position).total / REWARD_SCALE
-        b, action = torch.ones_like(legal).nonzero().unbind(1)
-        whose, before, stands = room[b], position[b], stands[b]
-        drawn = torch.randint(self.repeats.bit_length(), b.shape, generator=generator, device=b.device)
-        after, gained, discounts = before.clone(), torch.zeros_like(stands), torch.ones_like(stands)
-        goes = torch.arange(len(b), device=b.device)  # which of them go on
+        pose, action = torch.ones_like(legal).nonzero().unbind(1)
+        room, before = room[pose], position[pose]
+        times = 2 ** torch.randint(self.repeats.bit_length(), room.shape, generator=generator, device=room.device)
+        after, stands = before.clone(), self._worth(room, before)
+        gained, discounts = torch.zeros_like(stands), torch.ones_like(stands)
+        goes = torch.arange(len(room), device=room.device)  # which of them go on
         for made in range(self.repeats):
-            goes = goes[made < 2 ** drawn[goes]]
-            length, can = (
-                each.gather(1, action[goes, None]).squeeze(1) for each in simulator.reach(whose[goes], after[goes])
-            )
+            goes = goes[made < times[goes]]
+            reach = simulator.reach(room[goes], after[goes])
+            length, can = (each.gather(1, action[goes, None]).squeeze(1) for each in reach)
             goes, length = goes[can], length[can]
-            there = simulator.moved(whose[goes], after[goes], action[goes], length)
-            stands_there = simulator.reward(whose[goes], there).total / REWARD_SCALE
-            gain = stands_there - stands[goes]
-            if made:
-                keeps = gain >= -LOSS
-                goes, there, stands_there, gain = goes[keeps], there[keeps], stands_there[keeps], gain[keeps]
-            gained[goes] += discounts[goes] * gain
+            there = simulator.moved(room[goes], after[goes], action[goes], length)
+            worth = self._worth(room[goes], there)
+            keeps = worth - stands[goes] >= (-LOSS if made else -torch.inf)
+            goes, there, worth = goes[keeps], there[keeps], worth[keeps]
+            gained[goes] += discounts[goes] * (worth - stands[goes])
             discounts[goes] *= discount
-            after[goes], stands[goes] = there, stands_there
-            if not len(goes):
-                break
-        return legal, Transitions(whose, before, action, gained, discounts, after, simulator.reach(whose, after)[1])
+            after[goes], stands[goes] = there, worth
+        return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
+
+    def _worth(self, room: Tensor, position: Tensor) -> Tensor:
+        return self.simulator.reward(room, position).total / REWARD_SCALE
 
     @torch.no_grad()
     def target(
