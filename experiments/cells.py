@@ -69,6 +69,8 @@ def fill(config: CellConfig) -> None:
             what = f"filled with another {', '.join(others)}; expected a new folder (results=...), or delete the cell"
             error.write_text(f"error: {name} is {what}\n", encoding="utf-8")
             print(f"{config.table}: {name} is {what}", flush=True)
+        else:
+            print(f"{config.table}: {name} is filled already", flush=True)
         return
     log = Path(config.runs) / config.table / f"{config.budget.name}-{name}.log"
     for needed in (folder, log.parent):

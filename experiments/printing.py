@@ -50,7 +50,7 @@ FIELDS = {
     "best_of_3_sd": "standard deviation of it",
     "iou_error": "standard error of the mean IoU, over rooms",
     "p_iou": "p-value of the IoU's difference to the best rival's, paired permutation test over the rooms of both",
-    "facing": "share of items with a front that face as the designer's do",
+    "facing": "share of items that face as the designer's do, but for those that look alike from all sides",
     "faultless": "share of rooms in which nothing is missing, overlaps, stands out, blocks, is unreached or shut in",
     "faultless_error": "standard error of it, over rooms",
     "p_faultless": "p-value of its difference to the rival's that is best in it, the same test",

@@ -1,4 +1,4 @@
-"""python -m layoutrl.train room=<type> data=<source> method=<geometric|paper> budget=<smoke|default|full> seed=0
+"""python -m layoutrl.train room=<type> [scope=room] [data=<source>] [method=<name>] [budget=<name>] [seed=0]
 
 or resume=<folder of a run>, which goes on as if it had never stopped.
 """

@@ -37,7 +37,7 @@ class Method:
     dueling: bool = False
     discount: float
     learning_rate: float
-    symmetries: bool  # learn from every transition mirrored and turned, too
+    symmetries: bool  # an equal share of what is learned from is seen in each mirrored and turned view
     batch: int  # transitions an update
     episodes: int  # stepped at once
     warmup_moves: int

@@ -26,7 +26,7 @@ from layoutrl.rooms.room import Item, Point, Room, rotation
 
 STARTS = 32  # places spread for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
-SWEEPS = 1  # times that every item is lifted and placed again, among all others
+SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
 REPAIRS = 1  # times more, in rooms with a fault
 AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
 NEAR_WALL = 0.15  # metres: what ends no further before what is behind it slides back, until it touches
@@ -42,11 +42,11 @@ class Furnisher:
     The largest item comes first. Of each, places are spread for every way that it can face; from those that the agent
     values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
     (`rooms/faults.py`, geometry alone). Where there is none, it is put where one move more leads, or else at one of the
-    places that were spread. What ends just before a wall or an item slides back to it. When all stand, each is
-    lifted once more, and moved if another pose is better; and again where something is still wrong. Where that does not
-    help, the room is furnished anew, what had a fault first. A room whose walls lean is furnished upright, since agents
-    learn in upright ones, and turned back. The designer's layout is not known here. Nothing is left to chance: the same
-    brief always gets the same layouts.
+    places that were spread. What ends just before a wall or an item slides back to it. When all stand, each but the
+    largest is lifted once more, and moved if another pose is better; and again where something is still wrong. Where
+    that does not help, the room is furnished anew, what had a fault first. A room whose walls lean is furnished
+    upright, since agents learn in upright ones, and turned back. The designer's layout is not known here. Nothing is
+    left to chance: the same brief always gets the same layouts.
     """
 
     def __init__(self, network: nn.Module, method: Method, categories: Sequence[str]):

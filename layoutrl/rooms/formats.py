@@ -21,7 +21,7 @@ from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below, write_rooms
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
-from layoutrl.rooms.sources.categories import names_of
+from layoutrl.rooms.sources.categories import ALL, names_in, names_of
 from layoutrl.rooms.sources.front3d import MODELS
 from layoutrl.rooms.sources.procthor import ASSETS
 from layoutrl.rooms.sources.sweethome3d import read_home
@@ -29,7 +29,6 @@ from layoutrl.rooms.sources.sweethome3d import read_home
 FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
 SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
 LOOK = 2**20  # bytes, at the start of a file, that tell its format
-ALL = "all"  # of `move`: whatever who places can place
 
 
 class Source(Protocol):
@@ -137,8 +136,3 @@ def to_place(room: Room, move: str | None) -> Room:
     named = names_in(move)
     those = {k for k, item in enumerate(room.furniture) if item.category in named or ALL in named}
     return replace(room, furniture=lifted(room.furniture, those))
-
-
-def names_in(move: str | None) -> set[str]:
-    """What `move` names."""
-    return set() if move is None else {name.strip() for name in move.split(",")}

@@ -41,7 +41,7 @@ from layoutrl.runs.trained import trained_network
 
 RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
-STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: no layout hangs on chance
+STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: little hangs on the seed
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from layoutrl.env.observation import CIRCLE, SIN2, categories_of, upright_box
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
+from layoutrl.env.scenes import QUARTERS
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
@@ -29,7 +30,6 @@ from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import TOLERANCE, Room
 
-QUARTERS = 4
 BLOCK = 64  # rooms furnished at once: memory, not speed
 LIKELY = 24  # places along each axis, of the highest weight, that are looked at; unsourced: time
 PENALTY = 1e3  # of log-likelihood, for an overlap: any number above all differences

@@ -20,6 +20,7 @@ from layoutrl.rooms.room import MAIN_ITEM
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
 NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
+ALL = "all"  # of `move`: whatever who places can place
 
 # What tells the type of a room without a name, in this order; and what may be put into a room of each type: what
 # the designer puts there, and what does as well.
@@ -134,6 +135,11 @@ def nearest(name: str, known: Collection[str]) -> list[str]:
     ours = category_of(name) or ""
     alike = difflib.get_close_matches(name, known, 3, 0)
     return [*dict.fromkeys([ours, *alike] if ours in known else alike)][:3]
+
+
+def names_in(move: str | None) -> set[str]:
+    """What `move` names."""
+    return set() if move is None else {name.strip() for name in move.split(",")}
 
 
 def plain(name: str) -> str:

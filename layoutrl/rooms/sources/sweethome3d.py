@@ -25,7 +25,7 @@ from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
-from layoutrl.rooms.sources.categories import HOLDS, Names, names_of
+from layoutrl.rooms.sources.categories import ALL, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong
 from layoutrl.rooms.sources.home_xml import (
     GROUP,
@@ -122,7 +122,7 @@ def read_home(
         what = expat.errors.messages.get(error.code, "no XML")
         raise InputError(f"{path}: {HOME}, line {error.lineno}: expected whole XML; got {what}") from None
     home = Home(path, Collection(f"home {path}"), {}, xml)
-    moved = None if move is None else {part.strip() for part in move.split(",")}
+    moved = None if move is None else names_in(move)
     for storey in storeys:
         for read, pieces in storey.finished(names, name, room_type, lambda piece: _moves(piece, moved, False)):
             home.collection.rooms.append(read)
@@ -288,7 +288,7 @@ def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
     """Whether a piece is to be placed: what nobody knows is not, and `all` leaves out what is part of the building."""
     if not piece.known or move is None:
         return piece.known and parked
-    return piece.item.category in move or ("all" in move and piece.element.flag("movable", True))
+    return piece.item.category in move or (ALL in move and piece.element.flag("movable", True))
 
 
 def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> None:
