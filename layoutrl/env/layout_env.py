@@ -51,6 +51,12 @@ def check_at_least_one(**counts: int) -> None:
             raise ValueError(f"{name}: expected a whole number, 1 or more; got {count!r}")
 
 
+def check_render_mode(mode: str | None) -> None:
+    """Raises ValueError for what is no way to render."""
+    if mode not in (None, "rgb_array"):
+        raise ValueError(f"render_mode: expected rgb_array or None; got {mode!r}")
+
+
 def is_whole(number: object) -> bool:
     """Whether it is a whole number; True and False are none here."""
     return isinstance(number, int | np.integer) and not isinstance(number, bool)
@@ -93,8 +99,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     ):
         if on_illegal not in ("drop", "stop"):
             raise ValueError(f"on_illegal: expected drop or stop; got {on_illegal!r}")
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
+        check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         rooms = standing_or_some(rooms)
         self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())

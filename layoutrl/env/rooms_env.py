@@ -12,7 +12,7 @@ import torch
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
-from layoutrl.env.layout_env import check_at_least_one, given_or_some, is_whole
+from layoutrl.env.layout_env import check_at_least_one, check_render_mode, given_or_some, is_whole
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished
 from layoutrl.env.reward import Reward
@@ -54,8 +54,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         max_moves: int = MAX_MOVES,
         render_mode: str | None = None,
     ):
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
+        check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         self.simulator, self.designs = simulator_of(rooms, moves, reward)
         self.max_moves = max_moves

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.layout_env import check_at_least_one
+from layoutrl.env.layout_env import check_at_least_one, check_render_mode
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
@@ -52,8 +52,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         device: torch.device | str = "cpu",
         render_mode: str | None = None,
     ):
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
+        check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         self.num_envs = num_envs
         self.max_moves = max_moves

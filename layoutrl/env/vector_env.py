@@ -16,7 +16,7 @@ from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.layout_env import LayoutEnv, check_at_least_one, standing_or_some
+from layoutrl.env.layout_env import LayoutEnv, check_at_least_one, check_render_mode, standing_or_some
 from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward, RewardTerms
@@ -58,8 +58,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         device: torch.device | str = "cpu",
         render_mode: str | None = None,
     ):
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode: expected rgb_array or None; got {render_mode!r}")
+        check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         rooms = standing_or_some(rooms)
         self.num_envs = num_envs

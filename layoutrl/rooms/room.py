@@ -260,15 +260,19 @@ def wall_band(
         strip = Polygon(((x0, y0), (x0 + ay, y0 - ax), (x1 + ay, y1 - ax), (x1, y1)))  # on its right: outside
         wall = strip.intersection(band).difference(taken)
         taken = taken.union(wall)
-        walls.extend(rings(_without_films(wall)))
+        walls.extend(rings(without_films(wall)))
     walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
     return tuple(walls)
 
 
-def _without_films(wall: shapely.Geometry) -> shapely.Geometry:
-    """A wall without what is thinner than FILM: where rounding leaves an opening not quite as deep as the wall."""
-    shrunk = wall.buffer(-FILM / 2, join_style="mitre")
-    return shapely.set_precision(shrunk.buffer(FILM / 2, join_style="mitre"), 1e-9)
+def without_films(wall: shapely.Geometry, grid: float = 1e-9) -> shapely.Geometry:
+    """A wall without what is thinner than FILM: where rounding leaves an opening not quite as deep as the wall.
+
+    Corners are on a grid of so many metres.
+    """
+    with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
+        shrunk = wall.buffer(-FILM / 2, join_style="mitre")
+        return shapely.set_precision(shrunk.buffer(FILM / 2, join_style="mitre"), grid)
 
 
 def polygons(rings: Sequence[Ring]) -> np.ndarray:

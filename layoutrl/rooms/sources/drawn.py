@@ -20,7 +20,17 @@ from shapely.geometry.polygon import orient
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
-from layoutrl.rooms.room import FILM, TOLERANCE, WALL_THICKNESS, Item, Ring, Room, RoomError, along_and_through, rings
+from layoutrl.rooms.room import (
+    TOLERANCE,
+    WALL_THICKNESS,
+    Item,
+    Ring,
+    Room,
+    RoomError,
+    along_and_through,
+    rings,
+    without_films,
+)
 from layoutrl.rooms.sources.categories import NO_ROOM, Names
 from layoutrl.rooms.sources.plans import is_drawn_before
 
@@ -292,11 +302,8 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[l
     taken = shapely.union_all([Polygon(floor.exterior), *(gap.shape for gap in openings)])
     walls = [[list(corner) for corner in hole.coords[:-1]] for hole in floor.interiors]
     for strip in strips:
-        cut = strip.difference(taken)
-        # Without films, where rounding leaves an opening not quite as deep as the wall.
-        with np.errstate(all="ignore"):
-            kept = cut.buffer(-FILM / 2, join_style="mitre").buffer(FILM / 2, join_style="mitre")
-        walls += [[list(corner) for corner in ring] for ring in rings(shapely.set_precision(kept, 1e-6))]
+        kept = without_films(strip.difference(taken), 1e-6)
+        walls += [[list(corner) for corner in ring] for ring in rings(kept)]
         taken = taken.union(strip)
     return walls
 
