@@ -62,6 +62,8 @@ class EveryMove:
         goes = torch.arange(len(room), device=room.device)  # which of them go on
         for made in range(self.repeats):
             goes = goes[made < times[goes]]
+            if not len(goes):
+                break
             reach = simulator.reach(room[goes], after[goes])
             length, can = (each.gather(1, action[goes, None]).squeeze(1) for each in reach)
             goes, length = goes[can], length[can]

@@ -53,7 +53,7 @@ class Moves:
     @property
     def count(self) -> int:
         """How many actions there are."""
-        return 4 * (len(self.steps) + self.slide)
+        return self.first_slide + 4 * self.slide
 
     @property
     def first_slide(self) -> int:

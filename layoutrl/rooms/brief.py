@@ -48,7 +48,7 @@ def missing(room: Room) -> list[int]:
 
 
 def largest_first(room: Room) -> list[int]:
-    """The same, the largest first; what is tucked under others after them."""
+    """The indices of the items that are to be placed, the largest first; what is tucked under others after them."""
     items = room.furniture
     return sorted(missing(room), key=lambda k: (items[k].tucked, -math.prod(items[k].size)))
 

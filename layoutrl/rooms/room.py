@@ -270,9 +270,13 @@ def without_films(wall: shapely.Geometry, grid: float = 1e-9) -> shapely.Geometr
 
     Corners are on a grid of so many metres.
     """
+    return shapely.set_precision(without_narrow(wall, FILM), grid)
+
+
+def without_narrow(shape: shapely.Geometry, width: float) -> shapely.Geometry:
+    """A shape without what is narrower than `width` metres."""
     with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
-        shrunk = wall.buffer(-FILM / 2, join_style="mitre")
-        return shapely.set_precision(shrunk.buffer(FILM / 2, join_style="mitre"), grid)
+        return shape.buffer(-width / 2, join_style="mitre").buffer(width / 2, join_style="mitre")
 
 
 def polygons(rings: Sequence[Ring]) -> np.ndarray:

@@ -30,6 +30,7 @@ from layoutrl.rooms.room import (
     along_and_through,
     rings,
     without_films,
+    without_narrow,
 )
 from layoutrl.rooms.sources.categories import NO_ROOM, Names
 from layoutrl.rooms.sources.plans import is_drawn_before
@@ -189,9 +190,7 @@ def tidy(floor: Polygon, walls: shapely.Geometry | None = None) -> list[Polygon]
     a wall. Raises RoomError where nothing is left.
     """
     free = floor if walls is None else floor.difference(walls)
-    with np.errstate(all="ignore"):  # GEOS divides by zero at a straight corner, to no harm
-        opened = free.buffer(-NARROW / 2, join_style="mitre").buffer(NARROW / 2, join_style="mitre")
-    first, *others = _parts(opened)
+    first, *others = _parts(without_narrow(free, NARROW))
     return [_straight(part) for part in (first, *(part for part in others if part.area > ROOM))]
 
 
