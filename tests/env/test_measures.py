@@ -140,7 +140,7 @@ def test_a_passage_leads_to_every_item(room_type: str, gap: float, closed: bool)
 
 
 @pytest.mark.parametrize("middle", [1.4, 2.6])
-def test_without_a_door_the_largest_part_of_the_floor_counts(middle: float) -> None:
+def test_the_first_door_is_the_entrance_and_without_one_the_largest_part_of_the_floor_counts(middle: float) -> None:
     divider = Item("shelf", (0.5, 3), (middle, 1.5))
     platforms = [Item("platform", (0.4, 0.4), (x, 1.5)) for x in (0.3, 3.7)]
     room = room_with(divider, *platforms, openings=())
@@ -154,6 +154,9 @@ def test_without_a_door_the_largest_part_of_the_floor_counts(middle: float) -> N
     entered = replace(room, openings=(DOOR,))  # on the left
     assert of(entered).walkable == pytest.approx(1 - share if middle < 2 else share, abs=0.03)
     assert named(entered, "out of reach") == [2]
+    right = opening("door", 4.0, 1.0, 4.2, 2.0)
+    assert named(replace(room, openings=(DOOR, right)), "out of reach") == [2]  # of two doors the first is the entrance
+    assert named(replace(room, openings=(right, DOOR)), "out of reach") == [1]
 
 
 def test_nobody_walks_where_no_floor_is_left() -> None:

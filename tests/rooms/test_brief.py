@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from layoutrl.rooms.brief import brief_of, facings, furnished, missing, ways
+from layoutrl.rooms.brief import brief_of, facings, furnished, largest_first, missing, ways
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Ring
 from tests.builders import rectangular_room
@@ -28,6 +28,12 @@ def test_a_brief_tells_neither_places_nor_rotations_nor_the_order(room_type: str
         assert brief_of(replace(room, furniture=moved, target=None)) == brief
         what = sorted((item.category, item.size, item.form, item.tucked) for item in room.furniture)
         assert [(item.category, item.size, item.form, item.tucked) for item in brief.furniture] == what
+
+
+def test_the_largest_item_comes_first_and_what_is_tucked_under_others_after_them() -> None:
+    chair, desk = Item("chair", (1.5, 1.5), None, tucked=True), Item("desk", (0.7, 1.4), None)
+    bed, lamp = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("lamp", (0.4, 0.4), None)
+    assert largest_first(rectangular_room(4.0, 4.0, chair, others=(lamp, bed, desk), target=None)) == [3, 1, 0]
 
 
 def test_items_face_along_the_walls() -> None:

@@ -16,7 +16,7 @@ from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.scene import may_share_floor, scene_of
 from layoutrl.rivals.rooms.search import Finder, Searching, search
 from layoutrl.rooms.brief import brief_of, facings
-from layoutrl.rooms.faults import faults, kept_free
+from layoutrl.rooms.faults import FRONT_NOT_FREE, faults, kept_free
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from tests.builders import opening, random_room, rectangular_room
 from tests.rivals.rooms.builders import configured, designed
@@ -59,6 +59,8 @@ def test_all_items_find_places_indoors_off_each_other_and_off_the_doors(method, 
         assert not core.intersects(kept_free(room))
         for other in layout.furniture[:k]:
             assert may_share_floor(item, other) or not core.intersects(other.footprint)
+    if method is searched:
+        assert not faults(layout)
 
 
 @both
@@ -136,6 +138,16 @@ def test_any_room_is_furnished_and_search_breaks_no_rule(method, seed):
             assert kept_free(brief).intersection(item.footprint).area < 1e-4
             others = [other for other in placed[:k] if not may_share_floor(item, other)]
             assert not any(item.footprint.intersection(other.footprint).area > 1e-4 for other in others)
+        assert FRONT_NOT_FREE not in {fault for _, fault in faults(layout)}
+
+
+def test_search_keeps_the_floor_before_an_item_free_of_what_stands():
+    globe, wardrobe = Item("globe", (0.5, 0.5), (0.9, 0.5)), Item("wardrobe", (0.6, 1.0), None, 0.0)
+    brief = rectangular_room(4, 3, globe, others=(wardrobe,), target=None)
+    nothing = Relations({}, {}, frozenset(), 0.0)  # so that the first free place is best: the corner behind the globe
+    layout = search(brief, nothing, SEARCHING, updates_budget(1), np.random.default_rng(0))
+    assert layout.furniture[1].center is not None
+    assert not faults(layout)
 
 
 def test_search_leaves_out_what_fits_nowhere_and_places_the_rest():
@@ -178,6 +190,16 @@ def test_annealing_ends_no_worse_than_it_began_and_the_more_moves_the_better():
         assert chains.lowest <= first
         lowest.append(chains.lowest)
     assert lowest[0] > lowest[1] > lowest[2]
+
+
+def test_in_the_cold_no_chain_takes_what_costs_more():
+    cold = replace(ANNEALING, first_temperature=1e-9, last_temperature=1e-9, first_rules=1.0, last_rules=1.0)
+    scene = scene_of(brief_of(designed("dining_room", 1)[0]))
+    chains = Chains(scene, relations_of("dining_room"), cold, np.random.default_rng(0))
+    for _ in range(200):
+        before = chains.preference + chains.rules
+        chains.step(0.5)
+        assert (chains.preference + chains.rules <= before + 1e-6).all()
 
 
 def test_chains_remember_the_best_that_they_met_and_know_the_costs_of_where_they_are():
