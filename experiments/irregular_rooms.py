@@ -10,7 +10,6 @@ Prints the numbers and writes experiments/results/irregular/<type>.json.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -19,24 +18,21 @@ from typing import Any
 
 import numpy as np
 import torch
+from packaged import numbers, options
 
-from layoutrl.env.measures import measured
-from layoutrl.evaluation.layouts import summary
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.faults import Items
 from layoutrl.rooms.oddities import BACK, sides_off_walls
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
 from layoutrl.runs.machine import use_one_thread
 from layoutrl.runs.pretrained import load
-from layoutrl.runs.ranges import within
 
 AT_THE_WALL = 0.02  # metres from it, at most
 ALWAYS = 0.95  # share of a category's items with a side at a wall, from which on they belong there
-MEASURES = ("iou", "facing", "faultless")
 RESULTS = Path(__file__).parent / "results" / "irregular"
 
 
@@ -60,30 +56,20 @@ def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("room_type", choices=list(MAIN_ITEM))
-    parser.add_argument("--rooms", type=int, default=100, help="rooms that can be disturbed")
-    parser.add_argument("--seed", type=int, default=1, help="of the designs, none of which was learned from")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the file that is written")
-    options = parser.parse_args()
-    within("--rooms", options.rooms, options.rooms >= 1, "1 or more")
-    within("--seed", options.seed, options.seed >= 0, "0 or more")
-
+    said = options(__doc__, rooms=100, seed=1, results=RESULTS)
     use_one_thread()
-    furnisher = load(options.room_type, torch.device("cpu"))
-    designs = design_rooms(options.room_type, "test", options.seed, 2 * options.rooms).rooms
-    changed = disturbed(designs, [np.random.default_rng([options.seed, k]) for k in range(len(designs))])
-    those = [k for k, (_, names) in enumerate(changed) if names][: options.rooms]
+    furnisher = load(said.room_type, torch.device("cpu"))
+    designs = design_rooms(said.room_type, "test", said.seed, 2 * said.rooms).rooms
+    changed = disturbed(designs, [np.random.default_rng([said.seed, k]) for k in range(len(designs))])
+    those = [k for k, (_, names) in enumerate(changed) if names][: said.rooms]
     done = Counter(name for k in those for name in changed[k][1])
-    result: dict[str, Any] = {"rooms": len(those), "seed": options.seed, "disturbances": dict(done)}
+    result: dict[str, Any] = {"rooms": len(those), "seed": said.seed, "disturbances": dict(done)}
     for name, rooms in (("as designed", designs), ("disturbed", [room for room, _ in changed])):
         some = [rooms[k] for k in those]
         layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(room) for room in some], 1)]
-        found = summary(measured(layouts, some))
-        result[name] = {measure: found[measure] for measure in MEASURES} | {"at_the_wall": at_the_wall(layouts, some)}
-        print(f"{options.room_type}, {name}: {json.dumps(result[name])}", flush=True)
-    options.results.mkdir(parents=True, exist_ok=True)
-    write_json(options.results / f"{options.room_type}.json", result)
+        result[name] = numbers(layouts, some) | {"at_the_wall": at_the_wall(layouts, some)}
+        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
+    write_json(said.results / f"{said.room_type}.json", result)
 
 
 if __name__ == "__main__":

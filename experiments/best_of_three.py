@@ -1,0 +1,57 @@
+"""How near does the nearest of three layouts come to the designer's? One room type a call:
+
+    python experiments/best_of_three.py bedroom [--rooms 200] [--seed 0] [--results <folder>]
+
+The agents in the package give up to three layouts that differ of each held-out brief. Which of them a person takes, the
+agent cannot know; the one with the highest IoU is chosen here by knowledge of the answer.
+
+Prints the numbers and writes experiments/results/best_of_three/<type>.json.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import torch
+from packaged import numbers, options
+
+from layoutrl.env.measures import measured
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.files import write_json
+from layoutrl.runs.machine import use_one_thread
+from layoutrl.runs.pretrained import load
+
+RESULTS = Path(__file__).parent / "results" / "best_of_three"
+
+
+@answers_errors()
+def main() -> None:
+    said = options(__doc__, rooms=200, seed=0, results=RESULTS)
+    use_one_thread()
+    designs = design_rooms(said.room_type, "test", said.seed, said.rooms).rooms
+    briefs = [brief_of(design) for design in designs]
+    furnisher = load(said.room_type, torch.device("cpu"))
+    alone = [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
+    choices = [[one.layout for one in those] for those in furnisher.furnish(briefs, 3)]
+    each = [measured(those, [design] * len(those)).iou for those, design in zip(choices, designs, strict=True)]
+    rows = {
+        "the only one": alone,
+        "the first of three": [those[0] for those in choices],
+        "the nearest of three": [those[iou.argmax()] for those, iou in zip(choices, each, strict=True)],
+    }
+    result: dict[str, object] = {
+        "rooms": len(designs),
+        "seed": said.seed,
+        "layouts": sum(map(len, choices)) / len(choices),
+    }
+    for name, layouts in rows.items():
+        result[name] = numbers(layouts, designs)
+        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
+    write_json(said.results / f"{said.room_type}.json", result)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,35 @@
+"""What experiments with the agents in the package have in common: their options, and the numbers that they tell."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from layoutrl.env.measures import measured
+from layoutrl.evaluation.layouts import summary
+from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.runs.ranges import within
+
+MEASURES = ("iou", "facing", "faultless")
+
+
+def options(description: str | None, *, rooms: int, seed: int, results: Path) -> argparse.Namespace:
+    """What the command line says: `room_type`, `rooms`, `seed` and `results`. Raises InputError."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("room_type", choices=list(MAIN_ITEM))
+    parser.add_argument("--rooms", type=int, default=rooms, help="how many of them count")
+    parser.add_argument("--seed", type=int, default=seed, help="of the designs, none of which was learned from")
+    parser.add_argument("--results", type=Path, default=results, help="folder of the file that is written")
+    said = parser.parse_args()
+    within("--rooms", said.rooms, said.rooms >= 1, "1 or more")
+    within("--seed", said.seed, said.seed >= 0, "0 or more")
+    said.results.mkdir(parents=True, exist_ok=True)
+    return said
+
+
+def numbers(layouts: Sequence[Room], designs: Sequence[Room]) -> dict[str, Any]:
+    """Mean and standard error of the MEASURES of layouts beside the designer's."""
+    found = summary(measured(layouts, designs))
+    return {name: found[name] for name in MEASURES}
