@@ -21,7 +21,6 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
-from layoutrl.runs.machine import use_one_thread
 from layoutrl.runs.pretrained import load
 
 RESULTS = Path(__file__).parent / "results" / "best_of_three"
@@ -30,7 +29,6 @@ RESULTS = Path(__file__).parent / "results" / "best_of_three"
 @answers_errors()
 def main() -> None:
     said = options(__doc__, rooms=200, seed=0, results=RESULTS)
-    use_one_thread()
     designs = design_rooms(said.room_type, "test", said.seed, said.rooms).rooms
     briefs = [brief_of(design) for design in designs]
     furnisher = load(said.room_type, torch.device("cpu"))

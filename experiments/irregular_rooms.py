@@ -28,7 +28,6 @@ from layoutrl.rooms.oddities import BACK, sides_off_walls
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
-from layoutrl.runs.machine import use_one_thread
 from layoutrl.runs.pretrained import load
 
 AT_THE_WALL = 0.02  # metres from it, at most
@@ -57,7 +56,6 @@ def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
 @answers_errors()
 def main() -> None:
     said = options(__doc__, rooms=100, seed=1, results=RESULTS)
-    use_one_thread()
     furnisher = load(said.room_type, torch.device("cpu"))
     designs = design_rooms(said.room_type, "test", said.seed, 2 * said.rooms).rooms
     changed = disturbed(designs, [np.random.default_rng([said.seed, k]) for k in range(len(designs))])

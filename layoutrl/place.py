@@ -183,9 +183,7 @@ class Work:
     def who(self) -> Hired:
         """Who furnishes."""
         from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: what is wrong is said before
-        from layoutrl.runs.machine import use_one_thread
 
-        use_one_thread()
         return hired(self.config)
 
     def say(self, line: str) -> None:

@@ -47,9 +47,6 @@ def staff_of(searching: Searching) -> Staff:
     def agents() -> pretrained.Agents:
         import torch  # which takes seconds: the page is there before
 
-        from layoutrl.runs.machine import use_one_thread
-
-        use_one_thread()
         return pretrained.Agents(torch.device("cpu"))
 
     @cache

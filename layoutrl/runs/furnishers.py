@@ -20,7 +20,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.furnishing import Furnisher, spread
+from layoutrl.evaluation.furnishing import Furnisher, one_thread, spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
@@ -130,6 +130,7 @@ class Mover:
     def __init__(self, trained: TrainConfig, network: nn.Module, categories: list[str], device: torch.device):
         self.trained, self.network, self.categories, self.device = trained, network, categories, device
 
+    @one_thread()
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is the mean of what the agent thinks of each item's place."""
         return several(self._layouts, briefs, choices, seed)

@@ -42,15 +42,6 @@ def refuse_chance(device: torch.device) -> None:
     torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
 
 
-def use_one_thread() -> None:
-    """Let torch work on one core, for who furnishes rooms.
-
-    On an idle machine a second thread saves a tenth of the time. On a busy one, where threads wait for each other, it
-    takes up to sixty times as long.
-    """
-    torch.set_num_threads(1)
-
-
 def keep_freed_memory() -> None:
     """Let glibc keep what is freed for what comes next; elsewhere nothing changes.
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
-from layoutrl.place import Work
+from layoutrl.agents.learner import q_network
+from layoutrl.env.observation import categories_of
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.rooms.brief import brief_of, furnished
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
@@ -17,7 +19,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import HALL, Helped, hired
+from layoutrl.runs.furnishers import HALL, Helped, Mover, hired
 from layoutrl.runs.pretrained import Agents
 from tests.builders import rectangular_room
 
@@ -112,12 +114,27 @@ def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None
     assert isinstance(hired(asked).furnisher, kind)
 
 
-def test_who_furnishes_waits_for_no_other_core() -> None:
-    before = torch.get_num_threads()
+@pytest.mark.parametrize("scope", ["item", "room"])
+def test_who_furnishes_waits_for_no_other_core(scope: str) -> None:
+    before, device = torch.get_num_threads(), torch.device("cpu")
+    trained = composed("train", "room=bedroom", f"scope={scope}", "method.evaluation_moves=2")
+    categories = categories_of(DESIGNS)
+    network = q_network(trained.method, categories, np.random.SeedSequence(0), device)
+    threads = set()
+    network.register_forward_hook(lambda *_: threads.add(torch.get_num_threads()))
+    first, *stands = DESIGNS[0].furniture
+    brief = replace(DESIGNS[0], furniture=(replace(first, center=None), *stands), target=None)
+    agents = {
+        "item": Mover(trained, network, categories, device),
+        "room": Furnisher(network, trained.method, categories),
+    }
     torch.set_num_threads(2)
-    assert Work(composed("place", "rooms=any.jsonl", "device=cpu"), None, None, sys.stdout).who
-    assert torch.get_num_threads() == 1
-    torch.set_num_threads(before)
+    try:
+        assert agents[scope].furnish([brief], 1, 0)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+    assert threads == {1}
 
 
 def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatch) -> None:
