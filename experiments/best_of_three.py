@@ -37,7 +37,6 @@ def main() -> None:
     each = [measured(those, [design] * len(those)).iou for those, design in zip(choices, designs, strict=True)]
     rows = {
         "the only one": alone,
-        "the first of three": [those[0] for those in choices],
         "the nearest of three": [those[iou.argmax()] for those, iou in zip(choices, each, strict=True)],
     }
     result: dict[str, object] = {

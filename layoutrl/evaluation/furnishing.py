@@ -73,8 +73,8 @@ class Furnisher:
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002
         """Of each brief up to so many different layouts; the seed is for who draws something.
 
-        Those in which the fewest items have a fault come first, and of these the most valued. Raises InputError where
-        an item fits in no way.
+        Those in which the fewest items have a fault come first, and of these the ones that were found first: there the
+        largest item has the place that is valued highest. Raises InputError where an item fits in no way.
         """
         found = {k: [Furnished(brief, 0.0)] for k, brief in enumerate(briefs) if not missing(brief)}
         asked = [k for k in range(len(briefs)) if k not in found]
@@ -87,7 +87,7 @@ class Furnisher:
                 self._add_another(world, layouts)
             for k, those in zip(block, layouts, strict=True):
                 faulty = wrong([one.layout for one in those]) + [len(missing(one.layout)) for one in those]
-                in_order = sorted(range(len(those)), key=lambda n: (faulty[n], -those[n].value))
+                in_order = np.argsort(faulty, kind="stable")
                 found[k] = [_turned_back(those[n], briefs[k]) for n in in_order]
         return [found[k] for k in range(len(briefs))]
 
