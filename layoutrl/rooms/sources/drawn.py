@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -133,13 +132,11 @@ class Storey(Generic[P]):
 
         What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it.
         """
-        taken: Counter[str] = Counter()
+        taken: set[str] = set()
         bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
         shapes = shapely.STRtree([gap.shape for gap in self.gaps])
         for drawn in self.rooms:
-            taken[drawn.label] += 1
-            again = f" ({taken[drawn.label]})" if taken[drawn.label] > 1 else ""
-            room_id = f"{self.prefix}/{drawn.label}{again}"
+            room_id = f"{self.prefix}/{unused(drawn.label, taken)}"
             kind = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces]) or room_type
             if kind is None or kind == NO_ROOM:
                 unknown = "nothing tells its type; expected a name or furniture that does, or room_type=<type>"
@@ -159,6 +156,14 @@ class Storey(Generic[P]):
             if beyond := sorted({items[k].category for k in {*range(len(items))} - {*held}}):
                 self.notes.append(f"{room_id}: left out, since it reaches beyond the walls: {', '.join(beyond)}")
             yield room, [pieces[k] for k in held]
+
+
+def unused(name: str, taken: set[str]) -> str:
+    """The name, with a number behind it where it is taken; from now on it is taken."""
+    numbered = (f"{name} ({k})" if k > 1 else name for k in count(1))
+    found = next(each for each in numbered if each not in taken)
+    taken.add(found)
+    return found
 
 
 def oblong(x: float, y: float, width: float, depth: float, degrees: float) -> Polygon:

@@ -26,7 +26,7 @@ from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
 from layoutrl.rooms.sources.categories import ALL, HOLDS, Names, names_in, names_of
-from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong
+from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong, unused
 from layoutrl.rooms.sources.home_xml import (
     GROUP,
     HOME,
@@ -167,14 +167,14 @@ def _storeys(
     """
     named = {e.attributes.get("id"): e for e in elements if e.tag == "level"}
     storeys: dict[str | None, Storey[HomePiece]] = {}
+    taken: set[str] = set()  # prefixes
     of: dict[int, Storey[HomePiece]] = {}  # an element, by where it begins
     for element in elements:
         level = element.attributes.get("level")
         level = level if level in named else None
         if level not in storeys:
             called = "" if level is None else f"/{_label(named[level].attributes.get('name') or level)}"
-            same = sum(storey.prefix.partition(" (")[0] == name + called for storey in storeys.values())
-            storeys[level] = Storey(name + called + (f" ({same + 1})" if same else ""), [])
+            storeys[level] = Storey(unused(name + called, taken), [])
         storey = of[element.start] = storeys[level]
         if element.tag == "wall" and storey.walls is not None:
             storey.walls += _walls(element)

@@ -178,6 +178,19 @@ def test_levels_are_kept_apart(tmp_path: Path) -> None:
     assert [(room.id, len(room.furniture)) for room in rooms] == [("flat/Ground/Room", 1), ("flat/Upper/Room", 2)]
 
 
+def test_rooms_and_levels_have_names_of_their_own_whatever_they_are_called(tmp_path: Path) -> None:
+    bed = piece("bed", 150, 150, 140, 200)
+    called = [room_tag(k * 500, 0, k * 500 + 400, 300, name=name) for k, name in enumerate(("A", "A", "A (2)"))]
+    beds = [piece("bed", k * 500 + 150, 150, 140, 200) for k in range(3)]
+    home = flat(tmp_path, "".join([*called, *beds]), move="")
+    assert sorted(room.id for room in home.rooms) == ["flat/A", "flat/A (2)", "flat/A (2) (2)"]
+    levels = "".join(tag("level", id=k, name="Floor", elevation=0, height=250) for k in "ab")
+    rooms = "".join(room_tag(0, 0, 400, 300, name="A", level=k) for k in "ab")
+    pieces = bed.replace("/>", " level='a'/>") + bed.replace("/>", " level='b'/>")
+    path = home_file(tmp_path / "flat (1).sh3d", levels + rooms + pieces)
+    assert [room.id for room in read_home(path, move="").rooms] == ["flat (1)/Floor/A", "flat (1)/Floor (2)/A"]
+
+
 def test_a_round_wall_bulges_to_its_side(tmp_path: Path) -> None:
     """An extent above zero turns left of the way from start to end, as seen, y up."""
     arc = tag("wall", id="w", xStart=0, yStart=0, xEnd=400, yEnd=0, thickness=10, arcExtent=math.pi)
