@@ -130,19 +130,23 @@ class Answers:
 
     def values(self, asked: Any) -> Answer:
         """What the furnisher thinks of all places of an `item`, a `step` apart."""
-        room = room_in(asked)
-        item = item_in(asked, room)
+        room, item = self._thought_of(asked)
         step = number(asked.get("step", 0.2), "step", *STEPS)
         centers, values, degrees = self.staff.thinker(room.room_type).values(room, item, step)
-        known = np.isfinite(values)  # elsewhere it cannot stand
-        found = {"centers": np.round(centers, 3), "values": values, "degrees": degrees}
-        return {name: array[known].tolist() for name, array in found.items()}
+        return {"centers": np.round(centers, 3).tolist(), "values": values.tolist(), "degrees": degrees.tolist()}
 
     def moves(self, asked: Any) -> Answer:
         """The moves of an `item` that the furnisher values highest."""
-        room = room_in(asked)
-        found = self.staff.thinker(room.room_type).moves(room, item_in(asked, room))
+        room, item = self._thought_of(asked)
+        found = self.staff.thinker(room.room_type).moves(room, item)
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
+
+    def _thought_of(self, asked: Any) -> tuple[Room, int]:
+        """A room without what cannot be placed in it, and the index there of the item that a question is about."""
+        room = room_in(asked)
+        item = item_in(asked, room)
+        held = answerable(room, self.staff.known(room.room_type))
+        return held.brief, item - sum(k < item for k in held.refused)
 
     def svg(self, asked: Any) -> Answer:
         """The room as a drawing to true size."""
@@ -268,10 +272,10 @@ def palette(rooms: Sequence[Room]) -> list[Answer]:
         kinds.setdefault((item.category, item.form), []).append(item)
     entries = []
     for (category, form), items in sorted(kinds.items(), key=lambda entry: -len(entry[1])):
-        widths, depths = zip(*(item.size for item in items), strict=True)
+        depths, widths = zip(*(item.size for item in items), strict=True)
         counts = Counter(sum((i.category, i.form) == (category, form) for i in room.furniture) for room in rooms)
         usual = max(n for n in counts if sum(c for m, c in counts.items() if m >= n) >= USUAL * len(rooms) or not n)
-        item = Item(category, (median_low(widths), median_low(depths)), None, None, items[0].form, items[0].tucked)
+        item = Item(category, (median_low(depths), median_low(widths)), None, None, items[0].form, items[0].tucked)
         shell = replace(rooms[0], furniture=(item,), target=None)
         entries.append({"item": room_to_dict(shell)["furniture"][0], "usual": usual})
     return entries

@@ -23,7 +23,7 @@ from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from layoutrl.runs import pretrained
 from layoutrl.runs.answerable import answerable
 from layoutrl.runs.config import composed
@@ -209,6 +209,10 @@ def test_an_agent_of_the_package_says_what_it_thinks_of_places():
     moves = thinker.answer("moves", body(room, item=0))["moves"]
     assert [move["value"] for move in moves] == sorted((move["value"] for move in moves), reverse=True)
     assert len({tuple(move["to"]) for move in moves}) > 4
+    huge = Item("vanity", (0.6, 9.0), None, None)  # what cannot be placed is in nobody's way
+    crowded, about = replace(room, furniture=(huge, *room.furniture)), {"item": 1, "step": 0.4}
+    assert thinker.answer("values", body(crowded, **about)) == said
+    assert thinker.answer("moves", body(crowded, **about))["moves"] == moves
 
 
 def test_thoughts_are_answered_by_who_thinks(answers):
