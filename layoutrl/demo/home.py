@@ -78,6 +78,17 @@ def new_home(room: Room) -> bytes:
         wall.set("wallAtEnd", f"wall{(k + 1) % len(line)}")
         for name, value in zip(("xStart", "yStart", "xEnd", "yEnd"), (*start, *end), strict=True):
             wall.set(name, _cm(-value if name.startswith("y") else value))
+    for number, hole in enumerate(room.holes):  # a column: a wall as thick as it is
+        column = shapely.minimum_rotated_rectangle(Polygon(hole))
+        if column.area - Polygon(hole).area > 1e-6:
+            raise InputError("home: a hole that is no rectangle cannot be written; expected the room as JSON")
+        along, through = along_and_through(column)
+        wall = SubElement(home, "wall", id=f"column{number}", height=f"{WALL_HEIGHT:g}")
+        wall.set("thickness", _cm(np.hypot(*through)))
+        center = np.array(column.centroid.coords[0])
+        for end, (x, y) in (("Start", center - along / 2), ("End", center + along / 2)):
+            wall.set(f"x{end}", _cm(x))
+            wall.set(f"y{end}", _cm(-y))
     floor = SubElement(home, "room", id="room", name=room.room_type.replace("_", " "))
     for x, y in room.outline:
         SubElement(floor, "point", x=_cm(x), y=_cm(-y))

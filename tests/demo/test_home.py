@@ -46,6 +46,18 @@ def test_a_new_home_is_read_as_the_room(tmp_path, room):
         assert item.footprint.symmetric_difference(its.footprint).area < 1e-3
 
 
+def test_columns_come_back_and_a_hole_that_is_no_column_is_refused(tmp_path):
+    room = next(room for room in ROOMS if room.indoor.contains(room.indoor.centroid.buffer(0.5)))
+    (x, y), bare = room.indoor.centroid.coords[0], replace(room, furniture=(), target=None)
+    item = replace(room.furniture[0], center=room.furniture[0].center)
+    column = ((x, y), (x, y + 0.3), (x + 0.4, y + 0.3), (x + 0.4, y))
+    held = replace(bare, holes=(column,), furniture=(item,))
+    home = read(tmp_path, new_home(held))
+    assert home.indoor.symmetric_difference(held.indoor).area < 1e-3
+    with pytest.raises(InputError, match="a hole that is no rectangle"):
+        new_home(replace(bare, holes=(column[:3],)))
+
+
 def test_what_is_not_placed_is_left_out_of_a_new_home(tmp_path):
     room = ROOMS[0]
     first, *others = room.furniture
