@@ -59,4 +59,5 @@ def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) ->
 
 def _closes(item: Item, window: shapely.Geometry) -> bool:
     """Whether it stands at a window, and takes more than CLOSED of its length."""
-    return shapely.intersection(item.footprint, shapely.buffer(window, NEAR)).area > NEAR * CLOSED
+    reaches = max(NEAR - item.footprint.distance(window), 0)  # metres into what is NEAR the window
+    return shapely.intersection(item.footprint, shapely.buffer(window, NEAR)).area > reaches * CLOSED

@@ -55,6 +55,9 @@ def test_a_wardrobe_closes_a_window_and_a_bed_does_not() -> None:
         room = furnished(Item(category, (0.6, 1.2), (x, 2.7), 270), openings=(window,))
         assert not faults(room)
         assert oddities(room) == [(0, BEFORE_WINDOW)] * odd
+    for off, wide, odd in ((0.04, 0.25, True), (0.04, 0.15, False), (0.06, 1.0, False)):  # metres before the window
+        room = furnished(Item("wardrobe", (0.6, wide), (1.7, 2.7 - off), 270), openings=(window,))
+        assert (BEFORE_WINDOW in [what for _, what in oddities(room)]) == odd
 
 
 def test_what_is_not_placed_is_not_odd() -> None:
