@@ -100,7 +100,8 @@ def with_layout(
     for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
         if before.center is not None:
             continue
-        entry.pop(FAULTS, None)
+        if isinstance(entry.get(FAULTS), list):  # else it is a field of the user's own
+            del entry[FAULTS]
         if item.center is not None:
             entry["center"] = [round(round(metres, 4) * UNITS[unit], 4) for metres in item.center]
             if item.rotation is not None:
@@ -109,7 +110,7 @@ def with_layout(
                 entry["tucked"] = True
     for k, fault in wrong:
         listed = entries[k].get(FAULTS, [])
-        if isinstance(listed, list) and fault not in listed:  # else it is a field of the user's own
+        if isinstance(listed, list) and fault not in listed:
             entries[k][FAULTS] = [*listed, fault]
     return {**document, "furniture": entries}
 

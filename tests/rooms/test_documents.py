@@ -173,6 +173,8 @@ def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> No
     assert written == own
     nowhere = with_layout(own, asked, asked, [])
     assert nowhere == own  # what is not placed is left where it was
+    own["furniture"][0]["faults"] = "scratched"  # no list of ours
+    assert with_layout(own, asked, known, [(0, "outside")])["furniture"][0]["faults"] == "scratched"
 
 
 def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -> None:
