@@ -74,7 +74,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if options:
             raise ValueError(f"options: expected none; got {options}")
         if isinstance(seed, Sequence):
-            self._streams = seeded(seed, self.num_envs, self._streams or self.np_random.spawn(self.num_envs))
+            self._streams = seeded(seed, self.num_envs, self._streams, self.np_random)
         else:
             super().reset(seed=seed)
             if seed is not None:

@@ -81,7 +81,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if options:
             raise ValueError(f"options: expected none; got {options}")
         if isinstance(seed, Sequence):
-            self._streams = seeded(seed, self.num_envs, self._streams or self.np_random.spawn(self.num_envs))
+            self._streams = seeded(seed, self.num_envs, self._streams, self.np_random)
         else:
             super().reset(seed=seed)
             if seed is not None:
@@ -148,12 +148,17 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
 
 def seeded(
-    seed: Sequence[int | None], num_envs: int, going_on: Sequence[np.random.Generator]
+    seed: Sequence[int | None], num_envs: int, going_on: Sequence[np.random.Generator] | None, rng: np.random.Generator
 ) -> list[np.random.Generator]:
-    """A stream of random numbers for each environment: of its seed, or the one that goes on. Raises ValueError."""
+    """A stream of random numbers for each environment: of its seed, or the one that goes on, or that begins from `rng`.
+
+    Raises ValueError for another number of seeds.
+    """
     if len(seed) != num_envs:
         raise ValueError(f"seed: expected {num_envs} seeds, one an environment; got {len(seed)}")
-    return [old if one is None else np_random(one)[0] for one, old in zip(seed, going_on, strict=True)]
+    begun = [None if one is None else np_random(one)[0] for one in seed]
+    going_on = going_on or rng.spawn(num_envs)
+    return [old if new is None else new for new, old in zip(begun, going_on, strict=True)]
 
 
 def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:

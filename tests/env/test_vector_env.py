@@ -236,4 +236,9 @@ def test_what_is_refused_leaves_all_as_it_was(seed: int | list[int]) -> None:
         with pytest.raises(ValueError, match="actions: expected 0 to 19"):
             env.step(np.array(actions))
     step = np.array([1, 2])
-    assert_same(*([one.step(step), one.step(step), one.step(step), one.reset()] for one in (env, other)))
+    assert_same(
+        *(
+            [one.step(step), one.step(step), one.step(step), one.reset(), one.reset(seed=[None, None])]
+            for one in (env, other)
+        )
+    )
