@@ -325,7 +325,8 @@ def source_of(config: PlaceConfig) -> Source | None:
 
 def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
     """The files to write: one, or in formats that hold each room once, one for each choice. All are new."""
-    source = Path(config.rooms).absolute()
+    source = Path(config.rooms)
+    source = source.resolve() if source.is_dir() else source.absolute()  # .. is no name for a file
     out = Path(config.out) if config.out else source.with_name(f"{source.stem}-placed{suffix}")
     shard, shards = config.part
     if shards > 1:

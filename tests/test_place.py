@@ -519,6 +519,13 @@ def test_shards_are_all_of_a_file(middle: Middle, tmp_path: Path) -> None:
     assert names == [*(f"rooms-placed-{k}of3.jsonl" for k in range(3)), "rooms.jsonl"]
 
 
+def test_what_a_folder_is_called_by_is_no_name_for_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "homes" / "inner").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "homes" / "inner")
+    for folder in ("..", str(tmp_path / "homes"), "../../homes/"):
+        assert layoutrl.place.out_files(PlaceConfig(rooms=folder), ".jsonl") == [tmp_path / "homes-placed.jsonl"]
+
+
 def test_a_folder_of_homes_is_furnished(middle: Middle, tmp_path: Path) -> None:
     homes = tmp_path / "homes"
     homes.mkdir()

@@ -26,15 +26,15 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
     try:
         stream = file.open("w")  # to be written to: without it, file systems of clusters lock nothing
     except OSError as error:
-        raise InputError(f"runs: cannot write {file} ({error.strerror}); expected a folder to write to") from None
+        raise InputError(f"cannot write {file} ({error.strerror}); expected a folder to write to") from None
     with stream:
         try:
             _lock(stream.fileno(), wait)
         except BlockingIOError:
-            raise InputError(f"run: {file.parent} is in use by another process; expected it to end first") from None
+            raise InputError(f"{file.parent} is in use by another process; expected it to end first") from None
         except OSError as error:
             raise InputError(
-                f"runs: cannot lock {file} ({error.strerror}); expected a folder on a file system with locks"
+                f"cannot lock {file} ({error.strerror}); expected a folder on a file system with locks"
             ) from None
         yield
 
