@@ -151,7 +151,7 @@ class Furnisher:
         faulty = {b: faulty_items(one.layout, world.rooms.rooms[b]) for b, one in best.items() if one}
         latest = faulty
         for _ in range(AFRESH):
-            which = [b for b, items in faulty.items() if items]
+            which = [b for b, items in faulty.items() if items and latest[b]]  # else the order would be as before
             if not which:
                 break
             for b in which:

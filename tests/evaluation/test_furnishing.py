@@ -19,6 +19,7 @@ from layoutrl.evaluation.furnishing import Furnisher, _World, spread
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
+from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room, rotation
 from layoutrl.runs.config import composed
 from tests.builders import opening, rectangular_room
@@ -214,6 +215,16 @@ def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatc
     assert (after < before).any()
     assert before[-1] == 0
     assert tried[-1] == once[-1]
+
+
+def test_a_room_is_not_furnished_anew_in_the_order_that_led_nowhere(furnisher, monkeypatch) -> None:
+    bed, desk = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("desk", (1.0, 1.0), (1.0, 0.75))
+    room = rectangular_room(4, 3, bed, others=(desk,), target=None)
+    answers = [[Furnished(room, 0.0)], [None]]
+    monkeypatch.setattr(furnisher, "_furnished", lambda *_: answers.pop(0))
+    ((found,),) = furnisher.furnish([brief_of(room)], 1, 0)
+    assert found.layout == room
+    assert not answers
 
 
 def test_a_room_in_which_nothing_is_to_be_placed_is_its_own_layout(furnisher: Furnisher, designs: list[Room]) -> None:
