@@ -65,9 +65,14 @@ def may_tuck(item: Item, items: Iterable[Item]) -> bool:
     return item.category == "chair" and any(other.category in HOSTS for other in items)
 
 
+def front_depth(item: Item) -> float:
+    """How many metres of floor are to be free before an item."""
+    return 0.0 if item.form == "circle" else FRONT_DEPTH.get(item.category, 0.0)
+
+
 def floor_before(item: Item) -> Item | None:
     """The floor that is to be free before an item, as an item that faces as this one does; its centre is `ahead`."""
-    depth = 0.0 if item.form == "circle" else FRONT_DEPTH.get(item.category, 0.0)
+    depth = front_depth(item)
     return Item(item.category, (depth, item.size[1])) if depth else None
 
 
@@ -79,6 +84,18 @@ def ahead(item: Item, floor: Item) -> float:
 def may_stand_before(category: str, other: str) -> bool:
     """Whether what is of the other category takes nothing of the floor before one of the first."""
     return other in RAISED or other in MAY_STAND_BEFORE.get(category, ())
+
+
+def may_share_floor(item: Item, other: Item) -> bool:
+    """Whether two items do not overlap wherever they stand, as `layoutrl.rooms.faults` has it.
+
+    One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands.
+    """
+    if (item.category in RAISED) != (other.category in RAISED):
+        return True
+    return any(
+        under.tucked and host.category in HOSTS and not host.tucked for under, host in ((item, other), (other, item))
+    )
 
 
 def passage(room_type: str) -> float:

@@ -12,6 +12,7 @@ import shapely
 from layoutrl.env.geometry import CONTACT, fitting_positions
 from layoutrl.rivals.rules import play
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
+from layoutrl.rooms.clearances import off
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
 DRAWS = 100  # of a place in the box around all places, before one is taken as it comes; unsourced: seldom reached
@@ -160,7 +161,7 @@ def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:
 
 
 def _nearest_facing(room: Room, degrees: float) -> float:
-    return min(facings(room), key=lambda facing: abs((facing - degrees + 180) % 360 - 180))
+    return min(facings(room), key=lambda facing: off(facing - degrees, 360))
 
 
 def _fitting(room: Room, item: Item, degrees: float) -> shapely.Geometry:

@@ -30,9 +30,8 @@ class Cost:
         self.pair_weights = np.array([weights[term] for term in PAIR_TERMS])
         _, self.category, count = np.unique(names, return_inverse=True, return_counts=True)
         self.itself = np.eye(len(names), dtype=bool)
-        self.with_itself = np.where(
-            count[self.category] > 1, np.inf, 0.0
-        )  # one alone of its category has no partner there
+        # One alone of its category has no partner there.
+        self.with_itself = np.where(count[self.category] > 1, np.inf, 0.0)
         self.apart = np.triu(~scene.may_overlap, 1)  # each pair once
         self.area = 4 * scene.half[:, 0].prod(-1)
         self.middle = (scene.bounds[:2] + scene.bounds[2:]) / 2

@@ -25,9 +25,9 @@ from layoutrl.env.scenes import QUARTERS
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
-from layoutrl.rivals.rooms.scene import may_share_floor
 from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.clearances import may_share_floor
 from layoutrl.rooms.room import TOLERANCE, Room
 
 BLOCK = 64  # rooms furnished at once: memory, not speed

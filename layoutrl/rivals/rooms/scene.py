@@ -16,7 +16,7 @@ import shapely
 from shapely.affinity import rotate
 
 from layoutrl.rooms.brief import facings, furnished
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, MAY_STAND_BEFORE, RAISED, passage
+from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before, passage
 from layoutrl.rooms.faults import DOOR_CLEARANCE
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
@@ -87,11 +87,10 @@ def scene_of(brief: Room) -> Scene:
     middle = np.array(indoor.representative_point().coords[0])
     standing = [item.center is not None for item in brief.furniture]
     center = [rotation(-base) @ item.center if item.center else middle for item in brief.furniture]
-    front = np.array([_front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
+    front = np.array([front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
     shared = np.array([[may_share_floor(a, b) for b in brief.furniture] for a in brief.furniture], dtype=bool)
-    before = [[b.category in MAY_STAND_BEFORE.get(a.category, ()) for b in brief.furniture] for a in brief.furniture]
+    before = [[may_stand_before(a.category, b.category) for b in brief.furniture] for a in brief.furniture]
     aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
-    raised = np.array([item.category in RAISED for item in brief.furniture], dtype=bool)
     half = np.array([h for h, _ in items]).reshape(-1, 4, 2)
     along = np.abs(DIRECTIONS)
     return Scene(
@@ -106,28 +105,12 @@ def scene_of(brief: Room) -> Scene:
         front_offset=DIRECTIONS * (half + front / 2),
         stands_aside=aside,
         may_overlap=shared | np.eye(len(items), dtype=bool),
-        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | raised,
+        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool),
         movable=np.flatnonzero(~np.array(standing, dtype=bool)),
         turnable=np.array([item.rotation is None for item in brief.furniture], dtype=bool),
         center=np.array(center).reshape(-1, 2),
         quarter=np.array([quarter for _, quarter in items], dtype=int),
     )
-
-
-def may_share_floor(item: Item, other: Item) -> bool:
-    """Whether two items do not overlap wherever they stand, as `layoutrl.rooms.faults` has it.
-
-    One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands.
-    """
-    if (item.category in RAISED) != (other.category in RAISED):
-        return True
-    return any(
-        under.tucked and host.category in HOSTS and not host.tucked for under, host in ((item, other), (other, item))
-    )
-
-
-def _front_depth(item: Item) -> float:
-    return FRONT_DEPTH.get(item.category, 0.0) if item.form == "rectangle" else 0.0
 
 
 def _item(item: Item, base: float) -> tuple[Array, int]:
@@ -221,10 +204,8 @@ def ahead(a: Array, blocks: Array) -> Array:
     What it is in already, by more than TOLERANCE, does not stop it.
     """
     box = a[..., None, :]
-    low, high = (
-        blocks[..., :2] - box[..., 2:],
-        box[..., :2] - blocks[..., 2:],
-    )  # to blocks right or above; left or below
+    low = blocks[..., :2] - box[..., 2:]  # to blocks right or above
+    high = box[..., :2] - blocks[..., 2:]  # left or below
     beside = np.maximum(low, high) < -TOUCH  # the spans along x, y overlap
     way = np.concatenate([low, high], -1)
     crossing = np.concatenate([beside[..., ::-1]] * 2, -1)

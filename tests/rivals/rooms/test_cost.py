@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from layoutrl.rivals.rooms.annealer import Annealing
 from layoutrl.rivals.rooms.cost import FAULT, Cost
 from layoutrl.rivals.rooms.relations import Relations, mine
-from layoutrl.rivals.rooms.scene import daylight, keep_free, may_share_floor, scene_of
+from layoutrl.rivals.rooms.scene import daylight, keep_free, scene_of
 from layoutrl.rooms.brief import brief_of
-from layoutrl.rooms.clearances import FRONT_DEPTH, MAY_STAND_BEFORE, RAISED
+from layoutrl.rooms.clearances import FRONT_DEPTH, MAY_STAND_BEFORE, RAISED, may_share_floor
 from layoutrl.rooms.room import TOLERANCE, Room
 from tests.builders import random_room
 from tests.rivals.rooms.builders import configured, designed, random_poses

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.annealer import Annealing, Chains, anneal
 from layoutrl.rivals.rooms.relations import Relations, mine
-from layoutrl.rivals.rooms.scene import may_share_floor, scene_of
+from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rivals.rooms.search import Finder, Searching, search
 from layoutrl.rooms.brief import brief_of, facings
+from layoutrl.rooms.clearances import may_share_floor
 from layoutrl.rooms.faults import FRONT_NOT_FREE, faults, kept_free
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from tests.builders import opening, random_room, rectangular_room

@@ -19,12 +19,12 @@ from layoutrl.rivals.rooms.scene import (
     boxes_at,
     depth,
     gap,
-    may_share_floor,
     scene_of,
     solid_boxes,
     unreached,
 )
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.clearances import may_share_floor
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from tests.builders import l_room, opening, random_room, rectangular_room
