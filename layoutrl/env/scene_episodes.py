@@ -110,7 +110,7 @@ class SceneEpisodes(Episodes):
         waits = (size > -torch.inf) & ~state.stands
         complete = ~waits.any(1, keepdim=True)
         free = torch.where(complete, size > -torch.inf, waits)
-        chance = -(-self._uniform(*size.shape).clamp(1e-9, 1 - 1e-9).log()).log()  # Gumbel
+        chance = -(-self._uniform(*size.shape).clamp(min=1e-9).log()).log()  # Gumbel
         drawn = chance * ANY_ORDER + size.where(~complete, 0.0)
         moving = drawn.masked_fill(~free, -torch.inf).argmax(1)
         fits = scenes.simulator.entry[state.room, moving] >= 0

@@ -75,8 +75,6 @@ def opened(
     into: str | None = None,
     room_type: str | None = None,
     categories: Path | None = None,
-    unit: str = "auto",
-    strict: bool = False,
 ) -> Source:
     """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read.
 
@@ -90,8 +88,6 @@ def opened(
     - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
       left out.
     - `categories`: a YAML file with names of furniture, beside those that are known. Of all but rooms in JSON.
-    - `unit`: of rooms in JSON: m, cm, mm, or auto, which tells them by how large rooms and doors are.
-    - `strict`: raise InputError for the first room in JSON that cannot be used, instead of leaving it out.
     """
     kind = format_of(path)
     if kind == "sweethome3d" and path.is_file():
@@ -99,7 +95,7 @@ def opened(
     for name, value in (("into", into), ("room_type", room_type)):
         if value is not None:
             raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
-    collection = read_homes(kind, path, strict, unit, categories)
+    collection = read_homes(kind, path, categories=categories)
     stood = [read.furniture for read in collection.rooms]
     collection.rooms = [to_place(read, move) for read in collection.rooms]
     return RoomsSource(collection, stood)

@@ -67,9 +67,8 @@ def machine(device: torch.device) -> dict[str, Any]:
         "cpu": name[1] if name else platform.processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "torch threads": torch.get_num_threads(),
-        "load": round(os.getloadavg()[0], 1)
-        if hasattr(os, "getloadavg")
-        else None,  # processes that wanted a core in the last minute
+        # Processes that wanted a core in the last minute.
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
         "python": platform.python_version(),
         "torch": torch.__version__,

@@ -230,7 +230,7 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
     ours = identity["device"]  # another's generators would draw otherwise
-    if (theirs := state.get("device", ours)) != ours:
+    if (theirs := state["device"]) != ours:
         raise InputError(
             f"resume: the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
             "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"

@@ -283,7 +283,7 @@ class Training:
         self._rng.bit_generator.state = state["rng"]
         self._noise.set_state(state["noise"].cpu())
         self.updates = state["updates"]
-        self.share = state["share"] if "share" in state else self._spent(self.updates)  # 0.1.0 did not keep it
+        self.share = state["share"]
         self._recent = {name: list(values) for name, values in state["recent"].items()}
 
 

@@ -131,9 +131,8 @@ def design_each(room_type: str, part: Part, seed: int, indices: Sequence[int]) -
 
 
 def _shown(what: str, total: int, designed: Iterable[Designs]) -> Iterator[Designs]:
-    with tqdm(
-        desc=what, total=total, unit="room", delay=1, disable=None
-    ) as bar:  # none in under a second, or in a file
+    # No bar in under a second, or in a file.
+    with tqdm(desc=what, total=total, unit="room", delay=1, disable=None) as bar:
         for one in designed:
             bar.update()
             yield one
