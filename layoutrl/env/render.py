@@ -92,7 +92,7 @@ def story(room: Room, path: np.ndarray, side: int = 384) -> np.ndarray:
     return np.rint(image).astype(np.uint8)
 
 
-def furnished(room: Room, side: int = 384) -> np.ndarray:
+def furnished_picture(room: Room, side: int = 384) -> np.ndarray:
     """A picture for people of what stands in a room, its target in red: uint8 (side, side, 3)."""
     view = View(room, side)
     image = _painted_background(room, view, outlined=True)

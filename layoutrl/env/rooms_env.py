@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 
 from layoutrl.env.layout_env import check_at_least_one, check_render_mode, given_or_some, is_whole
 from layoutrl.env.measures import measured
-from layoutrl.env.render import furnished
+from layoutrl.env.render import furnished_picture
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
@@ -154,4 +154,4 @@ def picture(simulator: RoomsSimulator, state: State[np.ndarray], b: int) -> np.n
     """One of the rooms, uint8 (384, 384, 3): what moves in red."""
     n = state.moving[b]
     target = missing(simulator.rooms[state.room[b]])[n] if state.stands[b, n] else None
-    return furnished(replace(simulator.layout(state, b), target=target))
+    return furnished_picture(replace(simulator.layout(state, b), target=target))

@@ -10,7 +10,7 @@ import torch
 from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.measures import measured
-from layoutrl.env.render import furnished, story
+from layoutrl.env.render import furnished_picture, story
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.layouts import summary
@@ -60,5 +60,5 @@ class RoomsProbe:
         layouts = [best.layout for best, *_ in furnisher.furnish(self._briefs, 1)]
         found = {name: value["mean"] for name, value in summary(measured(layouts, self._designs)).items()}
         return {name: value for name, value in found.items() if value is not None}, [
-            furnished(layout) for layout in layouts[:PICTURES]
+            furnished_picture(layout) for layout in layouts[:PICTURES]
         ]

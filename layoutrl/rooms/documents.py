@@ -55,7 +55,7 @@ EXPECTED = {  # of each field that must be there
     "category": "a name, as bed",
     "size": "depth and width, in metres",
 }
-FAULTS = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
+FAULTS_FIELD = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
 ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
 
 
@@ -100,8 +100,8 @@ def with_layout(
     for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
         if before.center is not None:
             continue
-        if isinstance(entry.get(FAULTS), list):  # else it is a field of the user's own
-            del entry[FAULTS]
+        if isinstance(entry.get(FAULTS_FIELD), list):  # else it is a field of the user's own
+            del entry[FAULTS_FIELD]
         if item.center is not None:
             entry["center"] = [round(round(metres, 4) * UNITS[unit], 4) for metres in item.center]
             if item.rotation is not None:
@@ -109,9 +109,9 @@ def with_layout(
             if item.tucked:
                 entry["tucked"] = True
     for k, fault in wrong:
-        listed = entries[k].get(FAULTS, [])
+        listed = entries[k].get(FAULTS_FIELD, [])
         if isinstance(listed, list) and fault not in listed:
-            entries[k][FAULTS] = [*listed, fault]
+            entries[k][FAULTS_FIELD] = [*listed, fault]
     return {**document, "furniture": entries}
 
 

@@ -16,9 +16,11 @@ import torch
 from torch import nn
 
 from layoutrl import InputError
+from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
+from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher, one_thread, spread
 from layoutrl.evaluation.policy import greedy
@@ -73,7 +75,9 @@ def hired(config: PlaceConfig) -> Hired:
     moved = "all" if whole else item_of(trained, config.item, categories)
     placed = categories if moved == "all" else [moved]
     return Hired(
-        Furnisher(network, trained.method, categories) if whole else Mover(trained, network, categories, device),
+        Furnisher(network, trained.method, categories)
+        if whole
+        else Mover(network, trained.method, trained.reward, categories, device),
         lambda room_type: placed if room_type == trained.room.type else (),
     )
 
@@ -127,8 +131,9 @@ def shortcomings(
 class Mover:
     """A trained agent that moves one item. Of several it moves the largest first, each among what stands by then."""
 
-    def __init__(self, trained: TrainConfig, network: nn.Module, categories: list[str], device: torch.device):
-        self.trained, self.network, self.categories, self.device = trained, network, categories, device
+    def __init__(self, network: nn.Module, method: Method, reward: Reward, categories: list[str], device: torch.device):
+        self.network, self.method, self.reward = network, method, reward
+        self.categories, self.device = categories, device
 
     @one_thread()
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
@@ -156,8 +161,8 @@ class Mover:
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
         """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of STARTS."""
-        method, index = self.trained.method, np.arange(len(rooms)).repeat(STARTS)
-        simulator = BatchSimulator(Simulator(rooms, method.moves, self.trained.reward), self.device)
+        method, index = self.method, np.arange(len(rooms)).repeat(STARTS)
+        simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), self.device)
         moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS, 1)
         numbers = torch.as_tensor((np.tile(spread(0, STARTS), len(rooms)) + moved_on) % 1, device=self.device)
         run = greedy(self.network, method).rollout(

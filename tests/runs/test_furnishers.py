@@ -125,7 +125,7 @@ def test_who_furnishes_waits_for_no_other_core(scope: str) -> None:
     first, *stands = DESIGNS[0].furniture
     brief = replace(DESIGNS[0], furniture=(replace(first, center=None), *stands), target=None)
     agents = {
-        "item": Mover(trained, network, categories, device),
+        "item": Mover(network, trained.method, trained.reward, categories, device),
         "room": Furnisher(network, trained.method, categories),
     }
     torch.set_num_threads(2)

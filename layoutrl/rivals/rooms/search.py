@@ -9,7 +9,8 @@ broken. The restart wins that lacks fewest items, counting those out of reach, a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,8 +38,7 @@ class Searching:
     weights: dict[str, float]  # of PREFERENCES
 
 
-@dataclass(frozen=True)
-class Places:
+class Places(NamedTuple):
     """Poses (N) of one item that break no rule of the bare room, with their boxes and the floor before them (N, 4)."""
 
     center: Array  # (N, 2)
@@ -47,14 +47,13 @@ class Places:
     front: Array
     cost: Array  # (N,) of the relations that an item keeps alone
 
-    def __getitem__(self, which: Array) -> Places:
+    def some(self, which: Array) -> Places:
         """Some of them."""
-        return Places(*(getattr(self, field.name)[which] for field in fields(self)))
+        return Places(*(values[which] for values in self))
 
-    def __add__(self, more: Places) -> Places:
+    def then(self, more: Places) -> Places:
         """These, then more."""
-        both = ((getattr(self, field.name), getattr(more, field.name)) for field in fields(self))
-        return Places(*(np.concatenate(pair) for pair in both))
+        return Places(*map(np.concatenate, zip(self, more, strict=True)))
 
 
 def search(brief: Room, relations: Relations, settings: Searching, spent: Spent, rng: np.random.Generator) -> Room:
@@ -124,7 +123,7 @@ class Finder:
         """
         places = self.places[i]
         if self.settings.flush and self.placed.any():
-            places = places + self._legal(i, *self._beside(i))
+            places = places.then(self._legal(i, *self._beside(i)))
         others = np.flatnonzero(self.placed)
         box = self.cost.boxes(self.center[None], self.quarter[None])[0, others]
         front = self.cost.fronts(self.center[None], self.quarter[None])[0, others]
@@ -132,18 +131,18 @@ class Finder:
         clash = (depth(places.box[:, None], box) > FIT) & ~scene.may_overlap[i, others]
         clash |= (depth(places.front[:, None], box) > FIT) & ~scene.may_stand_before[i, others]
         clash |= (depth(places.box[:, None], front) > FIT) & ~scene.may_stand_before[others, i]
-        places = places[~clash.any(1)]
+        places = places.some(~clash.any(1))
         mine, facing, its = places.box[:, None], places.quarter[:, None], self.quarter[others]
         pairs = kept.pairs(mine, facing, box, its, i, others) + kept.pairs(box, its, mine, facing, others, i)
         cost = places.cost + self.cost.best_partners(pairs @ weights, others)
         if self.restarts:
             cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
-        best = places[np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best]]
+        best = places.some(np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best])
         if not anywhere:
             boxes = np.tile(AWAY, (1 + len(best.box), len(self.placed), 1))
             boxes[:, others], boxes[1:, i] = box, best.box
             lost = unreached(scene, boxes)  # at first before the item is there, which then is not reached
-            best = best[lost[1:] <= max(lost[0] - 1, 0)]
+            best = best.some(lost[1:] <= max(lost[0] - 1, 0))
         return list(zip(best.center, best.quarter.tolist(), strict=True))[: self.settings.best]
 
     def _remember(self) -> None:
