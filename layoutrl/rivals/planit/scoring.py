@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from layoutrl.env.measures import iou_of
+from layoutrl.env.measures import iou_of, means
 from layoutrl.env.measures import matched as matched_rooms
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -192,22 +192,18 @@ class Furnished:
 
     layouts: list[list[Item]]
     group: np.ndarray  # (B,), of rooms that are not independent
-    iou: list[dict[int, float]]  # of each room, by index of the designer's item: 0 for one that has no match
+    iou: np.ndarray  # (B,), mean over the designer's items: 0 for one that has no match
     missing: float  # share of the graphs' items for which there was no place
 
     @property
     def mean_iou(self) -> float:
         """Over rooms, of each room's mean over the designer's items."""
-        return float(self._means.mean())
+        return float(self.iou.mean())
 
     @property
     def standard_error(self) -> float | None:
         """Over groups of rooms that are not independent; None of one."""
-        return standard_error(self._means, self.group)
-
-    @property
-    def _means(self) -> np.ndarray:
-        return np.array([np.mean(list(room.values())) for room in self.iou])
+        return standard_error(self.iou, self.group)
 
     def as_dict(self) -> dict[str, float | None]:
         """Its numbers, as JSON has them."""
@@ -294,16 +290,10 @@ def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
         sum(map(len, counted)) for counted in zip(*((x.missing, x.placed) for x in layouts), strict=True)
     )
     items = [list(layout.placed.values()) for layout in layouts]
-    iou = [match(room, placed) for room, placed in zip(rooms, items, strict=True)]
-    group = np.array([room.group for room in rooms])
+    ours = [replace(room, furniture=tuple(there)) for room, there in zip(rooms, items, strict=True)]
+    found = matched_rooms(ours, rooms)
+    iou, group = means(found.iou, found.room, len(rooms)), np.array([room.group for room in rooms])
     return Furnished(items, group, iou, missing / max(missing + placed, 1))
-
-
-def match(room: Room, placed: Sequence[Item]) -> dict[int, float]:
-    """The IoU of each of the designer's items with the one that it is matched with: 0 with none."""
-    designed = [k for k, item in enumerate(room.furniture) if item.center is not None]
-    found = matched_rooms([replace(room, furniture=tuple(placed))], [room])
-    return dict(zip(designed, found.iou.tolist(), strict=True))
 
 
 def score_all(
