@@ -73,22 +73,16 @@ def new_home(room: Room) -> bytes:
     thickness = wall_thickness(room)
     line = orient(Polygon(room.outline).buffer(thickness / 2, join_style="mitre")).exterior.coords[:-1]
     for k, (start, end) in enumerate(zip(line, [*line[1:], line[0]], strict=True)):
-        wall = SubElement(home, "wall", id=f"wall{k}", height=f"{WALL_HEIGHT:g}", thickness=_cm(thickness))
+        wall = _wall(home, f"wall{k}", thickness, start, end)
         wall.set("wallAtStart", f"wall{(k - 1) % len(line)}")
         wall.set("wallAtEnd", f"wall{(k + 1) % len(line)}")
-        for name, value in zip(("xStart", "yStart", "xEnd", "yEnd"), (*start, *end), strict=True):
-            wall.set(name, _cm(-value if name.startswith("y") else value))
     for number, hole in enumerate(room.holes):  # a column: a wall as thick as it is
         column = shapely.minimum_rotated_rectangle(Polygon(hole))
         if column.area - Polygon(hole).area > 1e-6:
             raise InputError("home: a hole that is no rectangle cannot be written; expected the room as JSON")
         along, through = along_and_through(column)
-        wall = SubElement(home, "wall", id=f"column{number}", height=f"{WALL_HEIGHT:g}")
-        wall.set("thickness", _cm(np.hypot(*through)))
         center = np.array(column.centroid.coords[0])
-        for end, (x, y) in (("Start", center - along / 2), ("End", center + along / 2)):
-            wall.set(f"x{end}", _cm(x))
-            wall.set(f"y{end}", _cm(-y))
+        _wall(home, f"column{number}", np.hypot(*through), center - along / 2, center + along / 2)
     floor = SubElement(home, "room", id="room", name=room.room_type.replace("_", " "))
     for x, y in room.outline:
         SubElement(floor, "point", x=_cm(x), y=_cm(-y))
@@ -96,6 +90,14 @@ def new_home(room: Room) -> bytes:
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Home.xml", tostring(home, "utf-8", xml_declaration=True))
     return content.getvalue()
+
+
+def _wall(home: Element, name: str, thickness: float, start: Iterable[float], end: Iterable[float]) -> Element:
+    wall = SubElement(home, "wall", id=name, height=f"{WALL_HEIGHT:g}", thickness=_cm(thickness))
+    for which, (x, y) in (("Start", start), ("End", end)):
+        wall.set(f"x{which}", _cm(x))
+        wall.set(f"y{which}", _cm(-y))
+    return wall
 
 
 def _set(
