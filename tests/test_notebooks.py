@@ -41,9 +41,11 @@ def given(path: Path, folder: Path) -> NotebookNode:
 
 def assert_figures_are_written(notebook: NotebookNode, folder: Path) -> None:
     named = {part for cell in notebook.cells for part in cell.source.split("FIGURES / ")[1:]}
-    written = list(folder.glob("*.png"))
-    assert len(written) >= len(named) >= 1
-    assert all(file.stat().st_size > 5000 for file in written)
+    pictures, drawings = (list(folder.glob(f"*.{suffix}")) for suffix in ("png", "svg"))
+    assert len(pictures) >= len(named) >= 1
+    assert all(file.stat().st_size > 5000 for file in pictures)
+    assert len(drawings) >= sum(".png" not in part.partition(")")[0] for part in named)  # of all that `save` writes
+    assert all(file.with_suffix(".png") in pictures for file in drawings)
 
 
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -55,6 +57,26 @@ def test_what_is_put_elsewhere_is_scored_where_it_is_and_as_large_as_it_is() -> 
     half = scored([room], [Item("bed", (2.0, 1.0), (3.0, 0.5))])
     assert half.iou[0] == pytest.approx(1 / 3)
     assert iou_of(Item("a", (1, 1), (0, 0)).footprint, Item("a", (1, 1), (0.5, 0)).footprint) == pytest.approx(1 / 3)
+
+
+def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
+    room = designed("dining_room", 3)[0]
+    rng = np.random.default_rng(0)
+
+    def mean_iou(items: Sequence[Item]) -> float:
+        return matched([room], [Layout(dict(enumerate(items)), [])]).mean_iou
+
+    assert mean_iou(room.furniture) == pytest.approx(1.0)
+    moved = [replace(item, center=tuple(np.add(item.center, rng.normal(0, 0.3, 2)))) for item in room.furniture[::-1]]
+    best = 0.0
+    for category in {item.category for item in room.furniture}:
+        theirs = [item for item in room.furniture if item.category == category]
+        ours = [item for item in moved if item.category == category]
+        best += max(
+            sum(iou_of(a.footprint, b.footprint) for a, b in zip(theirs, order, strict=True))
+            for order in itertools.permutations(ours)
+        )
+    assert mean_iou(moved) == pytest.approx(best / len(room.furniture))
 
 
 def test_an_item_too_few_counts_as_nothing() -> None:
