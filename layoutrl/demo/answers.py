@@ -51,7 +51,7 @@ WORDS = {
     OUT_OF_REACH: "cannot be reached from the door",
     FRONT_NOT_FREE: "needs free floor before it",
     OFF_ITS_WALL: "stands off its wall",
-    ASTRAY: "stands away from its table",
+    ASTRAY: "does not stand at its table, facing it",
     BEFORE_WINDOW: "stands before a window",
 }
 

@@ -11,7 +11,7 @@ from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.faults import Fault, Items
 from layoutrl.rooms.room import Item, Room
 
-OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "away from its table", "before a window"
+OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 NEAR = 0.05  # metres: no farther from its wall or window is at it
 CLOSED = 0.2  # metres of a window
 BACK = 1  # of the sides of an item, in the order of their corners
@@ -39,7 +39,7 @@ def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
             continue
         if k in off_wall:
             found.append((k, OFF_ITS_WALL))
-        if item.tucked and hosts and not any(item.footprint.intersects(host) for host in hosts):
+        if item.tucked and hosts and not any(_sits_at(every.footprint[k], item.form, host) for host in hosts):
             found.append((k, ASTRAY))
         if item.category in TALL and any(_closes(item, w.shape) for w in layout.windows):
             found.append((k, BEFORE_WINDOW))
@@ -55,6 +55,15 @@ def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) ->
     walls = shapely.boundary([layout.indoor for layout in layouts])[items.room[those]]
     off = shapely.distance(walls[:, None], shapely.points(corners))
     return np.maximum(off[:, :-1], off[:, 1:])
+
+
+def _sits_at(chair: shapely.Geometry, form: str, host: shapely.Geometry) -> bool:
+    """Whether its front is under a table or desk, both corners within NEAR, and its back is not; round, any of it."""
+    if form == "circle":
+        return chair.intersects(host)
+    front_left, back_left, back_right, front_right = shapely.points(shapely.get_coordinates(chair)[:4])
+    under = shapely.dwithin(host, [front_left, front_right], NEAR).all()
+    return bool(under and not shapely.intersects(host, [back_left, back_right]).any())
 
 
 def _closes(item: Item, window: shapely.Geometry) -> bool:

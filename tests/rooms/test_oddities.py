@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from layoutrl.rooms.designer.generator import design_rooms
@@ -40,13 +41,39 @@ def test_what_belongs_at_a_wall_has_its_back_there(center: tuple[float, float], 
 
 
 def test_a_chair_is_astray_that_stands_under_no_table_though_there_is_one() -> None:
-    table, chair = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("chair", (0.4, 0.4), (2.6, 1.5), tucked=True)
+    table, chair = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("chair", (0.4, 0.4), (2.6, 1.5), 180, tucked=True)
     away = replace(chair, center=(3.5, 0.5))
     assert not oddities(furnished(table, chair))
     assert oddities(furnished(table, away)) == [(1, ASTRAY)]
     assert not oddities(furnished(away))
     assert not oddities(furnished(table, replace(away, tucked=False)))
     assert not oddities(furnished(table, away), asked={0})
+
+
+@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+@pytest.mark.parametrize(("ahead", "beside", "turned", "odd"), [
+    (0.6, 0.0, 0, False),  # half under the table, and looks at it
+    (0.7 + 0.8 * NEAR, 0.0, 0, False),  # drawn up to it
+    (0.7 + 1.2 * NEAR, 0.0, 0, True),
+    (0.6, 0.3 + 0.8 * NEAR, 0, False),  # at the end of a side
+    (0.6, 0.3 + 1.2 * NEAR, 0, True),  # round the corner
+    (0.2, 0.0, 0, True),  # wholly under it
+    (0.6, 0.0, 90, True),  # looks along it
+    (0.6, 0.0, 180, True),  # looks away
+])  # fmt: skip
+def test_who_sits_on_a_chair_looks_at_the_table(
+    quarter: int, ahead: float, beside: float, turned: int, odd: bool
+) -> None:
+    x, y = np.round([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
+    center = (2.0 - ahead * x - beside * y, 1.5 - ahead * y + beside * x)
+    chair = Item("chair", (0.4, 0.4), center, 90.0 * quarter + turned, tucked=True)
+    assert oddities(furnished(Item("table", (1.0, 1.0), (2.0, 1.5)), chair)) == [(1, ASTRAY)] * odd
+
+
+def test_a_round_stool_sits_at_the_table_that_it_is_under() -> None:
+    table, stool = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("stool", (0.4, 0.4), (2.6, 1.5), 0, "circle", True)
+    assert not oddities(furnished(table, stool))
+    assert oddities(furnished(table, replace(stool, center=(2.8, 1.5)))) == [(1, ASTRAY)]
 
 
 def test_a_wardrobe_closes_a_window_and_a_bed_does_not() -> None:
