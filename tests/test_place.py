@@ -426,7 +426,7 @@ def test_all_is_what_somebody_places_and_the_rest_stays_with_the_chairs_under_it
         assert moved == [0, 3]  # the bed, and the chair that stands under nothing
     assert middle.seen[0] == [k not in (0, 3) for k in range(6)]  # all else stands, and is in the way
     said = capsys.readouterr().out
-    assert "flat: 2 of 2 placed; the plant and the plant stand at one place" in said
+    assert "flat: 2 of 2 placed; the plant at 0.5, 4.5 and the plant overlap by more than half" in said
     assert "; nobody places these in a bedroom, and they stay: table, chair, plant (2)" in said
     assert "placed 4 of 4 items in 2 rooms" in said
 
@@ -452,7 +452,7 @@ def test_what_was_wrong_before_is_not_told(middle: Middle, tmp_path: Path, capsy
     assert not any("faults" in item for item in room["furniture"][4:])  # the plants, one in the other
     said = capsys.readouterr().out
     assert "the plant: overlaps" not in said
-    assert "the plant and the plant stand at one place" in said
+    assert "the plant at 0.5, 4.5 and the plant overlap by more than half" in said
 
 
 def test_an_interrupted_run_goes_on_where_it_was(

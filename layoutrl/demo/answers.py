@@ -146,6 +146,8 @@ class Answers:
         room = room_in(asked)
         item = item_in(asked, room)
         held = answerable(room, self.staff.known(room.room_type))
+        if item in held.refused:
+            raise InputError(f"item: nobody places a {room.furniture[item].category}; expected furniture")
         return held.brief, item - sum(k < item for k in held.refused)
 
     def svg(self, asked: Any) -> Answer:

@@ -47,7 +47,8 @@ FRONT_DEPTH = {
     "washing_machine": 0.6,
 }
 
-RAISED = frozenset({"platform"})  # floor to walk on, and to stand on
+RUGS = frozenset({"carpet", "mat", "rug"})
+RAISED = frozenset({"platform"}) | RUGS  # floor to walk on, and to stand on
 
 # What a tucked item may stand under: a chair, under the desk or table where one sits.
 HOSTS = frozenset({"desk", "table"})

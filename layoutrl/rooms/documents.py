@@ -16,6 +16,7 @@ May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (i
 item that stands it is 0; of one to be placed it is to be chosen), `shape`, `tucked` (whether the item may stand under
 another: of one that stands it is false; of a chair to be placed it is true where the room has a desk or a table),
 `target` where the type's main item is there once, and `group`.
+What is called a `rug`, a `carpet` or a `mat` is floor: furniture may stand on it.
 Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
 that is spelled much like a field of ours is refused.
 What is wrong is answered with the field and what is expected there.

@@ -11,17 +11,20 @@ import shapely
 
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
-from layoutrl.rooms.clearances import RAISED
+from layoutrl.rooms.clearances import RAISED, RUGS
 from layoutrl.rooms.room import Item, Room, along_and_through
 from layoutrl.rooms.sources.categories import category_of
 
-SAME_PLACE = 0.5  # share of the smaller of two footprints above which items stand at one place
+SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place
 NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it
 
 
 @dataclass(frozen=True)
 class Answerable:
-    """A brief as it was asked, as far as it can be furnished (`brief`), and what is in the way, a line each."""
+    """A brief as it was asked, as far as it can be furnished (`brief`), and what is in the way, a line each.
+
+    A rug that lies in the room is in nobody's way: who furnishes does not see it.
+    """
 
     asked: Room
     refused: frozenset[int]  # items of `asked` that are not in `brief`
@@ -29,12 +32,12 @@ class Answerable:
 
     @property
     def brief(self) -> Room:
-        """The room without what cannot be placed."""
+        """The room without what cannot be placed, and without rugs."""
         kept = tuple(item for k, item in enumerate(self.asked.furniture) if k not in self.refused)
         return replace(self.asked, furniture=kept, target=None)
 
     def answer(self, layout: Room) -> Room:
-        """The room as it was asked, with the poses of a layout of `brief`; what was refused has no center."""
+        """The room as it was asked, with the poses of a layout of `brief`; what was refused is as it was."""
         items = iter(layout.furniture)
         furniture = tuple(i if k in self.refused else next(items) for k, i in enumerate(self.asked.furniture))
         return replace(self.asked, furniture=furniture)
@@ -62,11 +65,14 @@ def answerable(
             size = " by ".join(f"{side:g}" for side in item.size)
             lines.append(f"the {item.category} of {size} m is not placed: it fits into the room in no way")
             refused.add(k)
+    refused |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
     standing = [item for item in room.furniture if item.center is not None]
     for one, other in combinations(standing, 2):
         if _stacked(one, other):
             x, y = one.footprint.centroid.coords[0]
-            lines.append(f"the {one.category} and the {other.category} stand at one place, {x:g}, {y:g}; both are kept")
+            lines.append(
+                f"the {one.category} at {x:g}, {y:g} and the {other.category} overlap by more than half; both are kept"
+            )
     if not room.doors:
         lines.append("it has no door: what can be reached is told from the largest free floor")
     elif (width := max(widths(room))) < NARROWEST:
@@ -97,7 +103,7 @@ def widths(room: Room) -> list[float]:
 
 
 def unstacked(brief: Room, layout: Room) -> Room:
-    """The layout without the places of items that stand at one place with another: there is no room for these.
+    """The layout without the places of items that take up one place with another: there is no room for these.
 
     Of two the smaller goes, of what was placed; what stood before stays.
     """

@@ -213,6 +213,10 @@ def test_an_agent_of_the_package_says_what_it_thinks_of_places():
     crowded, about = replace(room, furniture=(huge, *room.furniture)), {"item": 1, "step": 0.4}
     assert thinker.answer("values", body(crowded, **about)) == said
     assert thinker.answer("moves", body(crowded, **about))["moves"] == moves
+    rug = replace(room, furniture=(Item("rug", (0.6, 0.6), (1.0, 1.0), 0.0), *room.furniture))  # nor are rugs
+    assert thinker.answer("values", body(rug, **about)) == said
+    with pytest.raises(InputError, match="item: nobody places a rug"):
+        thinker.answer("values", body(rug, item=0))
 
 
 def test_thoughts_are_answered_by_who_thinks(answers):

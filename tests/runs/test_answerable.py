@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import Item
 from layoutrl.runs import pretrained
 from layoutrl.runs.answerable import answerable, fits
@@ -90,10 +91,22 @@ def test_two_items_at_one_place_and_a_missing_door_are_said_and_all_is_kept() ->
     room = room_with(BED, *desks, chair, openings=())
     found = answerable(room, KNOWN)
     assert found.lines == [
-        "the desk and the desk stand at one place, 3, 1; both are kept",
+        "the desk at 3, 1 and the desk overlap by more than half; both are kept",
         "it has no door: what can be reached is told from the largest free floor",
     ]
     assert found.brief == room
+
+
+def test_a_rug_is_floor_and_stays_where_it_lies() -> None:
+    rug = Item("rug", (2.0, 1.5), (2.0, 1.5), 0.0)
+    room = room_with(BED, rug, Item("wardrobe", (0.6, 1.2), (3.7, 1.5), 180.0))
+    found = answerable(room, KNOWN)
+    assert found.lines == []
+    assert found.brief.furniture == (BED, room.furniture[2])
+    placed = replace(BED, center=(2.0, 2.0), rotation=270.0)  # upon it
+    layout = found.answer(replace(found.brief, furniture=(placed, room.furniture[2])))
+    assert layout.furniture == (placed, *room.furniture[1:])
+    assert not faults(layout)
 
 
 @given(st.integers(0, 2**32 - 1))
