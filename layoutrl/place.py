@@ -2,7 +2,7 @@
 
 Places what has no center in rooms of a file: by the agents in the package, each room by that of its type, and where
 something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with
-by=search or by=annealer, by a rival.
+by=search or by=annealer, by a rival. `furnish` does the same with rooms in memory.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
 from itertools import chain, groupby, islice
@@ -28,14 +28,14 @@ from layoutrl.rooms.brief import missing
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
-from layoutrl.rooms.formats import FORMATS, Source, format_of, opened
+from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.categories import ALL, names_in, names_of, nearest
 from layoutrl.runs.answerable import in_no_type
 from layoutrl.runs.asked import Asked, asked_of
 from layoutrl.runs.commands import Incomplete, command
-from layoutrl.runs.config import PlaceConfig, TrainConfig
+from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.streams import (
     STANDARD,
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 100  # letters of a room's id in the name of its picture
+NO_ROOM = "not placed, as no room is left for it"  # who was asked found none
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
@@ -89,7 +90,7 @@ class Answered:
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
             said = [
-                f"the {layout.furniture[k].category}: {', '.join(fault for _, fault in some)}"
+                f"the {layout.furniture[k].category}: {', '.join(NO_ROOM if f == MISSING else f for _, f in some)}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             found = "; ".join([*self.asked.can.lines, *said]) or "nothing is wrong"
@@ -110,18 +111,33 @@ class Done:
     tally: Tally
 
 
+def furnish(
+    rooms: Sequence[Room],
+    choices: int = 1,
+    *,
+    move: str | None = None,
+    by: str | None = None,
+    run: str | None = None,
+    seed: int = 0,
+) -> list[Answered]:
+    """What the command places in these rooms, told as it tells it: of each room up to `choices` layouts, best first.
+
+    The options are those of conf/place.yaml. What cannot be placed has no center. Raises InputError for an option of
+    another kind, and for a `run` that is no training run.
+    """
+    config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
+    check_who(config)
+    check_move(config)
+    entries = [Entry(room.id, to_place(room, move), {}, stood=room.furniture) for room in rooms]
+    return Work(config, None, None, None).answered(entries)
+
+
 def run(config: PlaceConfig) -> Done:
     """Put what has no center where it belongs, in rooms of a file, and write them as they came; says what it does.
 
     Raises InputError where no room lacks such an item, or a file to write is there already.
     """
-    if config.run is not None and config.by is not None:
-        raise InputError(
-            "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
-            "without both, the agents in the package furnish, and the search where they fail"
-        )
-    if config.by in ("search", "annealer") and config.item:
-        raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
+    check_who(config)
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
     check_move(config)
@@ -221,6 +237,7 @@ class Work:
         if self.source:
             for line in str(self.source.collection).splitlines():
                 self.say(line)
+            self.tally.items += self.source.collection.homeless
             entries = islice(source_entries(self.source), first, None, shards)
         else:
             entries = json_entries(self.config, first, shards)
@@ -228,7 +245,7 @@ class Work:
         nobody = True if sys.stderr is None else None  # None: where it is no terminal
         with tqdm(None, "furnishing", length, initial=done, unit="room", disable=nobody) as bar:
             for block in blocks(entries):
-                answers = iter(self._answered([entry for entry in block if entry.room]))
+                answers = iter(self.answered([entry for entry in block if entry.room]))
                 answered = []
                 for entry in block:
                     self.tally.entries += 1
@@ -251,7 +268,8 @@ class Work:
                 yield answered
                 bar.update(len(block))
 
-    def _answered(self, entries: Sequence[Entry]) -> list[Answered]:
+    def answered(self, entries: Sequence[Entry]) -> list[Answered]:
+        """Rooms that can be read, furnished together."""
         asked = [self._asked(entry) for entry in entries]
         briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
@@ -291,6 +309,17 @@ class Work:
                 room_id = re.sub(r"[^\w.-]+", "_", layout.id)[:LONGEST]
                 choice = f"-{n}" if n > 1 else ""
                 draw(layout, wrong, picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}"))
+
+
+def check_who(config: PlaceConfig) -> None:
+    """Raise InputError where it is not clear who furnishes, or they do not furnish so."""
+    if config.run is not None and config.by is not None:
+        raise InputError(
+            "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
+            "without both, the agents in the package furnish, and the search where they fail"
+        )
+    if config.by in ("search", "annealer") and config.item:
+        raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
 
 
 def check_move(config: PlaceConfig) -> None:

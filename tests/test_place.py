@@ -23,6 +23,7 @@ from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.evaluation.rollout import Rollout
+from layoutrl.place import furnish
 from layoutrl.place import run as place
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import rival
@@ -30,7 +31,7 @@ from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.documents import room_from_dict, room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
@@ -38,7 +39,7 @@ from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
 from layoutrl.runs.streams import growing
 from layoutrl.train import run as train
-from tests.rooms.sources.test_sweethome3d import home_file
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 from tests.runs.test_resume import SHORT
 
 DOCUMENTS = [room_to_dict(room) for room in design_rooms("bedroom", "test", 3, 3).rooms]
@@ -746,6 +747,54 @@ def test_what_is_not_placed_or_not_read_is_the_exit_status(
     assert "error: not all rooms could be read" in warned
     assert "rooms.jsonl:2: left out: room 'b': room_type: missing" in said
     assert "; 1 of 2 rooms could not be read, and are not in what is written" in said
+
+
+def test_what_stands_outside_all_rooms_of_a_home_and_stays_is_not_placed(middle: Middle, tmp_path: Path) -> None:
+    parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
+    home = home_file(tmp_path / "flat.sh3d", FLAT + parked)  # without a kitchen
+    tally = place(PlaceConfig(by="search", rooms=str(home))).tally
+    assert (tally.placed, tally.items) == (1, 2)
+
+
+def test_what_finds_no_place_among_the_others_has_no_room(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(middle, "layout", lambda brief: brief)
+    document = without_place(DOCUMENTS[0])
+    (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [document]))))
+    item = room["furniture"][room["target"]]
+    assert item["faults"] == ["not placed"]
+    assert f"0 of 1 placed; the {item['category']}: not placed, as no room is left for it\n" in capsys.readouterr().out
+
+
+def test_rooms_in_memory_are_furnished_as_those_of_a_file(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, documents = many(tmp_path)
+    written_rooms = run(PlaceConfig(by="search", rooms=str(file)))
+    said = capsys.readouterr().out
+    answers = furnish([room_from_dict(document) for document in documents], by="search")
+    for answer, document, room in zip(answers, documents, written_rooms, strict=True):
+        (layout,), (wrong,) = answer.layouts, answer.wrong
+        assert with_layout(document, answer.asked.can.asked, layout, wrong) == room
+        assert "\n".join(answer.lines()) in said
+    (moved,) = furnish([room_from_dict(DOCUMENTS[0])], by="search", move="bed")
+    assert [k for k, item in enumerate(moved.layouts[0].furniture) if item.category == "bed"] == moved.asked.wanted
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"choices": 0}, "choices: expected 1 to"),
+        ({"by": "magic"}, "by: expected"),
+        ({"by": "search", "run": "runs/x"}, "run: expected either"),
+        ({"move": "sofaa"}, "move: expected all, or categories as sofa"),
+        ({"run": "nowhere"}, "nowhere"),
+    ],
+)
+def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        furnish([room_from_dict(bare(DOCUMENTS[0]))], **options)
 
 
 def test_no_more_of_a_file_is_in_memory_than_a_block(

@@ -33,11 +33,11 @@ def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     (tmp_path / "my_rooms.jsonl").write_text(json.dumps(room))
     monkeypatch.chdir(tmp_path)
     programs = [block for block in BLOCKS if "import " in block]
-    assert len(programs) == 3
+    assert len(programs) == 4
     for code in programs:
         names: dict[str, Any] = {}
         exec(compile(code, "README.md", "exec"), names)
-        if "my_rooms.jsonl" in code:
+        if 'rooms=read_rooms("my_rooms.jsonl")' in code:
             assert [room.id for room in names["env"].unwrapped.simulator.rooms] == ["b-17"]
 
 
