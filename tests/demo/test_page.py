@@ -462,6 +462,24 @@ def test_files_are_opened_and_dropped(page, tmp_path):
     expect(page.locator("#title")).to_have_attribute("data-room", "dropped")
 
 
+def test_what_stands_in_a_room_of_a_file_stays_where_the_rest_is_placed(still, tmp_path):
+    furniture = [dict(entry) for entry in OWN["furniture"]]
+    for field in ("center", "rotation"):
+        del furniture[1][field]
+    file = tmp_path / "room.json"
+    file.write_text(json.dumps(OWN | {"furniture": furniture}))
+    still.locator("#saving summary").click()
+    still.locator("#file").set_input_files(file)
+    expect(still.locator("#title")).to_have_attribute("data-room", "my own study")
+    settled(still)
+    expect(still.locator("#plan .item.locked")).to_have_count(len(furniture) - 1)
+    still.locator("#furnish").click()
+    settled(still)
+    after = room_of(still)["furniture"]
+    assert after[1]["center"]
+    assert [after[k] for k in range(len(after)) if k != 1] == [furniture[k] for k in range(len(after)) if k != 1]
+
+
 def test_a_room_is_saved_as_it_is_read(page):
     document = room_of(page)
     assert room_to_dict(room_from_dict(json.loads(json.dumps(document)))) == document

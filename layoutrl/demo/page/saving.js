@@ -16,9 +16,14 @@ function download(content, kind, ending) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
+// What stands where other furniture is to be placed stays: it is locked.
+const standing = ({ furniture }) => (furniture.every(({ center }) => center) ? [] : furniture.map(({ center }) => center));
+
+const shown = (room) => open(structuredClone(room), standing(room));
+
 export function offer(rooms, before = false) {
   const entries = rooms.map(({ room, box }) => {
-    const node = element("button", { type: "button", title: room.id, onclick: () => open(structuredClone(room)) });
+    const node = element("button", { type: "button", title: room.id, onclick: () => shown(room) });
     node.append(thumbnail(room, box), element("span", { textContent: words(room.room_type) }));
     return element("li", {}, node);
   });
@@ -37,7 +42,7 @@ async function opened(file) {
       else homes.delete(room.id);
     }
     offer(rooms, true);
-    await open(structuredClone(rooms[0].room));
+    await shown(rooms[0].room);
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
   } catch (error) {
     say(`${file.name}: ${error.message}`);
