@@ -30,6 +30,7 @@ TRIED = 4  # of these, the most valued, from which the item moves
 SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
 REPAIRS = 1  # times more, in rooms with a fault
 AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
+ELSEWHERE = 2  # times then, with its largest item elsewhere, while something is wrong still
 NEAR_WALL = 0.15  # metres: what ends no further before what is behind it slides back, until it touches
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
@@ -60,9 +61,9 @@ class Furnisher:
     (`rooms/faults.py`, geometry alone). Where there is none, it is put where one move more leads, or else at one of the
     places that were spread. What ends just before a wall or an item slides back to it. When all stand, each but the
     largest is lifted once more, and moved if another pose is better; and again where something is still wrong. Where
-    that does not help, the room is furnished anew, what had a fault first. A room whose walls lean is furnished
-    upright, since agents learn in upright ones, and turned back. The designer's layout is not known here. Nothing is
-    left to chance: the same brief always gets the same layouts.
+    that does not help, the room is furnished anew, what had a fault first, and then with its largest item elsewhere.
+    A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back. The designer's
+    layout is not known here. Nothing is left to chance: the same brief always gets the same layouts.
     """
 
     def __init__(self, network: nn.Module, method: Method, categories: Sequence[str]):
@@ -146,24 +147,38 @@ class Furnisher:
 
     def _add_another(self, world: _World, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
+        best, faulty = dict[int, Furnished](), dict[int, list[int]]()
+        latest = dict[int, list[int]]()  # what has a fault in the layout that was found last
+
+        def furnish(
+            which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
+        ) -> dict[int, Furnished]:
+            """Layouts of these rooms, different from the others; the best of a room is kept, the first of equals."""
+            layouts = zip(which, self._furnished(world, np.array(which), rank, others), strict=True)
+            found = {b: layout for b, layout in layouts if layout}
+            for b, layout in found.items():
+                latest[b] = faulty_items(layout.layout, world.rooms.rooms[b])
+                if b not in best or len(latest[b]) < len(faulty[b]):
+                    best[b], faulty[b] = layout, latest[b]
+            return found
+
         rank = world.rooms.sequence()
-        best = dict(enumerate(self._furnished(world, np.arange(len(known)), rank, known)))
-        faulty = {b: faulty_items(one.layout, world.rooms.rooms[b]) for b, one in best.items() if one}
-        latest = faulty
+        found = furnish(range(len(known)), rank, known)
         for _ in range(AFRESH):
-            which = [b for b, items in faulty.items() if items and latest[b]]  # else the order would be as before
-            if not which:
+            if not (which := [b for b in found if faulty[b]]):
                 break
             for b in which:
                 rank[b, latest[b]] -= rank.shape[1]
-            anew = dict(zip(which, self._furnished(world, np.array(which), rank, known), strict=True))
-            latest = {b: faulty_items(one.layout, world.rooms.rooms[b]) if one else [] for b, one in anew.items()}
-            for b, one in anew.items():
-                if one and len(latest[b]) < len(faulty[b]):
-                    best[b], faulty[b] = one, latest[b]
-        for b, one in best.items():
-            if one:
-                known[b].append(one)
+            found = furnish(which, rank, known)
+        found, tried = dict(best), [list(layouts) for layouts in known]
+        for _ in range(ELSEWHERE):
+            for b, layout in found.items():
+                tried[b].append(layout)
+            if not (which := [b for b in found if faulty[b]]):
+                break
+            found = furnish(which, world.rooms.sequence(), tried)
+        for b, layout in best.items():
+            known[b].append(layout)
 
     def _furnished(
         self, world: _World, which: np.ndarray, rank: np.ndarray, known: Sequence[Sequence[Furnished]]

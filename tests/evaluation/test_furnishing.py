@@ -207,6 +207,7 @@ def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatc
     items = Item("bed", (1.0, 1.0)), Item("desk", (0.8, 0.5)), Item("wardrobe", (0.5, 0.5))
     easy = rectangular_room(6, 5, items[0], others=items[1:], target=None)  # faultless at once
     briefs = [*(brief_of(room) for room in design_rooms("kitchen", "test", 0, 3).rooms), easy]
+    monkeypatch.setattr(furnishing, "ELSEWHERE", 0)
     tried = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
     monkeypatch.setattr(furnishing, "AFRESH", 0)
     once = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
@@ -217,10 +218,28 @@ def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatc
     assert tried[-1] == once[-1]
 
 
+def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_kept(furnisher, monkeypatch) -> None:
+    easy = rectangular_room(6, 5, Item("bed", (1.0, 1.0)), target=None)  # faultless at once
+    briefs = [*(brief_of(room) for room in design_rooms("kitchen", "test", 0, 6).rooms), easy]
+    layouts = {}
+    for times in (0, 1, 2):
+        monkeypatch.setattr(furnishing, "ELSEWHERE", times)
+        layouts[times] = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
+    faults_left = {times: wrong(found) for times, found in layouts.items()}
+    assert (faults_left[2] <= faults_left[1]).all()
+    assert (faults_left[1] <= faults_left[0]).all()
+    assert (faults_left[2] < faults_left[0]).any()
+    largest = furnishing.RoomsSimulator(briefs, None, furnisher._moves, furnishing.Reward()).sequence().argmin(1)
+    for k, (before, after) in enumerate(zip(layouts[0], layouts[2], strict=True)):
+        assert (faults_left[2][k] < faults_left[0][k]) == (after != before)
+        if after != before:
+            assert before.furniture[largest[k]] != after.furniture[largest[k]]
+
+
 def test_a_room_is_not_furnished_anew_in_the_order_that_led_nowhere(furnisher, monkeypatch) -> None:
     bed, desk = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("desk", (1.0, 1.0), (1.0, 0.75))
     room = rectangular_room(4, 3, bed, others=(desk,), target=None)
-    answers = [[Furnished(room, 0.0)], [None]]
+    answers = [[Furnished(room, 0.0)], [None], [None]]  # once, anew, and with the bed elsewhere
     monkeypatch.setattr(furnisher, "_furnished", lambda *_: answers.pop(0))
     ((found,),) = furnisher.furnish([brief_of(room)], 1, 0)
     assert found.layout == room
