@@ -25,13 +25,13 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.categories import ALL, names_in, names_of, nearest
 from layoutrl.runs.answerable import in_no_type
 from layoutrl.runs.asked import Asked, asked_of
 from layoutrl.runs.commands import Incomplete, command

@@ -33,13 +33,13 @@ from layoutrl.rivals.rooms.baselines import random_layout
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import search
 from layoutrl.rooms.brief import furnished, missing
+from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
-from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.sweethome3d import read_home
 from layoutrl.runs.answerable import answerable
 from layoutrl.runs.checkpoints import load_checkpoint, save_checkpoint

@@ -34,6 +34,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
+from layoutrl.rooms.categories import NO_ROOM, names_of
 from layoutrl.rooms.clearances import may_tuck
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, RoomError, wall_band
 from layoutrl.rooms.units import UNITS
@@ -224,8 +225,6 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
 
 def _meant(room_type: str) -> str:
     """What a type of another name is here, by the table of names."""
-    from layoutrl.rooms.sources.categories import NO_ROOM, names_of  # whose package reads rooms in JSON, too
-
     ours = names_of().room_type(room_type, ())
     return f", which is a {ours} here" if ours and ours != NO_ROOM else ""
 

@@ -17,11 +17,11 @@ from typing import Protocol
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below, write_rooms
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
-from layoutrl.rooms.sources.categories import ALL, names_in, names_of
 from layoutrl.rooms.sources.front3d import MODELS
 from layoutrl.rooms.sources.procthor import ASSETS
 from layoutrl.rooms.sources.sweethome3d import read_home

@@ -11,9 +11,9 @@ import shapely
 
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
+from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS
 from layoutrl.rooms.room import Item, Room, along_and_through
-from layoutrl.rooms.sources.categories import category_of
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place
 NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it

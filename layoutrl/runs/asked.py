@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import shapely
 
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.categories import ALL, names_in
 from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.streams import Entry

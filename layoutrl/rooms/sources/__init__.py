@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Literal
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import read_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources import designer_rooms, floorplans, front3d, procthor, sweethome3d
-from layoutrl.rooms.sources.categories import names_of
 
 READERS = {"sweethome3d": sweethome3d.read, "procthor": procthor.read, "front3d": front3d.read}  # of whole homes
 FILES = ("floorplans", "designer_rooms", "json", *READERS)

@@ -17,6 +17,7 @@ from shapely.geometry import Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.categories import NO_ROOM, Names
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
@@ -31,7 +32,6 @@ from layoutrl.rooms.room import (
     without_films,
     without_narrow,
 )
-from layoutrl.rooms.sources.categories import NO_ROOM, Names
 from layoutrl.rooms.sources.plans import is_drawn_before
 
 NARROW = 0.18  # metres: what is narrower of a floor is none

@@ -18,10 +18,10 @@ import shapely
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
-from layoutrl.rooms.sources.categories import Names
 from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, lengths, loaded, oblong
 
 MODELS = "model_info.json"

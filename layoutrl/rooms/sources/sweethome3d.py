@@ -22,10 +22,10 @@ from shapely.geometry import LineString, Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.categories import ALL, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
-from layoutrl.rooms.sources.categories import ALL, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong, unused
 from layoutrl.rooms.sources.home_xml import (
     GROUP,

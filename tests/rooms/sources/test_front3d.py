@@ -9,8 +9,8 @@ import pytest
 from shapely.geometry import box
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.front3d import read
 
 

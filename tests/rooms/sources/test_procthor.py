@@ -10,9 +10,9 @@ import pytest
 from shapely.geometry import box
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.sources import read_files
-from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.procthor import LARGEST_LINE, read
 
 SIZES = {"Bed_1": ("Bed", 1.5, 0.9, 2.0), "Chair_1": ("Chair", 0.5, 0.9, 0.5), "TV_1": ("Television", 1.0, 0.6, 0.2)}

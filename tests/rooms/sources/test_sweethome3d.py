@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon, box
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.sources.categories import names_of
 from layoutrl.rooms.sources.sweethome3d import Home, read, read_home
 
 # Homes as Sweet Home 3D writes them: centimetres, y down, radians clockwise.

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import DECOR, HOLDS, NO_ROOM, OBSTACLE, TELLING, names_of, plain
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.rooms.sources.categories import DECOR, HOLDS, NO_ROOM, OBSTACLE, TELLING, names_of, plain
 
-ROOMS_PAGE = Path(__file__).parents[3] / "docs" / "rooms.md"
+ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
 
 
 @pytest.mark.parametrize(

@@ -168,7 +168,7 @@ def names_of(file: Path | None = None) -> Names:
 
 @cache
 def _own_table() -> dict[str, list[str]]:
-    text = files("layoutrl.rooms.sources").joinpath("categories.yaml").read_text(encoding="utf-8")
+    text = files("layoutrl.rooms").joinpath("categories.yaml").read_text(encoding="utf-8")
     return yaml.safe_load(text)
 
 
