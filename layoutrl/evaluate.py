@@ -23,8 +23,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.runs.files import write_json
     from layoutrl.runs.machine import device_of, machine
-    from layoutrl.runs.report import evaluate, table
-    from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
+    from layoutrl.runs.report import scored
     from layoutrl.runs.trained import trained_run
 
     if config.out:
@@ -37,15 +36,10 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         raise InputError(
             f"out: {file.parent} cannot be written to; expected a file in a folder to write to, as out=<file>"
         )
+    agent = shown.network, shown.method, shown.reward, shown.categories
     seed = np.random.SeedSequence(config.seed)
-    if shown.furnishes:
-        result = evaluate_rooms(shown.furnisher, shown.rooms, shown.training, seed)
-        print(rooms_table(result))
-    else:
-        result = evaluate(
-            shown.policy, shown.simulator, shown.observe, shown.training, starts_a_room=config.starts, seed=seed
-        )
-        print(table(result))
+    result, said = scored(*agent, shown.rooms, shown.training, seed, config.starts)
+    print(said)
     about = {
         "data": asdict(shown.data),
         "part": shown.part,

@@ -16,15 +16,10 @@ from layoutrl.runs.config import TrainCommand, TrainConfig, part
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
     """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
-    from layoutrl.env.observation import observation_of
-    from layoutrl.env.simulator import Simulator
-    from layoutrl.evaluation.furnishing import Furnisher
-    from layoutrl.evaluation.policy import greedy
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
-    from layoutrl.runs.report import evaluate, table
+    from layoutrl.runs.report import scored
     from layoutrl.runs.resume import ending, finish, seeds
-    from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # said before the rooms are made, which takes a while
@@ -40,17 +35,8 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             f"go on with: python -m layoutrl.train resume={folder}"
         )
     with ending(folder, "layoutrl.train"):
-        seed = seeds(config)[3]
-        if config.method.scope == "room":
-            furnisher = Furnisher(learner.agent.network, config.method, learner.categories)
-            result = evaluate_rooms(furnisher, held_out, training, seed)
-            shown = rooms_table(result)
-        else:
-            policy = greedy(learner.agent.network, config.method)
-            simulator = Simulator(held_out, config.method.moves, config.reward)
-            observe = observation_of(config.method.observation, held_out, device, learner.categories)
-            result = evaluate(policy, simulator, observe, training, starts_a_room=1, seed=seed)
-            shown = table(result)
+        network, categories = learner.agent.network, learner.categories
+        result, shown = scored(network, config.method, config.reward, categories, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.agent.updates)
         finish(
             folder,

@@ -6,16 +6,45 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from torch import nn
 
 from layoutrl.agents.dqn import Observe
+from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.observation import observation_of
+from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.metrics import lattice_ceiling, score
-from layoutrl.evaluation.policy import Policy
+from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.rivals.rules import nearest_room_place, random_wall_place
 from layoutrl.rooms.room import Room
+from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
 
 AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner place", "nearest training room"
+
+
+def scored(
+    network: nn.Module,
+    method: Method,
+    reward: Reward,
+    categories: Sequence[str],
+    rooms: Sequence[Room],
+    training: Sequence[Room],
+    seed: np.random.SeedSequence,
+    starts_a_room: int = 1,
+) -> tuple[dict[str, Any], str]:
+    """The evaluation of an agent, of one item or of whole rooms, and what there is to print of it.
+
+    `categories` are those that it knows, `training` the rooms that it learned from.
+    """
+    if method.scope == "room":
+        result = evaluate_rooms(Furnisher(network, method, categories), rooms, training, seed)
+        return result, rooms_table(result)
+    policy, simulator = greedy(network, method), Simulator(rooms, method.moves, reward)
+    observe = observation_of(method.observation, rooms, policy.q.device, categories)
+    result = evaluate(policy, simulator, observe, training, starts_a_room=starts_a_room, seed=seed)
+    return result, table(result)
 
 
 def evaluate(
