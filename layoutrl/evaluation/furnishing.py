@@ -170,7 +170,8 @@ class Furnisher:
             for b in which:
                 rank[b, latest[b]] -= rank.shape[1]
             found = furnish(which, rank, known)
-        found, tried = dict(best), [list(layouts) for layouts in known]
+        # Of further layouts the largest item is elsewhere anyhow.
+        found, tried = {b: layout for b, layout in best.items() if not known[b]}, [list[Furnished]() for _ in known]
         for _ in range(ELSEWHERE):
             for b, layout in found.items():
                 tried[b].append(layout)

@@ -28,7 +28,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import furnished, largest_first, missing, ways
-from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
@@ -83,7 +83,7 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where its best layout has `shortcomings`, the search is asked for one, too.
+    """Furnishes as one does. Where a layout of its has `shortcomings`, the search is asked for as many, too.
 
     What the one puts where something stands has no place: no room is left for it (`unstacked`). The search is not asked
     of a hall, in which it would take many times as long as the one does.
@@ -93,20 +93,21 @@ class Helped:
         self.one, self.search = one, search
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. The search's layout comes first where it has fewer `shortcomings`."""
+        """See Furnishes. Layouts with fewer `shortcomings` come first, of equals those of the one, as it has them."""
         found = [
             [replace(each, layout=unstacked(brief, each.layout)) for each in answers]
             for brief, answers in zip(briefs, self.one.furnish(briefs, choices, seed), strict=True)
         ]
-        before = faults_of_all(briefs)
-        ours = shortcomings(briefs, [answers[0] for answers in found], before)
-        faulty = [k for k, lack in enumerate(ours) if any(lack) and briefs[k].indoor.area <= HALL]
-        layouts = [best for best, *_ in self.search.furnish([briefs[k] for k in faulty], 1, seed)]
-        theirs = shortcomings([briefs[k] for k in faulty], layouts, [before[k] for k in faulty])
-        for k, other, lack in zip(faulty, layouts, theirs, strict=True):
-            if lack < ours[k]:
-                unlike = [each for each in found[k] if not same(other.layout, each.layout)]
-                found[k] = [replace(other, by="the search"), *unlike][:choices]
+        lacks = shortcomings(briefs, found)
+        wanting = [k for k, lack in enumerate(lacks) if any(map(any, lack)) and briefs[k].indoor.area <= HALL]
+        theirs = self.search.furnish([briefs[k] for k in wanting], choices, seed)
+        for k, others, lack in zip(wanting, theirs, shortcomings([briefs[k] for k in wanting], theirs), strict=True):
+            both = [*found[k], *(replace(other, by="the search") for other in others)]
+            found[k] = []
+            for n in sorted(range(len(both)), key=[*lacks[k], *lack].__getitem__):
+                if not any(same(both[n].layout, each.layout) for each in found[k]):
+                    found[k].append(both[n])
+            del found[k][choices:]
         return found
 
 
@@ -115,16 +116,17 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
     return Helped(agents, Rival(searching, lambda: updates_budget(RESTARTS)))
 
 
-def shortcomings(
-    briefs: Sequence[Room], layouts: Sequence[Furnished], before: Sequence[Sequence[Fault]]
-) -> list[tuple[int, int, int]]:
-    """How many items find no place in each layout, how many new faults it has beside, and how much in it is odd."""
+def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:
+    """Of each layout of each brief: how many items find no place, how many new faults it has beside, and how much in
+    it is odd."""
+    now = iter(faults_of_all([each.layout for layouts in found for each in layouts]))
     counted = []
-    faults = faults_of_all([each.layout for each in layouts])
-    for brief, each, now, was in zip(briefs, layouts, faults, before, strict=True):
-        names = [fault for _, fault in new_faults(now, was)]
-        odd = len(oddities(each.layout, missing(brief)))
-        counted.append((names.count(MISSING), len(names) - names.count(MISSING), odd))
+    for brief, layouts, before in zip(briefs, found, faults_of_all(briefs), strict=True):
+        counted.append([])
+        for each in layouts:
+            names = [fault for _, fault in new_faults(next(now), before)]
+            odd = len(oddities(each.layout, missing(brief)))
+            counted[-1].append((names.count(MISSING), len(names) - names.count(MISSING), odd))
     return counted
 
 

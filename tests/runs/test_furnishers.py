@@ -19,7 +19,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import HALL, Helped, Mover, hired
+from layoutrl.runs.furnishers import HALL, Helped, Mover, hired, shortcomings
 from layoutrl.runs.pretrained import Agents
 from tests.builders import rectangular_room
 
@@ -62,6 +62,20 @@ def test_another_is_asked_where_something_is_wrong_and_heeded_where_it_does_bett
     assert [each.layout for each in only] == [DESIGNS[1]]
 
 
+def test_of_layouts_to_choose_from_the_worse_give_way_to_those_of_the_search_and_none_is_there_twice() -> None:
+    design, bad = DESIGNS[0], turned_round(DESIGNS[0])
+    poses = {k: ((item.center[0] + 0.3, item.center[1]), item.rotation) for k, item in enumerate(design.furniture)}
+    moved = furnished(design, poses)
+    one, another = Known(design, bad), Known(moved, lacking(design), design)
+    (found,) = Helped(one, another).furnish([brief_of(design)], 3, 0)
+    worse, worst = sorted(shortcomings([brief_of(design)] * 2, [[Furnished(bad, 0.0)], [Furnished(moved, 0.0)]]))
+    assert [each.layout for each in found][:1] == [design]
+    assert [each.by for each in found].count("") == 2
+    assert shortcomings([brief_of(design)], [found]) == [[(0, 0, 0), *worse, *worst]]
+    (found,) = Helped(one, another).furnish([brief_of(design)], 2, 0)
+    assert shortcomings([brief_of(design)], [found]) == [[(0, 0, 0), *worse]]
+
+
 def test_what_is_put_where_something_stands_has_no_place() -> None:
     design = DESIGNS[1]
     (center,) = design.indoor.centroid.coords
@@ -89,7 +103,7 @@ def test_what_was_wrong_before_anything_was_placed_asks_for_nobody() -> None:
 
 
 def test_a_layout_with_something_odd_in_it_asks_the_search_too() -> None:
-    desk, chair = Item("desk", (0.6, 1.2), (0.5, 1.0)), Item("chair", (0.4, 0.4), (0.9, 1.0), tucked=True)
+    desk, chair = Item("desk", (0.6, 1.2), (0.5, 1.0)), Item("chair", (0.4, 0.4), (0.9, 1.0), 180, tucked=True)
     layout = replace(rectangular_room(4, 3), furniture=(desk, chair), target=None)
     away = replace(layout, furniture=(desk, replace(chair, center=(2.0, 1.0))))
     assert not faults(layout)
