@@ -28,7 +28,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import furnished, largest_first, missing, ways
-from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
@@ -120,14 +120,13 @@ def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -
     """Of each layout of each brief: how many items find no place, how many new faults it has beside, and how much in
     it is odd."""
     now = iter(faults_of_all([each.layout for layouts in found for each in layouts]))
-    counted = []
-    for brief, layouts, before in zip(briefs, found, faults_of_all(briefs), strict=True):
-        counted.append([])
-        for each in layouts:
-            names = [fault for _, fault in new_faults(next(now), before)]
-            odd = len(oddities(each.layout, missing(brief)))
-            counted[-1].append((names.count(MISSING), len(names) - names.count(MISSING), odd))
-    return counted
+
+    def lack(brief: Room, layout: Room, before: Sequence[Fault]) -> tuple[int, int, int]:
+        names = [fault for _, fault in new_faults(next(now), before)]
+        return names.count(MISSING), len(names) - names.count(MISSING), len(oddities(layout, missing(brief)))
+
+    every = zip(briefs, found, faults_of_all(briefs), strict=True)
+    return [[lack(brief, each.layout, before) for each in layouts] for brief, layouts, before in every]
 
 
 class Mover:
