@@ -53,6 +53,13 @@ def test_a_room_is_drawn_with_and_without_the_item_that_moves(room):
     assert not rest.texts
 
 
+def test_what_others_stand_on_is_drawn_below_them_and_chairs_below_their_table(room):
+    rug, chair = Item("rug", (2.0, 2.0), (2.0, 1.5)), Item("chair", (0.5, 0.5), (2.0, 1.0), tucked=True)
+    axes = Figure().subplots()
+    draw_room(axes, replace(room, furniture=(*room.furniture, chair, rug, Item("desk", (1, 1), None, None))))
+    assert [text.get_text() for text in axes.texts] == ["rug", "chair", "bed", "desk"]
+
+
 def test_what_is_wrong_with_a_layout_is_hatched_and_lettered(room):
     axes = Figure().subplots()
     chair = Item("chair", (0.5, 0.5), (2.0, 1.5))

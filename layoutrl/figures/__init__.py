@@ -24,6 +24,7 @@ from matplotlib.patheffects import withStroke
 from layoutrl import InputError
 from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
 from layoutrl.env.simulator import Simulator
+from layoutrl.rooms.clearances import RAISED
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
 from layoutrl.rooms.room import Item, Room
 
@@ -56,13 +57,20 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         axes.add_patch(Polygon(wall, color=rgb(BLACK), linewidth=0))
     for opening in room.openings:
         axes.add_patch(Polygon(opening.polygon, color=rgb(DOOR if opening.kind == "door" else WINDOW), linewidth=0))
-    items = [(k, item) for k, item in enumerate(room.furniture) if item.center and (moving or k != room.target)]
-    for k, item in sorted(items, key=lambda entry: not entry[1].tucked):  # a tucked chair lies under its table
+    for k, item in standing(room):
         assert item.center is not None
+        if k == room.target and not moving:
+            continue
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
         if names:
             axes.text(*item.center, item.category.replace("_", "\n"), fontsize=names, ha="center", va="center")
     axes.autoscale_view()
+
+
+def standing(room: Room) -> list[tuple[int, Item]]:
+    """The items that have a place, with their indices: what others stand on first, then what is under a table."""
+    placed = [(k, item) for k, item in enumerate(room.furniture) if item.center is not None]
+    return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
 
 
 def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> list[Artist]:

@@ -18,8 +18,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, ORANGE, STYLE, draw_item, draw_room
-from layoutrl.rooms.clearances import RAISED
+from layoutrl.figures import HALO, ORANGE, STYLE, draw_item, draw_room, standing
 from layoutrl.rooms.room import Item, Point, Room
 
 Wrong = Iterable[tuple[int, str]]
@@ -48,7 +47,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     Every item is a <g> with its index as data-id, its data-category, and its data-faults, if it has some.
     """
     x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
-    faults, items = _by_item(wrong), _standing(room)
+    faults, items = _by_item(wrong), standing(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
@@ -116,7 +115,7 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
     for opening in room.openings:
         layer = "A-DOOR" if opening.kind == "door" else "A-GLAZ"
         space.add_lwpolyline(opening.polygon, close=True, dxfattribs={"layer": layer})
-    for k, item in _standing(room):
+    for k, item in standing(room):
         assert item.center is not None
         if item.form == "circle":
             space.add_circle(item.center, item.size[0] / 2, dxfattribs={"layer": "A-FURN"})
@@ -137,12 +136,6 @@ def _by_item(wrong: Wrong) -> dict[int, list[str]]:
     for k, fault in wrong:
         faults[k].append(fault)
     return faults
-
-
-def _standing(room: Room) -> list[tuple[int, Item]]:
-    """The items that have a place, with their indices: what others stand on first, then what is under a table."""
-    placed = [(k, item) for k, item in enumerate(room.furniture) if item.center is not None]
-    return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
 
 
 def _not_placed(room: Room) -> str:
