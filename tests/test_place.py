@@ -538,6 +538,18 @@ def test_a_folder_of_homes_is_furnished(middle: Middle, tmp_path: Path) -> None:
     assert len(run(config)) > 1
 
 
+def test_a_list_of_rooms_is_furnished_and_written_a_room_a_line(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, documents = many(tmp_path)
+    file = tmp_path / "list.json"
+    file.write_text(json.dumps(documents, indent=1))
+    config = PlaceConfig(by="search", rooms=str(file))
+    assert [room["id"] for room in run(config)] == [document["id"] for document in documents]
+    assert streams.count(config) == len(documents)
+    assert (tmp_path / "list-placed.jsonl").exists()
+
+
 def test_what_is_written_into_the_folder_of_rooms_is_none_of_them(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -608,13 +620,13 @@ def test_what_is_to_move_and_is_in_no_room_is_said(
 
 
 def test_where_no_room_can_be_read_the_last_line_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "rooms.json"
+    file = tmp_path / "rooms.jsonl"
     file.write_text(json.dumps(DOCUMENTS))
     with pytest.raises(
         InputError, match=r"^rooms: no room of .* could be read, as is said above; expected one or more"
     ):
         place(PlaceConfig(by="search", rooms=str(file)))
-    assert capsys.readouterr().out.strip().endswith("; expected one room a line, in a .jsonl file")
+    assert capsys.readouterr().out.strip().endswith("; a list of rooms is read from a .json file")
 
 
 def test_a_document_of_many_lines_on_standard_input_is_refused_after_ten(

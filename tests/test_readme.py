@@ -47,7 +47,7 @@ def test_the_first_command_places_what_the_room_lacks(tmp_path: Path) -> None:
     module, *arguments = commands.splitlines()[0].removeprefix("python -m layoutrl.").split()
     done = layoutrl(module, *arguments, "device=cpu", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "b-17, choice 3: 1 of 1 placed; " in done.stdout
+    assert "b-17, choice 3: 1 of 1 placed" in done.stdout
     assert "wrote my_rooms-placed.jsonl" in done.stdout.replace(f"{tmp_path}/", "")
     assert len(list((tmp_path / "pictures").iterdir())) == 3
 

@@ -211,7 +211,7 @@ def _not_json(error: json.JSONDecodeError, ended: bool) -> str:
 
 def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
     if not isinstance(entry, dict):
-        hint = "; expected one room a line, in a .jsonl file" if field == "room" and isinstance(entry, list) else ""
+        hint = "; a list of rooms is read from a .json file" if field == "room" and isinstance(entry, list) else ""
         raise RoomError(field, f"expected a JSON object; got {_show(entry)}{hint}")
     prefix = "" if field == "room" else f"{field}."
     for name in required:

@@ -1,9 +1,13 @@
-"""Files of rooms in JSON: one a line in a .jsonl file, or one in a .json file (`layoutrl.rooms.documents` has every
-field). What is wrong is answered with the file, the line, the room, the field and what is expected."""
+"""Files of rooms in JSON: a room a line in a .jsonl file, one or a list of them in a .json file.
+
+`layoutrl.rooms.documents` has every field. What is wrong is answered with the file, the line, the room, the field and
+what is expected.
+"""
 
 from __future__ import annotations
 
 import json
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -96,7 +100,12 @@ def texts_of(file: Path) -> Iterator[tuple[str, bytes]]:
             if file.suffix.lower() == ".jsonl":
                 yield from ((f"{file}:{n}", line) for n, line in enumerate(stream, 1) if line.strip())
             else:
-                yield f"{file}:1", stream.read()
+                text = stream.read()
+                entries = parsed(text) if text.removeprefix(BOM_UTF8).lstrip().startswith(b"[") else None
+                if isinstance(entries, list):
+                    yield from ((f"{file}[{k}]", json.dumps(entry).encode()) for k, entry in enumerate(entries))
+                else:
+                    yield f"{file}:1", text
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from None
 

@@ -125,11 +125,14 @@ def count(config: PlaceConfig) -> int | None:
         return None
     total = 0
     for file in inputs(config):
+        if file.suffix.lower() != ".jsonl":
+            total += sum(1 for _ in texts_of(file))
+            continue
         lines, last = 0, b"\n"
         with file.open("rb") as stream:
             for block in iter(lambda: stream.read(1 << 20), b""):
                 lines, last = lines + block.count(b"\n"), block[-1:]
-        total += lines + (last != b"\n") if file.suffix.lower() == ".jsonl" else 1
+        total += lines + (last != b"\n")
     return total
 
 

@@ -47,6 +47,22 @@ def test_a_json_file_holds_one_room_and_a_folder_is_read_in_order_of_names(tmp_p
     assert collection.left_out == []
 
 
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf \n"])
+def test_a_json_file_may_hold_a_list_of_rooms(tmp_path: Path, mark: bytes) -> None:
+    entries = [document(id="first"), {"id": "broken"}, document(id="third"), 7]
+    file = tmp_path / "rooms.json"
+    file.write_bytes(mark + json.dumps(entries, indent=2).encode())
+    collection = read_rooms(file)
+    assert [room.id for room in collection.rooms] == ["first", "third"]
+    assert [where for where, _ in collection.left_out] == [f"{file}[1]", f"{file}[3]"]
+    assert collection.left_out[0][1].startswith("room 'broken': ")
+    file.write_text("[]")
+    assert read_rooms(file).rooms == []
+    file.write_text(json.dumps(entries)[:-20])
+    ((where, _),) = read_rooms(file).left_out
+    assert where == f"{file}:1"
+
+
 # what is mended
 
 
