@@ -85,7 +85,7 @@ class Answered:
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
-        """What there is to say of each layout."""
+        """What there is to say of each layout; of the room itself it is said with the first."""
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
@@ -93,7 +93,8 @@ class Answered:
                 f"the {layout.furniture[k].category}: {', '.join(NO_ROOM if f == MISSING else f for _, f in some)}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
-            found = "; ".join([*self.asked.can.lines, *said]) or "nothing is wrong"
+            room = self.asked.can.lines
+            found = "; ".join([*(room if n == 1 else []), *said]) or f"nothing{' else' * bool(room)} is wrong"
             placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
             yield f"{name}: {placed}; {found}{self._stays(layout)}"
 

@@ -779,6 +779,23 @@ def test_what_finds_no_place_among_the_others_has_no_room(
     assert f"0 of 1 placed; the {item['category']}: not placed, as no room is left for it\n" in capsys.readouterr().out
 
 
+def test_what_is_said_of_a_room_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(rival, "DESIGNED", 20)
+    document, count = bare(DOCUMENTS[0]), len(DOCUMENTS[0]["furniture"])
+    document["furniture"].append({"category": "piano", "size": [1.4, 0.6]})
+    run(
+        PlaceConfig(
+            by="search", search=composed("place", "rooms=-").search, rooms=str(written(tmp_path, [document])), choices=2
+        )
+    )
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert f"{document['id']}, choice 1: {count} of {count + 1} placed; the piano is not placed: " in first
+    assert second.startswith(f"{document['id']}, choice 2: {count} of {count + 1} placed; ")
+    assert "piano" not in second
+
+
 def test_rooms_in_memory_are_furnished_as_those_of_a_file(
     middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
