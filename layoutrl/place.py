@@ -26,7 +26,7 @@ from tqdm import tqdm
 from layoutrl import InputError, __version__
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
-from layoutrl.rooms.documents import with_layout
+from layoutrl.rooms.documents import room_to_dict, with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 100  # letters of a room's id in the name of its picture
-NO_ROOM = "not placed, as no room is left for it"  # who was asked found none
+CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
@@ -90,7 +90,7 @@ class Answered:
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
             said = [
-                f"the {layout.furniture[k].category}: {', '.join(NO_ROOM if f == MISSING else f for _, f in some)}"
+                f"the {layout.furniture[k].category}: {', '.join(CROWDED_OUT if f == MISSING else f for _, f in some)}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.asked.can.lines
@@ -129,7 +129,7 @@ def furnish(
     config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
     check_move(config)
-    entries = [Entry(room.id, to_place(room, move), {}, stood=room.furniture) for room in rooms]
+    entries = [Entry(room.id, to_place(room, move), room_to_dict(room), stood=room.furniture) for room in rooms]
     return Work(config, None, None, None).answered(entries)
 
 

@@ -806,6 +806,8 @@ def test_rooms_in_memory_are_furnished_as_those_of_a_file(
     for answer, document, room in zip(answers, documents, written_rooms, strict=True):
         (layout,), (wrong,) = answer.layouts, answer.wrong
         assert with_layout(document, answer.asked.can.asked, layout, wrong) == room
+        (told,) = answer.documents()
+        assert told["furniture"] == room["furniture"]
         assert "\n".join(answer.lines()) in said
     (moved,) = furnish([room_from_dict(DOCUMENTS[0])], by="search", move="bed")
     assert [k for k, item in enumerate(moved.layouts[0].furniture) if item.category == "bed"] == moved.asked.wanted
