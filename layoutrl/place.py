@@ -1,7 +1,7 @@
 """python -m layoutrl.place [run=<folder>] rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
 Places what has no center in rooms of a file: by the agents in the package, each room by that of its type, and where
-something is wrong with their layout, or odd, by the constraint search; by an agent of a training run; or, with
+something is wrong with one of their layouts, or odd, by the constraint search; by an agent of a training run; or, with
 by=search or by=annealer, by a rival. `furnish` does the same with rooms in memory.
 """
 
@@ -31,7 +31,7 @@ from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place
 from layoutrl.rooms.oddities import oddities
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.answerable import in_no_type
 from layoutrl.runs.asked import Asked, asked_of
 from layoutrl.runs.commands import Incomplete, command
@@ -85,16 +85,20 @@ class Answered:
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
-        """What there is to say of each layout; of the room itself it is said with the first."""
+        """What there is to say of each layout; of the room itself it is said with the first. Nothing of a room in which
+        nothing was to be placed."""
+        if not self.asked.wanted:
+            return
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.refused]  # of these can.lines tell
+            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
             said = [
                 f"the {layout.furniture[k].category}: {', '.join(CROWDED_OUT if f == MISSING else f for _, f in some)}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.asked.can.lines
-            found = "; ".join([*(room if n == 1 else []), *said]) or f"nothing{' else' * bool(room)} is wrong"
+            nothing = "nothing else is wrong" if room else "nothing is wrong"
+            found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
             yield f"{name}: {placed}; {found}{self._stays(layout)}"
 
@@ -116,6 +120,7 @@ def furnish(
     rooms: Sequence[Room],
     choices: int = 1,
     *,
+    stood: Sequence[Sequence[Item]] | None = None,
     move: str | None = None,
     by: str | None = None,
     run: str | None = None,
@@ -123,13 +128,17 @@ def furnish(
 ) -> list[Answered]:
     """What the command places in these rooms, told as it tells it: of each room up to `choices` layouts, best first.
 
-    The options are those of conf/place.yaml. What cannot be placed has no center. Raises InputError for an option of
+    `stood` is the furniture of each room as it stood, if it is lifted already (`Source.stood`); the options are those
+    of conf/place.yaml. What nobody can place stays where it stood, or has no center. Raises InputError for an option of
     another kind, and for a `run` that is no training run.
     """
     config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
     check_move(config)
-    entries = [Entry(room.id, to_place(room, move), room_to_dict(room), stood=room.furniture) for room in rooms]
+    entries = [
+        Entry(room.id, to_place(room, move), room_to_dict(room), stood=tuple(items))
+        for room, items in zip(rooms, stood or [room.furniture for room in rooms], strict=True)
+    ]
     return Work(config, None, None, None).answered(entries)
 
 
@@ -148,8 +157,6 @@ def run(config: PlaceConfig) -> Done:
     if piped and suffix != JSON:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
     total = len(source.collection.rooms) if source else count(config)  # says, too, where there is no such file
-    if config.run is not None:
-        load_config(Path(config.run), TrainConfig)  # what is wrong with it is said before anything is made
     files = [] if piped else out_files(config, suffix)
     folder = Path(config.rooms).resolve()
     if source and files and folder.is_dir() and folder in files[0].resolve().parents:
@@ -238,7 +245,8 @@ class Work:
         if self.source:
             for line in str(self.source.collection).splitlines():
                 self.say(line)
-            self.tally.items += self.source.collection.homeless
+            if shard == 0:
+                self.tally.items += sum(self.config.item in (None, c) for c in self.source.collection.homeless)
             entries = islice(source_entries(self.source), first, None, shards)
         else:
             entries = json_entries(self.config, first, shards)
@@ -313,7 +321,7 @@ class Work:
 
 
 def check_who(config: PlaceConfig) -> None:
-    """Raise InputError where it is not clear who furnishes, or they do not furnish so."""
+    """Raise InputError where it is not clear who furnishes, they do not furnish so, or the run is none."""
     if config.run is not None and config.by is not None:
         raise InputError(
             "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
@@ -321,6 +329,8 @@ def check_who(config: PlaceConfig) -> None:
         )
     if config.by in ("search", "annealer") and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
+    if config.run is not None:
+        load_config(Path(config.run), TrainConfig)
 
 
 def check_move(config: PlaceConfig) -> None:

@@ -32,6 +32,7 @@ from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import furnished, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
+from layoutrl.rooms.formats import to_place
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
@@ -796,6 +797,24 @@ def test_what_is_said_of_a_room_is_said_once(
     assert "piano" not in second
 
 
+def test_a_rug_is_in_nobodys_way_though_all_is_moved(middle: Middle, tmp_path: Path) -> None:
+    document = furnished_room()
+    document["furniture"].append({"category": "rug", "center": [3.0, 2.5], "size": [2.0, 3.0]})
+    document["furniture"].append({"category": "mat", "center": [3.0, 2.5], "size": [0.3, 0.3]})
+    (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [document])), move="all"))
+    assert room["furniture"][-2:] == document["furniture"][-2:]  # the bed is upon both
+    assert len(middle.seen[0]) == 6
+
+
+def test_what_a_home_has_nowhere_counts_once_and_where_it_is_asked_for(middle: Middle, tmp_path: Path) -> None:
+    parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
+    config = PlaceConfig(run=None, by="search", rooms=str(home_file(tmp_path / "flat.sh3d", FLAT + parked)))
+    shards = [place(replace(config, shard=f"{k}/2", out=str(tmp_path / "x.sh3d"))).tally for k in range(2)]
+    assert sum(tally.items for tally in shards) == 2
+    (tally,) = [place(replace(config, by=None, item="wardrobe", out=str(tmp_path / "y.sh3d"))).tally]
+    assert (tally.placed, tally.items) == (1, 1)
+
+
 def test_rooms_in_memory_are_furnished_as_those_of_a_file(
     middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -809,8 +828,19 @@ def test_rooms_in_memory_are_furnished_as_those_of_a_file(
         (told,) = answer.documents()
         assert told["furniture"] == room["furniture"]
         assert "\n".join(answer.lines()) in said
+    (none,) = furnish([room_from_dict(DOCUMENTS[0])], by="search")
+    assert not [*none.lines()]
+    assert none.layouts == [room_from_dict(DOCUMENTS[0])]
     (moved,) = furnish([room_from_dict(DOCUMENTS[0])], by="search", move="bed")
     assert [k for k, item in enumerate(moved.layouts[0].furniture) if item.category == "bed"] == moved.asked.wanted
+
+
+def test_what_nobody_places_stays_where_it_stood_though_it_was_lifted(middle: Middle) -> None:
+    room = room_from_dict(furnished_room())
+    for lifted, options in ((room, {"move": "table,bed"}), (to_place(room, "table,bed"), {"stood": [room.furniture]})):
+        (answer,) = furnish([lifted], by="search", **options)
+        assert answer.layouts[0].furniture[1:] == room.furniture[1:]
+        assert answer.layouts[0].furniture[0].center not in (None, room.furniture[0].center)
 
 
 @pytest.mark.parametrize(
@@ -825,7 +855,7 @@ def test_rooms_in_memory_are_furnished_as_those_of_a_file(
 )
 def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        furnish([room_from_dict(bare(DOCUMENTS[0]))], **options)
+        furnish([room_from_dict(DOCUMENTS[0])], **options)
 
 
 def test_no_more_of_a_file_is_in_memory_than_a_block(

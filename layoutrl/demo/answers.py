@@ -21,7 +21,7 @@ from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
-from layoutrl.rooms.clearances import FRONT_DEPTH
+from layoutrl.rooms.clearances import FRONT_DEPTH, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
@@ -119,6 +119,7 @@ class Answers:
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
+        movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
         brief = replace(room, furniture=lifted(room.furniture, movable))
         if not missing(brief):
             raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
@@ -146,9 +147,9 @@ class Answers:
         room = room_in(asked)
         item = item_in(asked, room)
         held = answerable(room, self.staff.known(room.room_type))
-        if item in held.refused:
+        if item in held.unseen:
             raise InputError(f"item: nobody places a {room.furniture[item].category}; expected furniture")
-        return held.brief, item - sum(k < item for k in held.refused)
+        return held.brief, item - sum(k < item for k in held.unseen)
 
     def svg(self, asked: Any) -> Answer:
         """The room as a drawing to true size."""
@@ -165,7 +166,8 @@ class Answers:
                 collection = opened(path).collection
             except InputError as error:
                 raise InputError(str(error).replace(str(path), "file")) from None
-        left_out = [f"{where}: {problem}".replace(str(path), "line") for where, problem in collection.left_out]
+        name = "line" if suffix == ".jsonl" else "file"
+        left_out = [f"{where}: {problem}".replace(str(path), name) for where, problem in collection.left_out]
         left_out += [note.replace(str(path), "file") for note in collection.notes]
         rooms = []
         for room in collection.rooms[:MOST_ROOMS]:
@@ -257,7 +259,7 @@ def told(room: Room) -> list[list[Any]]:
 def choice(held: Answerable, furnished: Furnished) -> Answer:
     """A layout for the page, by the indices of the furniture as it was asked."""
     layout = held.answer(furnished.layout)
-    asked = [k for k in range(len(layout.furniture)) if k not in held.refused]
+    asked = [k for k in range(len(layout.furniture)) if k not in held.unseen]
     return {
         "furniture": room_to_dict(layout)["furniture"],
         "by": furnished.by,

@@ -90,9 +90,10 @@ def may_stand_before(category: str, other: str) -> bool:
 def may_share_floor(item: Item, other: Item) -> bool:
     """Whether two items do not overlap wherever they stand, as `layoutrl.rooms.faults` has it.
 
-    One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands.
+    One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands,
+    or a rug.
     """
-    if (item.category in RAISED) != (other.category in RAISED):
+    if {item.category, other.category} & RUGS or (item.category in RAISED) != (other.category in RAISED):
         return True
     return any(
         under.tucked and host.category in HOSTS and not host.tucked for under, host in ((item, other), (other, item))

@@ -18,7 +18,7 @@ class Collection:
     """What a source read: the rooms it kept, and (id, reason) of each that it left out.
 
     `inside` says that no item reaches beyond the outer walls, which spares the check. `notes` are what else the user
-    should know of how it was read, a line each; `homeless` is how many items are to be placed, and are in no room.
+    should know of how it was read, a line each; `homeless` are the categories of what is to be placed, and in no room.
     """
 
     source: str
@@ -26,7 +26,7 @@ class Collection:
     left_out: list[tuple[str, str]] = field(default_factory=list)
     inside: bool = False
     notes: list[str] = field(default_factory=list)
-    homeless: int = 0
+    homeless: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         kept = {room.id for room in self.rooms}

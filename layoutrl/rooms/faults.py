@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.affinity import translate
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, may_stand_before, passage
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, may_stand_before, passage
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room, along_and_through
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
@@ -154,13 +154,15 @@ def meeting(items: Items) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of items that touch or overlap, each twice, as indices (n,) of the one and of the other.
 
     What is tucked and what it may stand under, one of the HOSTS, share the floor; so do what is RAISED and what stands
-    on it.
+    on it, and RUGS and all else.
     """
     raised = np.isin(items.category, list(RAISED))
+    rug = np.isin(items.category, list(RUGS))
     is_host = np.isin(items.category, list(HOSTS)) & ~items.tucked
     a, b = pairs(items.room, items.room)
     hosted = items.tucked[a] & is_host[b] | is_host[a] & items.tucked[b]
-    meet = (a != b) & ~hosted & (raised[a] == raised[b]) & shapely.intersects(items.footprint[a], items.footprint[b])
+    apart = hosted | (raised[a] != raised[b]) | rug[a] | rug[b]
+    meet = (a != b) & ~apart & shapely.intersects(items.footprint[a], items.footprint[b])
     return a[meet], b[meet]
 
 
@@ -237,13 +239,15 @@ def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius
 def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether who enters by the first door, as wide as the `passage` but for 1 cm, comes to touch each item: (N,).
 
-    Tucked items are moved aside, RAISED ones walked on. False for what is not placed.
+    Tucked items are moved aside, RAISED ones walked on, and RUGS reached under whatever stands on them. False for what
+    is not placed.
     """
     radius = np.array([passage(layout.room_type) / 2 for layout in layouts])
     stands = ~items.tucked & ~np.isin(items.category, list(RAISED))
     floor = free_floor(layouts, items, stands, radius - TOLERANCE / 2)
     entered = unions(floor.part[floor.entered], floor.room[floor.entered], len(layouts))[items.room]
-    return shapely.dwithin(entered, items.footprint, radius[items.room] + TOLERANCE)
+    touched = shapely.dwithin(entered, items.footprint, radius[items.room] + TOLERANCE)
+    return touched | (items.placed & np.isin(items.category, list(RUGS)))
 
 
 def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import shapely
 
-from layoutrl.rooms.clearances import HOSTS
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS
 from layoutrl.rooms.faults import Fault, Items
 from layoutrl.rooms.room import Item, Room
 
@@ -29,7 +29,7 @@ TALL = frozenset({"bookcase", "fridge", "wardrobe"})
 def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
     """(index of the item, what is odd about it) of those `asked` about, or of all; item by item."""
     items = [item for item in layout.furniture if item.center is not None]
-    hosts = [item.footprint for item in items if item.category in HOSTS and not item.tucked]
+    hosts = shapely.union_all([item.footprint for item in items if item.category in HOSTS and not item.tucked])
     every = Items.of([layout])
     backed = np.flatnonzero(every.placed & ~every.round & np.isin(every.category, list(AT_A_WALL)))
     off_wall = backed[sides_off_walls([layout], every, backed)[:, BACK] > NEAR]
@@ -39,7 +39,7 @@ def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
             continue
         if k in off_wall:
             found.append((k, OFF_ITS_WALL))
-        if item.tucked and hosts and not any(_sits_at(every.footprint[k], item.form, host) for host in hosts):
+        if item.tucked and not hosts.is_empty and not _sits_at(item, every.footprint[k], hosts):
             found.append((k, ASTRAY))
         if item.category in TALL and any(_closes(item, w.shape) for w in layout.windows):
             found.append((k, BEFORE_WINDOW))
@@ -57,13 +57,15 @@ def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) ->
     return np.maximum(off[:, :-1], off[:, 1:])
 
 
-def _sits_at(chair: shapely.Geometry, form: str, host: shapely.Geometry) -> bool:
-    """Whether its front is under a table or desk, both corners within NEAR, and its back is not; round, any of it."""
-    if form == "circle":
-        return chair.intersects(host)
-    front_left, back_left, back_right, front_right = shapely.points(shapely.get_coordinates(chair)[:4])
-    under = shapely.dwithin(host, [front_left, front_right], NEAR).all()
-    return bool(under and not shapely.intersects(host, [back_left, back_right]).any())
+def _sits_at(item: Item, footprint: shapely.Geometry, hosts: shapely.Geometry) -> bool:
+    """Whether a tucked item is at one of these tables and desks: the middle half of its front within NEAR of it, its
+    back not under it. Of what has no front any part may touch it."""
+    if item.form == "circle" or item.category not in FRONT_DEPTH:
+        return footprint.intersects(hosts)
+    corners = shapely.get_coordinates(footprint)
+    (front_left, back_left, back_right, front_right), quarter = corners[:4], (corners[3] - corners[0]) / 4
+    front, back = shapely.points([front_left + quarter, front_right - quarter]), shapely.points([back_left, back_right])
+    return bool(shapely.dwithin(hosts, front, NEAR).all() and not shapely.intersects(hosts, back).any())
 
 
 def _closes(item: Item, window: shapely.Geometry) -> bool:

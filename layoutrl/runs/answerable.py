@@ -27,19 +27,19 @@ class Answerable:
     """
 
     asked: Room
-    refused: frozenset[int]  # items of `asked` that are not in `brief`
+    unseen: frozenset[int]  # items of `asked` that are not in `brief`: what nobody can place, and rugs
     lines: list[str]
 
     @property
     def brief(self) -> Room:
         """The room without what cannot be placed, and without rugs."""
-        kept = tuple(item for k, item in enumerate(self.asked.furniture) if k not in self.refused)
+        kept = tuple(item for k, item in enumerate(self.asked.furniture) if k not in self.unseen)
         return replace(self.asked, furniture=kept, target=None)
 
     def answer(self, layout: Room) -> Room:
-        """The room as it was asked, with the poses of a layout of `brief`; what was refused is as it was."""
+        """The room as it was asked, with the poses of a layout of `brief`; what is not in `brief` is as it was."""
         items = iter(layout.furniture)
-        furniture = tuple(i if k in self.refused else next(items) for k, i in enumerate(self.asked.furniture))
+        furniture = tuple(i if k in self.unseen else next(items) for k, i in enumerate(self.asked.furniture))
         return replace(self.asked, furniture=furniture)
 
 
@@ -55,17 +55,17 @@ def answerable(
 
     `elsewhere` tells the room types whose agents place a category.
     """
-    refused, lines = set(), []
+    unseen, lines = set(), []
     for k in missing(room):
         item = room.furniture[k]
         if item.category not in known:
             lines.append(f"the {item.category} is not placed: {_why(room, item.category, known, elsewhere)}")
-            refused.add(k)
+            unseen.add(k)
         elif not fits(room, item):
             size = " by ".join(f"{side:g}" for side in item.size)
             lines.append(f"the {item.category} of {size} m is not placed: it fits into the room in no way")
-            refused.add(k)
-    refused |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
+            unseen.add(k)
+    unseen |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
     standing = [item for item in room.furniture if item.center is not None]
     for one, other in combinations(standing, 2):
         if _stacked(one, other):
@@ -77,7 +77,7 @@ def answerable(
         lines.append("it has no door: what can be reached is told from the largest free floor")
     elif (width := max(widths(room))) < NARROWEST:
         lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is unit= right?")
-    return Answerable(room, frozenset(refused), lines)
+    return Answerable(room, frozenset(unseen), lines)
 
 
 def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]) -> str:

@@ -52,9 +52,9 @@ def asked_of(
     kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
     found = answerable(kept, known, elsewhere) if wanted else Answerable(kept, frozenset(), [])
     places = [k for k in range(len(room.furniture)) if k not in others]
-    refused = frozenset(places[k] for k in found.refused)
-    left = refused & stood
-    return Asked(Answerable(put_back(room, entry, left), others | refused - left, found.lines), wanted, left, stays)
+    unseen = frozenset(places[k] for k in found.unseen)
+    left = unseen & stood & {*wanted}
+    return Asked(Answerable(put_back(room, entry, left), others | unseen - left, found.lines), wanted, left, stays)
 
 
 def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:

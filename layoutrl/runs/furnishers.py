@@ -28,7 +28,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import furnished, largest_first, missing, ways
-from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
@@ -83,7 +83,7 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where a layout of its has `shortcomings`, the search is asked for as many, too.
+    """Furnishes as one does. Where one of its layouts has `shortcomings`, the search is asked for as many, too.
 
     What the one puts where something stands has no place: no room is left for it (`unstacked`). The search is not asked
     of a hall, in which it would take many times as long as the one does.
@@ -100,15 +100,21 @@ class Helped:
         ]
         lacks = shortcomings(briefs, found)
         wanting = [k for k, lack in enumerate(lacks) if any(map(any, lack)) and briefs[k].indoor.area <= HALL]
-        theirs = self.search.furnish([briefs[k] for k in wanting], choices, seed)
-        for k, others, lack in zip(wanting, theirs, shortcomings([briefs[k] for k in wanting], theirs), strict=True):
-            both = [*found[k], *(replace(other, by="the search") for other in others)]
-            found[k] = []
-            for n in sorted(range(len(both)), key=[*lacks[k], *lack].__getitem__):
-                if not any(same(both[n].layout, each.layout) for each in found[k]):
-                    found[k].append(both[n])
-            del found[k][choices:]
-        return found
+        asked = [briefs[k] for k in wanting]
+        others = self.search.furnish(asked, choices, seed)
+        for k, theirs, lack in zip(wanting, others, shortcomings(asked, others), strict=True):
+            found[k] += [replace(each, by="the search") for each in theirs]
+            lacks[k] += lack
+        return [best_apart(layouts, lack, choices) for layouts, lack in zip(found, lacks, strict=True)]
+
+
+def best_apart(layouts: Sequence[Furnished], lacks: Sequence[tuple[int, int, int]], choices: int) -> list[Furnished]:
+    """Up to so many layouts that differ, those that lack least first, of equals the first."""
+    best: list[Furnished] = []
+    for k in sorted(range(len(layouts)), key=lambda k: lacks[k]):
+        if not any(same(layouts[k].layout, each.layout) for each in best):
+            best.append(layouts[k])
+    return best[:choices]
 
 
 def helped(agents: Furnishes, searching: Searching) -> Helped:
@@ -120,13 +126,15 @@ def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -
     """Of each layout of each brief: how many items find no place, how many new faults it has beside, and how much in
     it is odd."""
     now = iter(faults_of_all([each.layout for layouts in found for each in layouts]))
-
-    def lack(brief: Room, layout: Room, before: Sequence[Fault]) -> tuple[int, int, int]:
-        names = [fault for _, fault in new_faults(next(now), before)]
-        return names.count(MISSING), len(names) - names.count(MISSING), len(oddities(layout, missing(brief)))
-
-    every = zip(briefs, found, faults_of_all(briefs), strict=True)
-    return [[lack(brief, each.layout, before) for each in layouts] for brief, layouts, before in every]
+    counted = []
+    for brief, layouts, before in zip(briefs, found, faults_of_all(briefs), strict=True):
+        lacks = []
+        for each in layouts:
+            names = [fault for _, fault in new_faults(next(now), before)]
+            odd = len(oddities(each.layout, missing(brief)))
+            lacks.append((names.count(MISSING), len(names) - names.count(MISSING), odd))
+        counted.append(lacks)
+    return counted
 
 
 class Mover:

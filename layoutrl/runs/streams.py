@@ -120,7 +120,7 @@ def source_entries(source: Source) -> Iterator[Entry]:
 
 
 def count(config: PlaceConfig) -> int | None:
-    """How many rooms in JSON there are, quickly: a blank line counts as one. None of standard input."""
+    """How many rooms in JSON there are; a blank line counts as one. None of standard input."""
     if config.rooms == STANDARD:
         return None
     total = 0

@@ -178,8 +178,17 @@ def test_who_furnishes_in_an_agents_place_is_named(answers, monkeypatch):
     helped = Helped(Piler(), answers.staff.furnisher())
     monkeypatch.setattr(answers, "staff", replace(answers.staff, furnisher=lambda: helped))
     said = answers.answer("furnish", body(room, movable=movable))
-    assert [choice["by"] for choice in said["choices"]][:2] == ["the search", "the search"]
+    assert [choice["by"] for choice in said["choices"]] == ["the search"] * 3
     assert {name for _, name, _ in said["choices"][0]["faults"]} <= {OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW}
+
+
+def test_rugs_stay_where_they_lie(answers):
+    room = ROOMS[3]
+    with_rug = replace(room, furniture=(*room.furniture, Item("rug", (1.0, 1.5), room.furniture[0].center, 0.0)))
+    said = answers.answer("furnish", body(with_rug, movable=[*range(len(with_rug.furniture))]))
+    assert not said["lines"]
+    for choice in said["choices"]:
+        assert choice["furniture"][-1]["center"] == [*room.furniture[0].center]
 
 
 def test_a_room_is_furnished_by_the_agent_of_its_type():

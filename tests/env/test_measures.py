@@ -16,7 +16,7 @@ from scipy.ndimage import label
 
 from layoutrl.env.measures import Measures, iou_of, matched, measured
 from layoutrl.evaluation.metrics import blocks_openings
-from layoutrl.rooms.clearances import RAISED, passage
+from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.designer.generator import ROOM_TYPES, design_room
 from layoutrl.rooms.faults import Items, faults, free_fronts, within_reach
 from layoutrl.rooms.room import SYMMETRIES, Item, Room
@@ -250,6 +250,14 @@ def test_an_item_that_is_not_placed_counts_as_its_worst() -> None:
     nothing = of(replace(designed, furniture=()), designed)
     assert (nothing.iou, nothing.missing, nothing.faultless, nothing.walkable) == (0, 1, 0, 1)
     assert np.isnan([nothing.moved, nothing.overlap, nothing.reached, nothing.reach]).all()
+
+
+@pytest.mark.parametrize("category", sorted(RUGS))
+def test_nothing_is_wrong_with_what_stands_on_a_rug_or_with_the_rug(category) -> None:
+    bed, platform = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("platform", (2.0, 2.0), (1.0, 1.0))
+    for below in (bed, platform):
+        small, large = Item(category, (0.3, 0.3), (0.4, 0.4)), Item("carpet", (3.0, 2.0), (1.5, 1.0))
+        assert not faults(rectangular_room(4, 4, below, others=(small, large), target=None))
 
 
 def test_a_room_is_faultless_only_without_any_fault() -> None:

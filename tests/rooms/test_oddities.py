@@ -55,8 +55,8 @@ def test_a_chair_is_astray_that_stands_under_no_table_though_there_is_one() -> N
     (0.6, 0.0, 0, False),  # half under the table, and looks at it
     (0.7 + 0.8 * NEAR, 0.0, 0, False),  # drawn up to it
     (0.7 + 1.2 * NEAR, 0.0, 0, True),
-    (0.6, 0.3 + 0.8 * NEAR, 0, False),  # at the end of a side
-    (0.6, 0.3 + 1.2 * NEAR, 0, True),  # round the corner
+    (0.6, 0.4 + 0.8 * NEAR, 0, False),  # at the end of a side
+    (0.6, 0.4 + 1.2 * NEAR, 0, True),  # round the corner
     (0.2, 0.0, 0, True),  # wholly under it
     (0.6, 0.0, 90, True),  # looks along it
     (0.6, 0.0, 180, True),  # looks away
@@ -68,6 +68,26 @@ def test_who_sits_on_a_chair_looks_at_the_table(
     center = (2.0 - ahead * x - beside * y, 1.5 - ahead * y + beside * x)
     chair = Item("chair", (0.4, 0.4), center, 90.0 * quarter + turned, tucked=True)
     assert oddities(furnished(Item("table", (1.0, 1.0), (2.0, 1.5)), chair)) == [(1, ASTRAY)] * odd
+
+
+@pytest.mark.parametrize("wide", [0.6, 0.8, 1.2])
+def test_a_chair_that_touches_a_round_table_sits_at_it(wide: float) -> None:
+    table = Item("table", (wide, wide), (2.0, 1.5), 0, "circle")
+    chair = Item("chair", (0.5, 0.5), (2.0 + wide / 2 + 0.24, 1.5), 180, tucked=True)
+    assert not oddities(furnished(table, chair))
+    assert oddities(furnished(table, replace(chair, rotation=90))) == [(1, ASTRAY)]
+    assert oddities(furnished(table, replace(chair, center=(2.0 + wide / 2 + 0.32, 1.5)))) == [(1, ASTRAY)]
+
+
+def test_a_chair_may_sit_where_two_desks_meet() -> None:
+    desks = [Item("desk", (0.6, 0.8), (0.3, y)) for y in (1.0, 1.8)]
+    assert not oddities(furnished(*desks, Item("chair", (0.5, 0.5), (0.75, 1.4), 180, tucked=True)))
+
+
+@pytest.mark.parametrize("rotation", [0, 90, 180, 270])
+def test_a_square_stool_looks_nowhere(rotation: int) -> None:
+    table, stool = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("stool", (0.4, 0.4), (2.6, 1.5), rotation, tucked=True)
+    assert not oddities(furnished(table, stool))
 
 
 def test_a_round_stool_sits_at_the_table_that_it_is_under() -> None:

@@ -114,7 +114,7 @@ def test_any_brief_is_answered_as_far_as_it_goes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     room = random_brief(rng, random_room(rng))
     found = answerable(room, KNOWN)
-    assert {*missing(room)} >= found.refused
-    assert len(missing(found.brief)) == len(missing(room)) - len(found.refused)
-    assert len([line for line in found.lines if "is not placed" in line]) == len(found.refused)
+    assert {*missing(room)} >= found.unseen
+    assert len(missing(found.brief)) == len(missing(room)) - len(found.unseen)
+    assert len([line for line in found.lines if "is not placed" in line]) == len(found.unseen)
     assert replace(found.answer(found.brief), target=room.target) == room

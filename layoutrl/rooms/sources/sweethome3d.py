@@ -311,7 +311,7 @@ def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> 
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
             home.collection.notes.append(f"{note} (into=<id>)")
-            home.collection.homeless += 1
+            home.collection.homeless.append(item.category)
             continue
         given[chosen].append(item)
         held[chosen].add(item.category)
