@@ -135,6 +135,8 @@ def furnish(
     config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
     check_move(config)
+    if run is not None:
+        load_config(Path(run), TrainConfig)
     entries = [
         Entry(room.id, to_place(room, move), room_to_dict(room), stood=tuple(items))
         for room, items in zip(rooms, stood or [room.furniture for room in rooms], strict=True)
@@ -157,6 +159,8 @@ def run(config: PlaceConfig) -> Done:
     if piped and suffix != JSON:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
     total = len(source.collection.rooms) if source else count(config)  # says, too, where there is no such file
+    if config.run is not None:
+        load_config(Path(config.run), TrainConfig)  # what is wrong with it is said before anything is made
     files = [] if piped else out_files(config, suffix)
     folder = Path(config.rooms).resolve()
     if source and files and folder.is_dir() and folder in files[0].resolve().parents:
@@ -321,7 +325,7 @@ class Work:
 
 
 def check_who(config: PlaceConfig) -> None:
-    """Raise InputError where it is not clear who furnishes, they do not furnish so, or the run is none."""
+    """Raise InputError where it is not clear who furnishes, or they do not furnish so."""
     if config.run is not None and config.by is not None:
         raise InputError(
             "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
@@ -329,8 +333,6 @@ def check_who(config: PlaceConfig) -> None:
         )
     if config.by in ("search", "annealer") and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
-    if config.run is not None:
-        load_config(Path(config.run), TrainConfig)
 
 
 def check_move(config: PlaceConfig) -> None:
