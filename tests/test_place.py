@@ -808,10 +808,10 @@ def test_a_rug_is_in_nobodys_way_though_all_is_moved(middle: Middle, tmp_path: P
 
 def test_what_a_home_has_nowhere_counts_once_and_where_it_is_asked_for(middle: Middle, tmp_path: Path) -> None:
     parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
-    config = PlaceConfig(run=None, by="search", rooms=str(home_file(tmp_path / "flat.sh3d", FLAT + parked)))
+    config = PlaceConfig(by="search", rooms=str(home_file(tmp_path / "flat.sh3d", FLAT + parked)))
     shards = [place(replace(config, shard=f"{k}/2", out=str(tmp_path / "x.sh3d"))).tally for k in range(2)]
     assert sum(tally.items for tally in shards) == 2
-    (tally,) = [place(replace(config, by=None, item="wardrobe", out=str(tmp_path / "y.sh3d"))).tally]
+    tally = place(replace(config, by=None, item="wardrobe", out=str(tmp_path / "y.sh3d"))).tally
     assert (tally.placed, tally.items) == (1, 1)
 
 

@@ -12,6 +12,8 @@ from shapely.geometry import MultiPoint
 from layoutrl.agents.learner import q_network
 from layoutrl.agents.method import Method
 from layoutrl.env.observation import categories_of
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import furnishing
 from layoutrl.evaluation.choosing import APART, Chosen, Options, wrong
@@ -229,7 +231,7 @@ def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_k
     assert (faults_left[2] <= faults_left[1]).all()
     assert (faults_left[1] <= faults_left[0]).all()
     assert (faults_left[2] < faults_left[0]).any()
-    largest = furnishing.RoomsSimulator(briefs, None, furnisher._moves, furnishing.Reward()).sequence().argmin(1)
+    largest = RoomsSimulator(briefs, None, furnisher._moves, Reward()).sequence().argmin(1)
     for k, (before, after) in enumerate(zip(layouts[0], layouts[2], strict=True)):
         assert (faults_left[2][k] < faults_left[0][k]) == (after != before)
         if after != before:
