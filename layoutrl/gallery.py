@@ -10,7 +10,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl import InputError
-from layoutrl.figures import STYLE, draw_room, save
+from layoutrl.figures import PLAIN, STYLE, draw_room, save
 from layoutrl.rooms.collection import choose_item
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.rooms.sources.parts import Data, designed_rooms
@@ -48,7 +48,7 @@ def run(config: GalleryConfig) -> list[Path]:
     name = "all_types" if config.all_types else config.room.type
     source = config.data.source
     which = f"seed{config.data.seed}" if source == "designer" else Path(str(config.data.root)).resolve().stem
-    with style.context(STYLE):
+    with style.context([STYLE, PLAIN]):
         files = save(sheet(rooms), Path(config.out) / f"{name}-{source}-{which}", dpi=120)
     for file in files:
         print(f"wrote {file}")

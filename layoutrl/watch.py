@@ -18,7 +18,7 @@ from PIL import Image
 from layoutrl import InputError
 from layoutrl.env.measures import measured
 from layoutrl.env.render import MOVING, color_of
-from layoutrl.figures import DESIGNER, STYLE, draw_item, draw_room, rgb
+from layoutrl.figures import DESIGNER, PLAIN, STYLE, draw_item, draw_room, rgb
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.files import check_new
 from layoutrl.rooms.room import Item, Room
@@ -55,7 +55,7 @@ def run(config: WatchConfig) -> list[Path]:
         run = shown.policy.rollout(BatchSimulator(simulator, shown.policy.q.device), shown.observe, chosen, starts)
         iou = simulator.reward(chosen, run.final).iou
         episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
-    with style.context(STYLE):
+    with style.context([STYLE, PLAIN]):
         pictures = list(frames(episodes, config.width))
     base = Path(config.out or Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}")
     files = write(pictures, base)

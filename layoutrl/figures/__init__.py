@@ -29,6 +29,7 @@ from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE,
 from layoutrl.rooms.room import Item, Room
 
 STYLE = "layoutrl.figures.style"
+PLAIN: dict[str, Any] = {"text.parse_math": False}  # a style for names of the user's own: $ is a dollar
 BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#e69f00", "#009e73", "#cc79a7"
 # The designer's place, over all else.
 DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}

@@ -1,7 +1,7 @@
 """A room as a drawing to true size: SVG in layers for the web and for print, PNG, and DXF for CAD.
 
 What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named; what has no place is named
-above the room. Lengths are metres; y points
+above the room. Below it stand a metre and the room's name, but in DXF, which has true sizes. Lengths are metres; y points
 up in DXF and down in SVG.
 """
 
@@ -18,12 +18,13 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, ORANGE, STYLE, draw_item, draw_room, standing
+from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, draw_item, draw_room, standing
 from layoutrl.rooms.room import Item, Point, Room
 
 Wrong = Iterable[tuple[int, str]]
 
 MARGIN = 0.1  # metres around the walls
+FOOT = 0.25  # metres below, for a metre and the room's name
 PRINTED = 40  # millimetres a metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
 WIDE = 0.6  # of a letter, as a share of its height
@@ -46,7 +47,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
 
     Every item is a <g> with its index as data-id, its data-category, and its data-faults, if it has some.
     """
-    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
+    x0, y0, x1, y1 = sheet(room)
     faults, items = _by_item(wrong), standing(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
@@ -58,6 +59,11 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
         ],
         "furniture": [_item(k, item, faults[k]) for k, item in items],
         "labels": [_label(item, faults[k]) for k, item in items],
+        "scale": [
+            f'<path d="M{_points(_metre(x0, y0))}" fill="none" stroke="#000" stroke-width=".02"/>',
+            f'<text x="{_number(x0 + MARGIN + 1.08)}" y="{_number(-y0 - MARGIN)}" font-size="{LETTERS[1]}">'
+            f"{escape(_foot(room))}</text>",
+        ],
     }
     if absent := _not_placed(room):
         at = f'x="{_number(x0)}" y="{_number(0.85 * MARGIN - y1)}" font-size="{0.9 * MARGIN:g}"'
@@ -83,8 +89,8 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
 
 def png(room: Room, wrong: Wrong, path: Path) -> None:
     """The same as a picture of pixels."""
-    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
-    with style.context(STYLE):
+    x0, y0, x1, y1 = sheet(room)
+    with style.context([STYLE, PLAIN]):
         figure = Figure(figsize=(1.6 * (x1 - x0), 1.6 * (y1 - y0)))
         figure.set_layout_engine("none")
         axes = figure.add_axes((0, 0, 1, 1))
@@ -97,6 +103,8 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
                 at = item.center[0], item.center[1] - 0.12
                 axes.text(*at, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
         axes.text(x0, y1, _not_placed(room), fontsize=6, va="top")
+        axes.plot(*np.transpose(_metre(x0, y0)), color="black", linewidth=1)
+        axes.text(x0 + MARGIN + 1.08, y0 + MARGIN, _foot(room), fontsize=7)
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
         figure.savefig(path, dpi=150)
 
@@ -129,6 +137,22 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
         looks = {"layer": "A-FURN", "insert": (x0, y1 + 2 * LETTERS[1]), "char_height": LETTERS[1]}
         space.add_mtext(absent, dxfattribs=looks)
     document.saveas(path)
+
+
+def sheet(room: Room) -> tuple[float, float, float, float]:
+    """What a drawing shows: (x0, y0, x1, y1) of the room with its walls, and what is around and below it."""
+    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
+    return x0, y0 - FOOT, x1, y1
+
+
+def _metre(x0: float, y0: float) -> list[Point]:
+    """A bar of one metre, with an upright at each end, in the corner (x0, y0) of a sheet."""
+    left, right, low, high = x0 + MARGIN, x0 + MARGIN + 1, y0 + MARGIN, y0 + 2 * MARGIN
+    return [(left, high), (left, low), (right, low), (right, high)]
+
+
+def _foot(room: Room) -> str:
+    return f"1 m \N{EN SPACE} {room.id}"
 
 
 def _by_item(wrong: Wrong) -> dict[int, list[str]]:

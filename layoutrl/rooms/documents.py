@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -118,7 +118,7 @@ def with_layout(
 
 
 def parsed(text: str | bytes) -> Any:
-    """What a text of JSON holds, or the RoomError that says why it is none."""
+    """What a text of JSON holds, or the RoomError that says why it is none; in a list, of each entry."""
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_once)
@@ -127,8 +127,6 @@ def parsed(text: str | bytes) -> Any:
         return RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended))
     except UnicodeDecodeError as error:
         return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
-    except RoomError as error:
-        return error
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
         return RoomError("text", f"expected numbers and nesting of a usual size; {error}")
 
@@ -194,13 +192,21 @@ def _check_places(room: Room, with_walls: bool) -> None:
             )
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, in which no key may stand twice: json itself would take the last."""
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any] | RoomError:
+    """An object of JSON, in which no key may stand twice, nor in what it holds: json itself would take the last."""
     document = dict(pairs)
     if len(document) < len(pairs):
         names = [name for name, _ in pairs]
-        raise RoomError(next(name for name in names if names.count(name) > 1), "stands there twice")
-    return document
+        return RoomError(next(name for name in names if names.count(name) > 1), "stands there twice")
+    return next(_errors(document.values()), document)
+
+
+def _errors(values: Iterable[Any]) -> Iterator[RoomError]:
+    for value in values:
+        if isinstance(value, RoomError):
+            yield value
+        elif isinstance(value, list):
+            yield from _errors(value)
 
 
 def _not_json(error: json.JSONDecodeError, ended: bool) -> str:

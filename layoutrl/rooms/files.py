@@ -7,9 +7,9 @@ what is expected.
 from __future__ import annotations
 
 import json
-from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
@@ -33,11 +33,11 @@ def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collecti
     collection = Collection(f"json {path}")
     seen: set[str] = set()
     for file in room_files(Path(path)):
-        read = [(where, text, parsed(text)) for where, text in texts_of(file)]
-        in_file = unit_of([document for _, _, document in read]) if unit == "auto" else unit
+        read = list(documents_of(file))
+        in_file = unit_of(document for _, document in read) if unit == "auto" else unit
         if in_file != unit and in_file != "m":
             collection.notes.append(f"{file}: lengths are read as {in_file}, as rooms are large (unit=m if they are)")
-        for where, text, document in read:
+        for where, document in read:
             try:
                 if isinstance(document, RoomError):
                     raise document
@@ -45,7 +45,7 @@ def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collecti
                 if room.id in seen:
                     raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
             except RoomError as error:
-                message = f"{_name_in(text)}{error}"
+                message = f"{name_in(document)}{error}"
                 if strict:
                     raise InputError(f"{where}: {message}") from None
                 collection.left_out.append((where, message))
@@ -93,26 +93,22 @@ def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) ->
     return sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
 
 
-def texts_of(file: Path) -> Iterator[tuple[str, bytes]]:
-    """(where, text) of every room in a file, as it is read. Raises InputError where it cannot be."""
+def documents_of(file: Path) -> Iterator[tuple[str, Any]]:
+    """(where, what `parsed` makes of it) of every room in a file. Raises InputError where it cannot be read."""
     try:
         with file.open("rb") as stream:
             if file.suffix.lower() == ".jsonl":
-                yield from ((f"{file}:{n}", line) for n, line in enumerate(stream, 1) if line.strip())
-            else:
-                text = stream.read()
-                entries = parsed(text) if text.removeprefix(BOM_UTF8).lstrip().startswith(b"[") else None
-                if isinstance(entries, list):
-                    yield from ((f"{file}[{k}]", json.dumps(entry).encode()) for k, entry in enumerate(entries))
-                else:
-                    yield f"{file}:1", text
+                yield from ((f"{file}:{n}", parsed(line)) for n, line in enumerate(stream, 1) if line.strip())
+                return
+            document = parsed(stream.read())
+        if isinstance(document, list):
+            yield from ((f"{file}[{k}]", entry) for k, entry in enumerate(document))
+        else:
+            yield f"{file}:1", document
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from None
 
 
-def _name_in(text: bytes) -> str:
-    """How the room calls itself, as far as that can be read: "room 'b-17': "."""
-    try:
-        return f"room {json.loads(text)['id']!r}: "
-    except (ValueError, TypeError, KeyError, RecursionError):
-        return ""
+def name_in(document: Any) -> str:
+    """How the room calls itself, where that can be read: "room 'b-17': "."""
+    return f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""

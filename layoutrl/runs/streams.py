@@ -17,7 +17,7 @@ from typing import IO, Any, TypeVar
 
 from layoutrl import InputError
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.files import PART, room_files, texts_of
+from layoutrl.rooms.files import PART, documents_of, name_in, room_files
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
@@ -53,7 +53,7 @@ def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator
     None where who writes to standard input may wait for an answer.
     """
     seen = 0
-    for given in _texts(config):
+    for given in _documents(config):
         if given is None:
             yield None
             continue
@@ -62,25 +62,23 @@ def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator
         seen += 1
 
 
-def _entry(where: str, text: bytes, unit: str, move: str | None) -> Entry:
-    document = parsed(text)
+def _entry(where: str, document: Any, unit: str, move: str | None) -> Entry:
     try:
         if isinstance(document, RoomError):
             raise document
         room = room_from_dict(in_metres(document, UNITS[unit]))
         return Entry(where, to_place(room, move), document, unit=unit, stood=room.furniture)
     except RoomError as error:
-        name = f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
-        return Entry(where, None, document if isinstance(document, dict) else {}, f"{name}{error}")
+        return Entry(where, None, document if isinstance(document, dict) else {}, f"{name_in(document)}{error}")
 
 
-def _texts(config: PlaceConfig) -> Iterator[tuple[str, bytes, str] | None]:
-    """(where, text, unit) of each room. The first rooms of a file tell its unit, where it is not said."""
+def _documents(config: PlaceConfig) -> Iterator[tuple[str, Any, str] | None]:
+    """(where, document, unit) of each room. The first rooms of a file tell its unit, where it is not said."""
     for file in [None] if config.rooms == STANDARD else inputs(config):
-        texts = texts_of(file) if file else standard_input()
-        first = list(islice((each for each in texts if each), HEAD if file else 1))  # of standard input: none waits
-        unit = unit_of(parsed(text) for _, text in first) if config.unit == "auto" else config.unit
-        yield from (each and (*each, unit) for each in chain(first, texts))
+        documents = documents_of(file) if file else standard_input()
+        first = list(islice((each for each in documents if each), HEAD if file else 1))  # of the input: none waits
+        unit = unit_of(document for _, document in first) if config.unit == "auto" else config.unit
+        yield from (each and (*each, unit) for each in chain(first, documents))
 
 
 def inputs(config: PlaceConfig) -> list[Path]:
@@ -94,8 +92,8 @@ def inputs(config: PlaceConfig) -> list[Path]:
     return [file for file in files if file.resolve().parent != out.parent or not own.fullmatch(file.name)]
 
 
-def standard_input() -> Iterator[tuple[str, bytes] | None]:
-    """(where, text) of each line, and None where no more is there yet: who writes may wait for an answer."""
+def standard_input() -> Iterator[tuple[str, Any] | None]:
+    """(where, what `parsed` makes of it) of each line, and None where no more is there yet: who writes may wait for an answer."""
     if sys.stdin is None:
         raise InputError("rooms: standard input is closed; expected rooms there, or rooms=<file>")
     stream: Any = sys.stdin.buffer
@@ -105,12 +103,12 @@ def standard_input() -> Iterator[tuple[str, bytes] | None]:
         *ends, begins = read.split(b"\n")
         for end in ends:
             if line := b"".join([*begun, end]).strip():
-                yield f"standard input:{number}", line
+                yield f"standard input:{number}", parsed(line)
             number, begun = number + 1, []
         begun.append(begins)
         yield None
     if line := b"".join(begun).strip():
-        yield f"standard input:{number}", line
+        yield f"standard input:{number}", parsed(line)
 
 
 def source_entries(source: Source) -> Iterator[Entry]:
@@ -126,7 +124,7 @@ def count(config: PlaceConfig) -> int | None:
     total = 0
     for file in inputs(config):
         if file.suffix.lower() != ".jsonl":
-            total += sum(1 for _ in texts_of(file))
+            total += sum(1 for _ in documents_of(file))
             continue
         lines, last = 0, b"\n"
         with file.open("rb") as stream:

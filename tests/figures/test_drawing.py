@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from PIL import Image
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point, Polygon, box
 
-from layoutrl.figures.drawing import MARGIN, draw, svg
+from layoutrl.figures.drawing import draw, sheet, svg
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room, rooms
 
@@ -37,7 +37,7 @@ def outline(shape: ElementTree.Element) -> Polygon:
 @given(rooms())
 def test_svg_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(room: Room) -> None:
     drawn = layers(svg(room))
-    assert list(drawn) == ["floor", "walls", "openings", "furniture", "labels"]
+    assert list(drawn) == ["floor", "walls", "openings", "furniture", "labels", "scale"]
     for shape, wall in zip(drawn["walls"], room.wall_shapes, strict=True):
         assert outline(shape).hausdorff_distance(wall) < TENTH
     for shape, opening in zip(drawn["openings"], room.openings, strict=True):
@@ -55,7 +55,8 @@ def test_svg_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(room: Room) -> 
 def test_svg_shows_the_whole_room_to_scale(room: Room) -> None:
     drawing = ElementTree.fromstring(svg(room))
     x, y, width, height = map(float, drawing.get("viewBox", "").split())
-    assert np.allclose((x, -y - height, x + width, -y), room.envelope.buffer(MARGIN).bounds, atol=0.01)
+    assert np.allclose((x, -y - height, x + width, -y), sheet(room), atol=0.01)
+    assert box(*sheet(room)).contains(room.envelope)
     assert drawing.get("width", "").endswith("mm")
     ratio = float(drawing.get("width", "")[:-2]) / float(drawing.get("height", "")[:-2])
     assert ratio == pytest.approx(width / height, rel=0.01)
@@ -82,6 +83,12 @@ def test_names_of_the_users_own_are_no_markup() -> None:
     assert group.get("data-category") == strange.category
 
 
+def test_a_dollar_in_a_name_is_a_dollar(tmp_path: Path) -> None:
+    room = rectangular_room()
+    dear = replace(room, id=r"$\frac$", furniture=(replace(room.furniture[0], category=r"$\alpha$ bed $\frac$"),))
+    draw(dear, [(0, r"$\frac$")], tmp_path / "room.png")
+
+
 def test_what_has_no_place_is_not_drawn(tmp_path: Path) -> None:
     room = replace(rectangular_room(), furniture=(Item("bed", (2.0, 1.5), None, None),))
     assert not len(layers(svg(room))["furniture"])
@@ -92,7 +99,7 @@ def test_what_has_no_place_is_not_drawn(tmp_path: Path) -> None:
 def test_png_has_the_proportions_of_the_room(tmp_path: Path) -> None:
     room = rectangular_room()
     draw(room, [(0, "overlaps")], tmp_path / "room.png")
-    x0, y0, x1, y1 = room.envelope.buffer(MARGIN).bounds
+    x0, y0, x1, y1 = sheet(room)
     with Image.open(tmp_path / "room.png") as picture:
         assert picture.size[0] / picture.size[1] == pytest.approx((x1 - x0) / (y1 - y0), rel=0.01)
 
