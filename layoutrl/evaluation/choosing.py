@@ -1,20 +1,26 @@
-"""Which of the poses that an item could take it is put at: one by which nothing is wrong, of the highest value."""
+"""Which of the poses that an item could take it is put at: one by which nothing is wrong, of the highest value.
+
+What is wrong is geometry alone: faults (`rooms/faults.py`), and less than they what is odd (`rooms/oddities.py`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.faults import Items, faults, item_faults
+from layoutrl.rooms.faults import Items, item_faults
 from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.oddities import item_oddities
 from layoutrl.rooms.room import Room
 
-LOOKED_AT = 24  # of poses, the most valued, that are looked at for one by which nothing is wrong
+FAULT = 1000  # times as wrong as an odd item is one with a fault: no room has as many
+LOOKED_AT = 1, 4, 12, 24  # poses, the most valued, until by one of them nothing is wrong: together they take less time
 APART = 0.5  # metres: layouts are different whose largest item stands so far away, or faces another way
 
 
@@ -38,7 +44,7 @@ class Chosen(NamedTuple):
     quarter: np.ndarray  # (B,)
     value: np.ndarray  # (B,), -inf where there is none
     way: np.ndarray  # (B,) of arrays: to each, centers (moves + 1, 2)
-    faults: np.ndarray  # (B,): with how many items more something is wrong than without this one
+    harm: np.ndarray  # (B,): how much more is `wrong` than without this one
 
     def of(self, b: np.ndarray) -> Chosen:
         """Those of some of the items."""
@@ -53,32 +59,47 @@ class Chosen(NamedTuple):
 
     def less_wrong(self, b: np.ndarray, others: Chosen) -> Chosen:
         """These, but of the items b (n,) those of the others (n,) by which less is wrong."""
-        better = others.faults < self.faults[b]
+        better = others.harm < self.harm[b]
         return self.replaced(b[better], others.of(better))
 
 
 def best_of(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
     """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
 
-    The LOOKED_AT of the highest value are looked at.
+    Those of the highest value are LOOKED_AT.
     """
     every = np.arange(len(state.room))
     before = wrong([rooms.layout(state, b) for b in every])
     order = np.argsort(-options.value, 1, kind="stable")
-    best, fewest = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
-    for option in order.T[:LOOKED_AT]:
-        b = np.flatnonzero((fewest > before) & np.isfinite(options.value[every, option]))
+    best, least = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
+    for first, last in pairwise((0, *LOOKED_AT)):
+        k = order[:, first:last]
+        some = np.isfinite(np.take_along_axis(options.value, k[:, :1], 1)).any(1)
+        b = np.flatnonzero(some & (least > before))
         if not len(b):
             break
-        k = option[b]
-        there = rooms.put(rows(state, b), state.moving[b], options.center[b, k], options.quarter[b, k])
-        found = wrong([rooms.layout(there, n) for n in range(len(b))])
-        better = found < fewest[b]
-        best[b[better]], fewest[b[better]] = k[better], found[better]
+        found = _wrong_with(rooms, state, options, b, k[b])
+        free = found <= before[b, None]
+        first_best = np.where(free.any(1), free.argmax(1), found.argmin(1))
+        lowest = found[np.arange(len(b)), first_best]
+        better = lowest < least[b]
+        best[b[better]], least[b[better]] = k[b, first_best][better], lowest[better]
     way = np.fromiter((options.way[b][k] for b, k in enumerate(best)), dtype=object)
     return Chosen(
-        options.center[every, best], options.quarter[every, best], options.value[every, best], way, fewest - before
+        options.center[every, best], options.quarter[every, best], options.value[every, best], way, least - before
     )
+
+
+def _wrong_with(
+    rooms: RoomsSimulator, state: State[np.ndarray], options: Options, b: np.ndarray, k: np.ndarray
+) -> np.ndarray:
+    """How much is wrong where items b (n,) are at each of their options k (n, m): (n, m). Most of one that is none."""
+    every, option = b.repeat(k.shape[1]), k.ravel()
+    there = rooms.put(
+        rows(state, every), state.moving[every], options.center[every, option], options.quarter[every, option]
+    )
+    found = wrong([rooms.layout(there, n) for n in range(len(every))])
+    return np.where(np.isfinite(options.value[every, option]), found, np.iinfo(int).max).reshape(k.shape)
 
 
 def unlike(
@@ -99,16 +120,21 @@ def unlike(
 
 
 def wrong(layouts: Sequence[Room]) -> np.ndarray:
-    """With how many of the items that stand something is wrong, in each layout: (B,)."""
+    """How much is wrong with what stands in each layout: FAULT for each item with a fault, 1 for each odd one: (B,)."""
     standing = [
         replace(room, furniture=tuple(item for item in room.furniture if item.center), target=None) for room in layouts
     ]
     items = Items.of(standing)
-    found = item_faults(standing, items)
-    return np.bincount(items.room, np.any(list(found.values()), axis=0), len(layouts)).astype(int)
+    return np.bincount(items.room, _blame(standing, items), len(layouts)).astype(int)
 
 
-def faulty_items(layout: Room, brief: Room) -> list[int]:
-    """Which of the items that were to be placed have a fault: 0 for the first of them."""
-    at_fault = {k for k, _ in faults(layout)}
-    return [n for n, k in enumerate(missing(brief)) if k in at_fault]
+def blame(layout: Room, brief: Room) -> np.ndarray:
+    """How wrong each of the items is that were to be placed (n,): FAULT, as if it has no place, 1 if odd, or 0."""
+    return _blame([layout], Items.of([layout]))[list(missing(brief))]
+
+
+def _blame(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    faulty, odd = (
+        np.any(list(found.values()), axis=0) for found in (item_faults(layouts, items), item_oddities(layouts, items))
+    )
+    return np.where(faulty, FAULT, odd.astype(int))

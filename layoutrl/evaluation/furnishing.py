@@ -19,10 +19,11 @@ from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destinations
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import Chosen, Options, best_of, faulty_items, unlike, wrong
+from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
 from layoutrl.rooms.furnished import Furnished, Placement
+from layoutrl.rooms.oddities import AT_A_WALL
 from layoutrl.rooms.room import Item, Point, Room, rotation
 
 STARTS = 32  # places spread for each way that an item can face, and valued
@@ -31,9 +32,10 @@ SWEEPS = 1  # times that every item but the largest is lifted and placed again, 
 REPAIRS = 1  # times more, in rooms with a fault
 AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
 ELSEWHERE = 2  # times then, with its largest item elsewhere, while something is wrong still
-NEAR_WALL = 0.15  # metres: what ends no further before what is behind it slides back, until it touches
+GAP = 0.15  # metres: a narrower one behind an item is closed, and beside one that belongs at a wall
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
+BACK, SIDEWAYS = (1,), (2, 3)  # of WAYS
 BLOCK = 128  # rooms furnished at once: memory, not speed
 GOLDEN = 1.2207440846057596  # of three dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
 
@@ -87,8 +89,8 @@ class Furnisher:
             for _ in range(choices):
                 self._add_another(world, layouts)
             for k, those in zip(block, layouts, strict=True):
-                faulty = wrong([one.layout for one in those]) + [len(missing(one.layout)) for one in those]
-                in_order = np.argsort(faulty, kind="stable")
+                unplaced = np.array([len(missing(one.layout)) for one in those])
+                in_order = np.argsort(wrong([one.layout for one in those]) + FAULT * unplaced, kind="stable")
                 found[k] = [_turned_back(those[n], briefs[k]) for n in in_order]
         return [found[k] for k in range(len(briefs))]
 
@@ -147,8 +149,8 @@ class Furnisher:
 
     def _add_another(self, world: _World, known: list[list[Furnished]]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one."""
-        best, faulty = dict[int, Furnished](), dict[int, list[int]]()
-        latest = dict[int, list[int]]()  # what has a fault in the layout that was found last
+        best, least = dict[int, Furnished](), dict[int, int]()  # how wrong the best is
+        latest = dict[int, np.ndarray]()  # how wrong what is in the layout that was found last
 
         def furnish(
             which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
@@ -157,25 +159,26 @@ class Furnisher:
             layouts = zip(which, self._furnished(world, np.array(which), rank, others), strict=True)
             found = {b: layout for b, layout in layouts if layout}
             for b, layout in found.items():
-                latest[b] = faulty_items(layout.layout, world.rooms.rooms[b])
-                if b not in best or len(latest[b]) < len(faulty[b]):
-                    best[b], faulty[b] = layout, latest[b]
+                latest[b] = blame(layout.layout, world.rooms.rooms[b])
+                if b not in best or latest[b].sum() < least[b]:
+                    best[b], least[b] = layout, latest[b].sum()
             return found
 
         rank = world.rooms.sequence()
         found = furnish(range(len(known)), rank, known)
         for _ in range(AFRESH):
-            if not (which := [b for b in found if faulty[b]]):
+            if not (which := [b for b in found if least[b]]):
                 break
             for b in which:
-                rank[b, latest[b]] -= rank.shape[1]
+                worst = latest[b] >= min(latest[b].max(), FAULT)
+                rank[b, np.flatnonzero(worst)] -= rank.shape[1]
             found = furnish(which, rank, known)
         # Of further layouts the largest item is elsewhere anyhow.
         found, tried = {b: layout for b, layout in best.items() if not known[b]}, [list[Furnished]() for _ in known]
         for _ in range(ELSEWHERE):
             for b, layout in found.items():
                 tried[b].append(layout)
-            if not (which := [b for b in found if faulty[b]]):
+            if not (which := [b for b in found if least[b] >= FAULT]):
                 break
             found = furnish(which, world.rooms.sequence(), tried)
         for b, layout in best.items():
@@ -243,30 +246,41 @@ class Furnisher:
         or_stay = self._or_stay(world, state, stood, ends) if stood.any() else ends
         chosen = best_of(world.rooms, state, unlike(world.rooms, state, or_stay, known))
         for beside in (True, False):
-            b = np.flatnonzero(chosen.faults > 0)
+            b = np.flatnonzero(chosen.harm > 0)
             if not len(b):
                 break
             some = rows(state, b)
             options = self._beside(world, some, ends.of(b)) if beside else starts.of(b)
             options = unlike(world.rooms, some, options, [known[n] for n in b.tolist()])
             chosen = chosen.less_wrong(b, best_of(world.rooms, some, options))
-        return self._slid_back(world, state, chosen) if self._moves.slide else chosen
+        if not self._moves.slide:
+            return chosen
+        items = (world.rooms.items[r][n] for r, n in zip(state.room, state.moving, strict=True))
+        belongs_at_wall = np.array([item.category in AT_A_WALL for item in items])
+        backed = self._slid(world, state, chosen, np.arange(len(belongs_at_wall)), BACK)
+        return self._slid(world, state, backed, np.flatnonzero(belongs_at_wall), SIDEWAYS)
 
-    def _slid_back(self, world: _World, state: State[np.ndarray], chosen: Chosen) -> Chosen:
-        """What is chosen, but pushed back until it touches, where that is not far, and nothing more is wrong by it.
+    def _slid(
+        self, world: _World, state: State[np.ndarray], chosen: Chosen, b: np.ndarray, ways: Sequence[int]
+    ) -> Chosen:
+        """What is chosen, but items b (n,) slid the nearest of the ways until they touch, where that is not far, and
+        nothing more is wrong by it.
 
-        Values are too imprecise for the last centimetres to a wall.
+        Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
         """
-        scenes, every, back = world.scenes, np.arange(len(chosen.value)), self._moves.first_slide + 1
-        scene = world.scenes_of(state, every, chosen.quarter)
-        here = torch.as_tensor(chosen.center, device=scene.device)
-        length, legal = (values[:, back] for values in scenes.reach(scene, here))
-        there = scenes.moved(scene, here, torch.full_like(length, back, dtype=torch.int64), length).cpu().numpy()
-        value = np.where((legal & (length < NEAR_WALL)).cpu().numpy(), chosen.value, -np.inf)
-        ways = [[np.concatenate([way, place[None]])] for way, place in zip(chosen.way, there, strict=True)]
-        slid = best_of(world.rooms, state, Options(there[:, None], chosen.quarter[:, None], value[:, None], ways))
-        b = np.flatnonzero(np.isfinite(value) & (slid.faults <= chosen.faults))
-        return chosen.replaced(b, slid.of(b))
+        scenes, some, those = world.scenes, rows(state, b), chosen.of(b)
+        scene = world.scenes_of(some, np.arange(len(b)), those.quarter)
+        here = torch.as_tensor(those.center, device=scene.device)
+        slides = self._moves.first_slide + torch.tensor(ways, device=scene.device)
+        length, legal = (values[:, slides] for values in scenes.reach(scene, here))
+        length, nearest = length.where(legal, torch.inf).min(1)
+        near = length < GAP
+        there = scenes.moved(scene, here, slides[nearest], length.where(near, 0.0)).cpu().numpy()
+        value = np.where(near.cpu().numpy(), those.value, -np.inf)
+        paths = [[np.concatenate([way, place[None]])] for way, place in zip(those.way, there, strict=True)]
+        slid = best_of(world.rooms, some, Options(there[:, None], those.quarter[:, None], value[:, None], paths))
+        taken = np.isfinite(value) & (slid.harm <= those.harm)
+        return chosen.replaced(b[taken], slid.of(taken))
 
     def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:
         """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.

@@ -102,6 +102,11 @@ class Items:
         """Whether it stands somewhere, facing somewhere: (N,)."""
         return ~np.isnan(self.center[:, 0]) & (self.round | ~np.isnan(self.degrees))
 
+    @cached_property
+    def hosts(self) -> np.ndarray:
+        """Whether what is tucked may stand under it: (N,)."""
+        return np.isin(self.category, list(HOSTS)) & ~self.tucked
+
     @property
     def period(self) -> np.ndarray:
         """Degrees after which it looks as before, as `clearances.period` has it: (N,)."""
@@ -158,9 +163,8 @@ def meeting(items: Items) -> tuple[np.ndarray, np.ndarray]:
     """
     raised = np.isin(items.category, list(RAISED))
     rug = np.isin(items.category, list(RUGS))
-    is_host = np.isin(items.category, list(HOSTS)) & ~items.tucked
     a, b = pairs(items.room, items.room)
-    hosted = items.tucked[a] & is_host[b] | is_host[a] & items.tucked[b]
+    hosted = items.tucked[a] & items.hosts[b] | items.hosts[a] & items.tucked[b]
     apart = hosted | (raised[a] != raised[b]) | rug[a] | rug[b]
     meet = (a != b) & ~apart & shapely.intersects(items.footprint[a], items.footprint[b])
     return a[meet], b[meet]

@@ -7,9 +7,8 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import shapely
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS
-from layoutrl.rooms.faults import Fault, Items
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.faults import Fault, Items, pairs, unions
+from layoutrl.rooms.room import Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 NEAR = 0.05  # metres: no farther from its wall or window is at it
@@ -28,22 +27,26 @@ TALL = frozenset({"bookcase", "fridge", "wardrobe"})
 
 def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
     """(index of the item, what is odd about it) of those `asked` about, or of all; item by item."""
-    items = [item for item in layout.furniture if item.center is not None]
-    hosts = shapely.union_all([item.footprint for item in items if item.category in HOSTS and not item.tucked])
-    every = Items.of([layout])
-    backed = np.flatnonzero(every.placed & ~every.round & np.isin(every.category, list(AT_A_WALL)))
-    off_wall = backed[sides_off_walls([layout], every, backed)[:, BACK] > NEAR]
-    found = []
-    for k, item in enumerate(layout.furniture):
-        if item.center is None or (asked is not None and k not in asked):
-            continue
-        if k in off_wall:
-            found.append((k, OFF_ITS_WALL))
-        if item.tucked and not hosts.is_empty and not _sits_at(item, every.footprint[k], hosts):
-            found.append((k, ASTRAY))
-        if item.category in TALL and any(_closes(item, w.shape) for w in layout.windows):
-            found.append((k, BEFORE_WINDOW))
-    return found
+    found = item_oddities([layout], Items.of([layout]))
+    those = range(len(layout.furniture)) if asked is None else sorted(asked)
+    return [(k, name) for k in those for name, odd in found.items() if odd[k]]
+
+
+def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
+    """What is odd about which items, (N,) by its name. Nothing is about what is not placed."""
+    return {
+        OFF_ITS_WALL: off_their_walls(layouts, items),
+        ASTRAY: astray(layouts, items),
+        BEFORE_WINDOW: before_windows(layouts, items),
+    }
+
+
+def off_their_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether an item belongs AT_A_WALL, and its back is at none: (N,)."""
+    result = items.placed & ~items.round & np.isin(items.category, list(AT_A_WALL))
+    those = np.flatnonzero(result)
+    result[those] = sides_off_walls(layouts, items, those)[:, BACK] > NEAR
+    return result
 
 
 def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) -> np.ndarray:
@@ -57,18 +60,34 @@ def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) ->
     return np.maximum(off[:, :-1], off[:, 1:])
 
 
-def _sits_at(item: Item, footprint: shapely.Geometry, hosts: shapely.Geometry) -> bool:
-    """Whether a tucked item is at one of these tables and desks: the middle half of its front within NEAR of it, its
-    back not under it. Of what has no front any part may touch it."""
-    if item.form == "circle" or item.category not in FRONT_DEPTH:
-        return footprint.intersects(hosts)
-    corners = shapely.get_coordinates(footprint)
-    (front_left, back_left, back_right, front_right), quarter = corners[:4], (corners[3] - corners[0]) / 4
-    front, back = shapely.points([front_left + quarter, front_right - quarter]), shapely.points([back_left, back_right])
-    return bool(shapely.dwithin(hosts, front, NEAR).all() and not shapely.intersects(hosts, back).any())
+def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether an item is tucked, and sits at none of the tables and desks, where the room has some: (N,).
+
+    The middle half of its front is within NEAR of one then, its back not under it. Of what has no front any part may
+    touch it.
+    """
+    hosts = unions(items.footprint[items.hosts], items.room[items.hosts], len(layouts))[items.room]
+    result = items.tucked & items.placed & ~shapely.is_empty(hosts)
+    those = np.flatnonzero(result)
+    result[those] = ~shapely.intersects(items.footprint[those], hosts[those])
+    those = those[~np.isnan(items.front[those])]
+    corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
+    quarter = (corners[:, 3] - corners[:, 0]) / 4
+    front = shapely.points(np.stack([corners[:, 0] + quarter, corners[:, 3] - quarter], 1))
+    at, under = hosts[those, None], shapely.points(corners[:, 1:3])
+    result[those] = ~shapely.dwithin(at, front, NEAR).all(1) | shapely.intersects(at, under).any(1)
+    return result
 
 
-def _closes(item: Item, window: shapely.Geometry) -> bool:
-    """Whether it stands at a window, and takes more than CLOSED of its length."""
-    reaches = max(NEAR - item.footprint.distance(window), 0)  # metres into what is NEAR the window
-    return shapely.intersection(item.footprint, shapely.buffer(window, NEAR)).area > reaches * CLOSED
+def before_windows(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether an item is TALL, stands at a window, and takes more than CLOSED of its length: (N,)."""
+    result = np.zeros(len(items.room), dtype=bool)
+    tall = np.flatnonzero(items.placed & np.isin(items.category, list(TALL)))
+    windows = np.array([window.shape for layout in layouts for window in layout.windows], dtype=object)
+    of = np.repeat(np.arange(len(layouts)), [len(layout.windows) for layout in layouts])
+    a, b = pairs(items.room[tall], of)
+    item, window = items.footprint[tall[a]], windows[b]
+    reaches = np.maximum(NEAR - shapely.distance(item, window), 0)  # metres into what is NEAR the window
+    closes = shapely.area(shapely.intersection(item, shapely.buffer(window, NEAR))) > reaches * CLOSED
+    result[tall[a[closes]]] = True
+    return result

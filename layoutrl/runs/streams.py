@@ -93,7 +93,8 @@ def inputs(config: PlaceConfig) -> list[Path]:
 
 
 def standard_input() -> Iterator[tuple[str, Any] | None]:
-    """(where, what `parsed` makes of it) of each line, and None where no more is there yet: who writes may wait for an answer."""
+    """(where, what `parsed` makes of it) of each line, and None where no more is there yet: who writes may wait for an
+    answer."""
     if sys.stdin is None:
         raise InputError("rooms: standard input is closed; expected rooms there, or rooms=<file>")
     stream: Any = sys.stdin.buffer

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import Options, best_of, wrong
+from layoutrl.evaluation.choosing import FAULT, LOOKED_AT, Options, best_of, blame, wrong
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
 
@@ -30,10 +32,10 @@ def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_
     state = rooms.empty(np.zeros(1, dtype=int))
     best = best_of(rooms, state, options)
     assert best.center.tolist() == best.way[0].tolist() == [[1.0, 2.25]]
-    assert (best.value.tolist(), best.faults.tolist()) == ([1.0], [0])
+    assert (best.value.tolist(), best.harm.tolist()) == ([1.0], [0])
     two = best_of(rooms, state, options._replace(value=np.array([[3.0, 2.0, -np.inf]])))
     assert two.center.tolist() != [[1.0, 2.25]]
-    assert two.faults.tolist() != [0]
+    assert two.harm.tolist() != [0]
     free = Options(options.center[:, 2:], options.quarter[:, 2:], options.value[:, 2:], [options.way[0][2:]])
     assert best_of(rooms, state, free).center.tolist() == [[1.0, 2.25]]
     assert two.less_wrong(np.array([0]), best).center.tolist() == [[1.0, 2.25]]
@@ -41,3 +43,54 @@ def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_
     first = np.zeros(1, dtype=int)
     layouts = [rooms.layout(rooms.put(state, first, options.center[:, k], first), 0) for k in (0, 2)]
     assert (wrong(layouts) > 0).tolist() == [True, False]
+
+
+def test_what_is_odd_is_put_off_but_for_no_fault() -> None:
+    rooms, _ = small_room()
+    state, (at_door, odd, usual) = rooms.empty(np.zeros(1, dtype=int)), [(1.0, 0.75), (1.3, 2.25), (1.0, 2.25)]
+
+    def best(*centers: tuple[float, float]) -> tuple[list[float], int]:
+        value, quarter = np.arange(len(centers), 0, -1.0), np.zeros((1, len(centers)), dtype=int)
+        options = Options(np.array([centers]), quarter, value[None], [[np.array([each]) for each in centers]])
+        chosen = best_of(rooms, state, options)
+        return chosen.center[0].tolist(), int(chosen.harm[0])
+
+    assert best(at_door, odd, usual) == ([*usual], 0)
+    assert best(at_door, odd) == ([*odd], 1)
+    assert best(at_door) == ([*at_door], 2 * FAULT)  # nobody comes to the bookcase then
+
+
+@given(st.lists(st.sampled_from([3.0, 2.0, 1.0, -np.inf]), min_size=1, max_size=30), st.integers(0, 2**32 - 1))
+def test_the_best_is_the_one_that_is_found_one_by_one(values: list[float], seed: int) -> None:
+    rooms, _ = small_room()
+    state, rng = rooms.empty(np.zeros(1, dtype=int)), np.random.default_rng(seed)
+    center = rng.uniform((1.0, 0.75), (3.0, 2.25), (len(values), 2)).round(2)
+    center[rng.random(len(values)) < 0.2, 0] = 1.0  # at the wall: not odd
+    options = Options(center[None], np.zeros((1, len(values)), dtype=int), np.array([values]), [list(center[:, None])])
+    chosen = best_of(rooms, state, options)
+    first, best, least = np.zeros(1, dtype=int), 0, np.iinfo(int).max
+    order = np.argsort(-np.array(values), kind="stable")
+    before = wrong([rooms.layout(state, 0)])[0]
+    best = order[0]
+    for k in order[: LOOKED_AT[-1]]:
+        found = wrong([rooms.layout(rooms.put(state, first, center[k : k + 1], first), 0)])[0]
+        if least > before and np.isfinite(values[k]) and found < least:
+            best, least = k, found
+    assert chosen.center[0].tolist() == center[best].tolist()
+    assert chosen.value[0] == values[best]
+    assert chosen.harm[0] == least - before
+
+
+def test_blame_is_of_what_was_to_be_placed() -> None:
+    rooms, _ = small_room()
+    (brief,) = rooms.rooms
+    astray = replace(brief, furniture=(brief.furniture[0], replace(brief.furniture[1], center=(3.5, 2.0))))
+
+    def blamed(center: tuple[float, float] | None) -> list[int]:
+        return blame(
+            replace(astray, furniture=(replace(astray.furniture[0], center=center), astray.furniture[1])), astray
+        ).tolist()
+
+    assert blamed((1.0, 2.25)) == [0]  # though the bookcase is off its wall
+    assert blamed((1.3, 2.25)) == [1]
+    assert blamed((1.0, 0.75)) == blamed(None) == [FAULT]
