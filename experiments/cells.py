@@ -47,7 +47,7 @@ from layoutrl.runs.ranges import one_of
 LAYOUTS = "layouts"  # the row of whole rooms
 DRAWN_ROOMS = 2  # layouts that are kept, to be drawn
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
-SEEDLESS = ("rules", "oracle")  # columns that draw nothing but the starts, which are always the same
+SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
 TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
 IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1"))  # of what is packed; IoU in 1/65535
 

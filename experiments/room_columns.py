@@ -24,6 +24,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import both, designs, whole_parts
 from layoutrl.runs import resume
+from layoutrl.runs.pretrained import load
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,14 @@ def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
     network, categories, _ = trained_network(config, rooms.training, rooms.designs, rooms.device)
-    furnisher = Furnisher(network, config.method, categories)
+    return by(Furnisher(network, config.method, categories), rooms)
+
+
+def by_package(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    return by(load(config.room.type, rooms.device), rooms)
+
+
+def by(furnisher: Furnisher, rooms: WholeRooms) -> Furnish:
     return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1)]
 
 
@@ -94,6 +102,7 @@ FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "annealer": by_rules,
     "search": by_rules,
     "rooms_agent": by_agent,
+    "rooms_package": by_package,
     "rooms_pointer": by_pointer,
     "rooms_planit": by_planit,
 }

@@ -3,9 +3,10 @@
     python experiments/table3.py [room=kitchen,study] [column=annealer] [designer_rooms=<folder>] [budget=smoke]
 
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
-were asked for; the files have all rooms. The quick methods furnish all held-out rooms, those that take a second
-a room or more a fifth of them. With `designer_rooms`, the folder of the authors' real bedrooms and tatami rooms, these
-are furnished, too, a fifth of them that is held out; what learns places learns from designed rooms, real ones and both.
+were asked for; the files have all rooms. The agents are those in the package. The quick methods furnish all held-out
+rooms, those that take a second a room or more a fifth of them. With `designer_rooms`, the folder of the authors' real
+bedrooms and tatami rooms, these are furnished, too, a fifth of them that is held out: agent and pointer, trained anew,
+learn from designed rooms, real ones and both.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from cells import FLAG, LAYOUTS, asked, cells_of, given, multirun, seeds_of, some_of, unpacked
 from printing import Row, Table, listed, row, show, write
 
+from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
@@ -26,7 +28,7 @@ from layoutrl.runs.commands import answers_errors
 # What furnishes rooms, by its words in the tables: the column of its cells.
 METHODS = {
     "designer": "designer",
-    "agent": "rooms_agent",
+    "agent": "rooms_package",
     "pointer in sequence": "rooms_pointer",
     "annealer, 10 s": "annealer_long",
     "annealer, 1 s": "annealer",
@@ -38,10 +40,10 @@ METHODS = {
 }
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
 TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
-LEARNS = ("agent", "pointer in sequence")
+LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
 SWEEPS = (
-    "designer,random,nearest", "rooms_agent", "annealer,search", "rooms_pointer", "annealer_long,search_long",
-    "rooms_planit",
+    "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_pointer",
+    "annealer_long,search_long", "rooms_planit",
 )  # fmt: skip
 BEST = {
     "": "{room}",
@@ -81,7 +83,7 @@ NUMBERS = (
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other: of designed rooms, and of real ones. Raises InputError for other types."""
     rooms = some_of("room", chosen, MAIN_ITEM)
-    some_of("column", chosen, METHODS.values())
+    some_of("column", chosen, {*METHODS.values(), *LEARNS.values()})
     common = {
         name: value for name, value in chosen.items() if name not in ("floorplans", "designer_rooms", "trained_on")
     }
@@ -89,15 +91,21 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     made = []
     for columns in [chosen["column"]] if "column" in chosen else SWEEPS:
         sweep = common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
-        made.append(sweep | {"room": ",".join(rooms)})
+        if designed := [column for column in columns.split(",") if column in METHODS.values()]:
+            made.append(sweep | {"column": ",".join(designed), "room": ",".join(rooms)})
         if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
             root = str(Path(chosen["designer_rooms"]).absolute())
             own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}
             sweep = {name: value for name, value in sweep.items() if name != "data.root"} | own
-            learn = [column for column in columns.split(",") if column in [METHODS[words] for words in LEARNS]]
-            others = [column for column in columns.split(",") if column not in learn]
+            learn = [column for column in columns.split(",") if column in LEARNS.values()]
+            others = [column for column in columns.split(",") if column not in (*learn, METHODS["agent"])]
             for some, more in ((learn, trained_on), (others, {})):
                 made += [sweep | more | {"column": ",".join(some)}] if some else []
+    if not made:
+        raise InputError(
+            f"column: {chosen['column']} learns in real rooms; expected designer_rooms=<folder>, and room="
+            f"{' or '.join(REAL)}"
+        )
     return made
 
 
@@ -119,7 +127,8 @@ def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
     real: dict[str, str] = {}
     for words, column in METHODS.items():
         if words in LEARNS:
-            real |= {f"{words}, trained on {what}": f"{trained}-{column}" for trained, what in TRAINED_ON.items()}
+            learner = LEARNS[words]
+            real |= {f"{words}, trained on {what}": f"{trained}-{learner}" for trained, what in TRAINED_ON.items()}
         else:
             real[words] = f"own-{column}"
     for name, title, suffix, types, methods in (

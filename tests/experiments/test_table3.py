@@ -74,19 +74,23 @@ def test_real_rooms_are_a_table_of_their_own(tmp_path):
 
 
 def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
-    assert {stage["column"] for stage in table3.stages({})} == {*table3.SWEEPS}
-    assert {column for sweep in table3.SWEEPS for column in sweep.split(",")} == {*table3.METHODS.values()}
+    columns = {column for sweep in table3.SWEEPS for column in sweep.split(",")}
+    assert columns == {*table3.METHODS.values(), *table3.LEARNS.values()}
+    assert {stage["column"] for stage in table3.stages({})} == {*table3.SWEEPS} - {"rooms_agent"}
     sweeps = table3.stages({"designer_rooms": "x", "room": "kitchen,tatami", "column": "search", "floorplans": "y"})
     assert [sweep["room"] for sweep in sweeps] == ["kitchen,tatami", "tatami"]
     assert all("floorplans" not in sweep for sweep in sweeps)
     learned = table3.stages({"designer_rooms": "x", "room": "tatami", "column": "rooms_agent"})
-    assert [sweep.get("trained_on") for sweep in learned] == [None, "designer,own,both"]
+    assert [sweep["trained_on"] for sweep in learned] == ["designer,own,both"]
+    for room in ({}, {"designer_rooms": "x", "room": "kitchen"}):
+        with pytest.raises(InputError, match="column: rooms_agent learns in real rooms; expected designer_rooms="):
+            table3.stages({"column": "rooms_agent"} | room)
     assert "trained_on" not in sweeps[1]
     mixed = table3.stages(
-        {"designer_rooms": "x", "room": "tatami", "column": "nearest,rooms_agent", "trained_on": "both"}
+        {"designer_rooms": "x", "room": "tatami", "column": "nearest,rooms_package,rooms_agent", "trained_on": "both"}
     )
     told = [(sweep["column"], sweep.get("trained_on")) for sweep in mixed]
-    assert told == [("nearest,rooms_agent", None), ("rooms_agent", "both"), ("nearest", None)]
+    assert told == [("nearest,rooms_package", None), ("rooms_agent", "both"), ("nearest", None)]
     with pytest.raises(InputError, match=r"column: expected some of .*; got geometric"):
         table3.stages({"column": "designer,geometric"})
     with pytest.raises(InputError, match="room: expected some of"):
