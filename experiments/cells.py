@@ -242,7 +242,7 @@ def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
     return Path(chosen.get("results", RESULTS)) / chosen.get("budget", "default") / table
 
 
-OF_SCRIPTS = ("floorplans", "designer_rooms", "weights", "version")  # options that are none of a cell
+OF_SCRIPTS = ("floorplans", "designer_rooms", "weights", "version", "scores")  # options that are none of a cell
 
 
 def given(arguments: Sequence[str]) -> dict[str, str]:

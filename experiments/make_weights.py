@@ -2,12 +2,15 @@
 
     python experiments/make_weights.py [room=kitchen,study] [budget=smoke]
     python experiments/make_weights.py runs=<folder> results=<folder> [room=kitchen,study]
+    python experiments/make_weights.py scores=<folder> [room=kitchen,study]
 
 The first trains one agent for each type of room and scores it in unseen briefs, as column=rooms_agent of Table 3 does;
 what is finished is not made again. The second takes what is finished in the folders that were `runs` and `results` of
-such trainings, and trains nothing. Either writes the networks, rounded to 16 bits; furnishes the first 256 unseen
-briefs with what was written, to say how good it is at each item; and writes all that there is to say into weights.json,
-and from it the page. A type that fails is named, and the others go on; what there was of it stays.
+such trainings, and trains nothing. Either writes the networks, rounded to 16 bits. The third leaves them as they are,
+and takes the cells of column=rooms_package from the folder that was `results` of such: they say anew how good the
+networks are, as agents furnish now. All furnish the first 256 unseen briefs with the networks of the package, to say
+how good they are at each item; and write all that there is to say into weights.json, and from it the page. A type that
+fails is named, and the others go on; what there was of it stays.
 
 Further options: weights=<folder> for networks and page, where they shall not be the package's; version=<n>, of the
 weights.
@@ -46,7 +49,7 @@ from layoutrl.runs.trained import trained_network
 
 PROJECT = Path(__file__).resolve().parents[1]
 WEIGHTS, PAGE = PROJECT / "layoutrl/weights", PROJECT / "docs/agents.md"
-COLUMN = "rooms_agent"
+COLUMN, PACKAGED = "rooms_agent", "rooms_package"
 LICENCE = "MIT"
 LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what is furnished at once
 WORST = 0.8  # IoU below which an agent is said to be bad at an item
@@ -78,7 +81,12 @@ def main(arguments: list[str]) -> int:
     if version is not None and not version.isdecimal():
         raise InputError(f"version: expected a whole number; got {version}")
     page = PAGE if folder == WEIGHTS else folder / PAGE.name
-    status = 0 if "runs" in chosen else multirun("table3", {"column": COLUMN, "room": ",".join(types)} | chosen)
+    scores = chosen.pop("scores", None)
+    if scores is not None and folder != WEIGHTS:
+        raise InputError("weights: expected none with scores=, which are of the networks in the package")
+    status = 0
+    if scores is None and "runs" not in chosen:
+        status = multirun("table3", {"column": COLUMN, "room": ",".join(types)} | chosen)
     folder.mkdir(parents=True, exist_ok=True)
     about: dict[str, Any] = {"version": 1, "licence": LICENCE, "agents": {}}
     if (file := folder / ABOUT).exists():
@@ -86,7 +94,12 @@ def main(arguments: list[str]) -> int:
     about["version"] = int(version or about["version"])
     for room_type in types:
         try:
-            card = made(room_type, chosen, folder, about["agents"].get(room_type))
+            before = about["agents"].get(room_type)
+            card = (
+                made(room_type, chosen, folder, before)
+                if scores is None
+                else scored(room_type, chosen | {"results": scores}, before)
+            )
         except Exception as problem:  # whatever it is: the other types shall not suffer
             print(f"{room_type} failed: {problem}", file=sys.stderr, flush=True)
             status = 1
@@ -101,17 +114,14 @@ def main(arguments: list[str]) -> int:
 
 def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[str, Any] | None) -> dict[str, Any]:
     """Write the network of a type, and say what there is to say of it. Raises InputError where it is not finished."""
-    name = f"{room_type}-own-{COLUMN}-seed{chosen.get('seed', '0')}"
-    if not (file := cells_of("table3", chosen) / f"{name}.json").exists():
-        raise InputError(f"results: {file} is not there; expected the cell of a finished training")
-    cell = json.loads(file.read_text(encoding="utf-8"))
+    cell = finished(room_type, COLUMN, chosen)
     run = run_of(cell, Path(chosen.get("runs", "runs")))
     network, categories, _ = trained_network(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
     told = json.loads((run / "trained.json").read_text(encoding="utf-8"))
-    release, _, commit = told["trained_on_machine"]["layoutrl"].partition(" ")
+    release, commit = commit_of(told["trained_on_machine"])
     stream = io.BytesIO()
     torch.save({part: values.half() for part, values in network.state_dict().items()}, stream)
-    content, config, row = stream.getvalue(), cell["config"], cell["rows"][LAYOUTS]
+    content, config = stream.getvalue(), cell["config"]
     card = {
         "file": f"{room_type}.pt",
         "sha256": hashlib.sha256(content).hexdigest(),
@@ -126,16 +136,49 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
         "commit": commit,
         "categories": categories,
         "method": asdict(trained.method),
+    } | scores_of(cell)
+    if before and {name: before[name] for name in card if name in before} == card and (folder / card["file"]).exists():
+        return before
+    card["items"] = items_of(content, card, config)
+    exact = numbers(cell["rows"][LAYOUTS]["iou"], IOU)[: card["items"]["rooms"]] / 65535
+    card["rounded"] = {"iou": card["items"]["iou"], "iou_before": float(np.mean(exact))}
+    (folder / card["file"]).write_bytes(content)
+    return card
+
+
+def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | None) -> dict[str, Any]:
+    """The card of a network that is in the package, with what a cell says of it. Raises InputError where one is not."""
+    if before is None:
+        raise InputError(f"room: the package has no network for a {room_type}; expected one of those that it has")
+    cell = finished(room_type, PACKAGED, chosen)
+    content = (WEIGHTS / before["file"]).read_bytes()
+    return before | scores_of(cell) | {"items": items_of(content, before, cell["config"])}
+
+
+def finished(room_type: str, column: str, chosen: Mapping[str, str]) -> dict[str, Any]:
+    """A filled cell of Table 3. Raises InputError where it is not."""
+    name = f"{room_type}-own-{column}-seed{chosen.get('seed', '0')}"
+    if not (file := cells_of("table3", chosen) / f"{name}.json").exists():
+        raise InputError(f"results: {file} is not there; expected a filled cell of column={column}")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def scores_of(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """What a cell says of how good an agent is, and by which code it furnished."""
+    row = cell["rows"][LAYOUTS]
+    return {
         "rooms": cell["rooms"],
         "measures": {name: row[name] for name in MEASURES} | {"iou": row["mean_iou"]},
         "standard_errors": {name: row[f"{name}_error"] for name in MEASURES},
         "seconds": row["seconds"],
+        "furnished_by": commit_of(cell["machine"])[1],
     }
-    if before and {name: before[name] for name in card if name in before} == card and (folder / card["file"]).exists():
-        return before
-    card["items"] = items_of(content, card, cell)
-    (folder / card["file"]).write_bytes(content)
-    return card
+
+
+def commit_of(machine: Mapping[str, Any]) -> tuple[str, str]:
+    """The release of layoutrl that ran, and its commit."""
+    release, _, commit = machine["layoutrl"].partition(" ")
+    return release, commit
 
 
 def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
@@ -158,17 +201,15 @@ def command_of(config: Mapping[str, Any]) -> str:
     return f"python experiments/cells.py table=table3 column={COLUMN} {what}"
 
 
-def items_of(content: bytes, card: dict[str, Any], cell: Mapping[str, Any]) -> dict[str, Any]:
-    """What a file is worth, item by item, in the first unseen briefs; and what it was worth there before rounding."""
-    config = cell["config"]
-    designs = design_rooms(config["room"]["type"], "test", config["data"]["seed"], min(LOOKED_AT, cell["rooms"])).rooms
+def items_of(content: bytes, card: dict[str, Any], config: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file is worth in the first unseen briefs, item by item."""
+    count = min(LOOKED_AT, config["data"]["test_rooms"])
+    designs = design_rooms(config["room"]["type"], "test", config["data"]["seed"], count).rooms
     furnisher = unpacked(content, card, torch.device("cpu"))
     layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(design) for design in designs], 1)]
-    scored = numbers(cell["rows"][LAYOUTS]["iou"], IOU)[: len(designs)] / 65535
     return {
         "rooms": len(designs),
         "iou": float(measured(layouts, designs).iou.mean()),
-        "iou_before_rounding": float(np.mean(scored)),
         "categories": by_category(layouts, designs),
     }
 
@@ -189,7 +230,12 @@ def page_of(about: Mapping[str, Any]) -> str:
         "trains them from nothing, scores them, and writes this page from",
         "[weights.json](../layoutrl/weights/weights.json), which has every setting. With",
         "`runs=<folder> results=<folder>` it takes what is trained already. The commands below want a new folder,",
-        "too: a cell that is there counts as done. The measures are those of",
+        "too: a cell that is there counts as done.",
+        "",
+        "    python experiments/cells.py table=table3 column=rooms_package room=bathroom,bedroom results=<new folder>",
+        "    python experiments/make_weights.py scores=<that folder> room=bathroom,bedroom",
+        "",
+        "scores the agents as they are in the package, and trains nothing. The measures are those of",
         "[whole_rooms.md](whole_rooms.md#measures): means over unseen designed briefs, furnished from nothing, with",
         "the standard error over rooms. In real rooms they are worse:",
         "[rooms.md](rooms.md#how-well-it-works-on-files-that-people-have).",
@@ -201,7 +247,7 @@ def page_of(about: Mapping[str, Any]) -> str:
 
 def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
     """The card of one agent, line by line."""
-    data, items = card["data"], card["items"]
+    data, items, rounded = card["data"], card["items"], card["rounded"]
     kinds = {words(category): row for category, row in items["categories"].items()}
     bad = [f"{kind} ({row['iou']:.2f})" for kind, row in kinds.items() if row["iou"] < WORST and row["count"] >= FEW]
     return [
@@ -213,6 +259,9 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
         f"- Trained on {data['rooms']:,} rooms of the {data['source']} (`data.seed={data['seed']}`), seed",
         f"  {card['seed']}, for {card['updates']:,} updates, in {card['minutes']} minutes; layoutrl",
         f"  {card['layoutrl']}, commit {card['commit']}",
+        f"- Rounded to 16 bits, as it is shipped, it had an IoU of {rounded['iou']:.3f} in the first",
+        f"  {items['rooms']} unseen briefs; before, {rounded['iou_before']:.3f}",
+        f"- Scored as agents furnish in commit {card['furnished_by']}",
         f"- Places: {', '.join(map(words, card['categories']))}",
         f"- Bad at (IoU below {WORST}): {', '.join(bad) or 'nothing'}",
         "",
@@ -223,9 +272,7 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
             for name, label in MEASURES.items()
         ),
         "",
-        f"In the first {items['rooms']} of these briefs its mean IoU is {items['iou']:.3f}. Before its numbers",
-        "were rounded to 16 bits, as they are shipped,",
-        f"it was {items['iou_before_rounding']:.3f}. What it places there:",
+        f"In the first {items['rooms']} of these briefs its mean IoU is {items['iou']:.3f}. What it places there:",
         "",
         "| item | how many | IoU | overlaps | outside | blocks | out of reach | front not free |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",

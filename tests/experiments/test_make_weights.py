@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import make_weights
 import pytest
 import torch
-from make_weights import COLUMN, page_of
-from table3 import METHODS
+from cells import fill
+from make_weights import COLUMN, PACKAGED, page_of
+from table3 import LEARNS
 
 from layoutrl.runs.pretrained import ABOUT, unpacked
-from tests.experiments.builders import script
+from tests.experiments.builders import configured, script
 
 
 def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, capsys, designed: str) -> None:
-    assert COLUMN in METHODS.values()
+    assert COLUMN in LEARNS.values()
     done = script("make_weights.py", "room=bathroom", designed, f"runs={tmp_path / 'runs'}", "weights=w", cwd=tmp_path)
     assert done.returncode == 1
     assert "bathroom failed: results: " in done.stderr  # where runs are given, nothing is trained
@@ -34,6 +37,7 @@ def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, ca
     kept = json.loads(cell.read_text())["rows"]["layouts"]
     assert card["measures"]["iou"] == kept["mean_iou"]
     assert card["measures"]["faultless"] == kept["faultless"]
+    assert card["rounded"]["iou_before"] == pytest.approx(kept["mean_iou"], abs=1e-4)
 
     page.unlink()
     given = ["room=study,bathroom", f"results={tmp_path / 'results'}", "budget=smoke", f"runs={tmp_path / 'runs'}"]
@@ -43,6 +47,36 @@ def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, ca
     assert said.out.startswith("bathroom: IoU ")
     assert json.loads((tmp_path / "w" / ABOUT).read_text()) == about
     assert page.is_file()
+
+
+def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], designed: str
+) -> None:
+    weights, page = tmp_path / "weights", tmp_path / "agents.md"
+    shutil.copytree(make_weights.WEIGHTS, weights)
+    monkeypatch.setattr(make_weights, "WEIGHTS", weights)
+    monkeypatch.setattr(make_weights, "PAGE", page)
+    before = json.loads((weights / ABOUT).read_text())["agents"]
+    fill(configured(tmp_path, "table=table3", f"column={PACKAGED}", "room=bathroom", designed))
+    scores = f"scores={tmp_path / 'results'}"
+    assert make_weights.main([scores, "budget=smoke", "room=bathroom,study"]) == 1
+    assert capsys.readouterr().err.startswith("study failed: results: ")
+    about = json.loads((weights / ABOUT).read_text())
+    assert page.read_text() == page_of(about)
+    (cell,) = (tmp_path / "results").rglob("*.json")
+    kept, card = json.loads(cell.read_text())["rows"]["layouts"], about["agents"]["bathroom"]
+    assert (card["rooms"], card["items"]["rooms"]) == (6, 6)
+    assert card["measures"]["iou"] == kept["mean_iou"] == pytest.approx(card["items"]["iou"], abs=1e-4)
+    new = {"rooms", "measures", "standard_errors", "seconds", "furnished_by", "items"}
+    for room_type, was in before.items():
+        now = about["agents"][room_type]
+        assert {name for name in now if now[name] != was[name]} <= (new if room_type == "bathroom" else set())
+        assert hashlib.sha256((weights / now["file"]).read_bytes()).hexdigest() == was["sha256"]
+
+
+def test_only_networks_of_the_package_are_scored_anew(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=r"^error: weights: expected none with scores="):
+        make_weights.main(["scores=x", f"weights={tmp_path}"])
 
 
 def test_a_version_that_is_no_number_is_answered_before_any_training(monkeypatch: pytest.MonkeyPatch) -> None:
