@@ -197,7 +197,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any] | RoomError:
     document = dict(pairs)
     if len(document) < len(pairs):
         names = [name for name, _ in pairs]
-        return RoomError(next(name for name in names if names.count(name) > 1), "stands there twice")
+        return RoomError(next(name for name in names if names.count(name) > 1), "stands there twice; expected once")
     return next(_errors(document.values()), document)
 
 

@@ -47,6 +47,23 @@ def test_a_json_file_holds_one_room_and_a_folder_is_read_in_order_of_names(tmp_p
     assert collection.left_out == []
 
 
+@pytest.mark.parametrize("where", ["room", "item", "field of the user's own"])
+def test_a_key_that_is_there_twice_costs_one_room_of_a_list(tmp_path: Path, where: str) -> None:
+    first, broken, third = (json.dumps(document(id=name)) for name in ("first", "broken", "third"))
+    broken = {
+        "room": broken.replace("{", '{"id": "other", ', 1),
+        "item": broken.replace('"category"', '"size": [1, 1], "category"', 1),
+        "field of the user's own": broken.replace("{", '{"x_mine": {"a": 1, "a": 2}, ', 1),
+    }[where]
+    file = tmp_path / "rooms.json"
+    file.write_text(f"[{first}, {broken}, {third}]")
+    collection = read_rooms(file)
+    assert [room.id for room in collection.rooms] == ["first", "third"]
+    ((place, message),) = collection.left_out
+    assert place == f"{file}[1]"
+    assert message.endswith(": stands there twice; expected once")
+
+
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf \n"])
 def test_a_json_file_may_hold_a_list_of_rooms(tmp_path: Path, mark: bytes) -> None:
     entries = [document(id="first"), {"id": "broken"}, document(id="third"), 7]
