@@ -10,12 +10,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 from shapely.geometry import Point, Polygon, box
 
 from layoutrl.figures.drawing import draw, sheet, svg
+from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room, rooms
+from tests.rooms.test_documents import document
 
 SVG = "{http://www.w3.org/2000/svg}"
 TENTH = 1e-4  # metres: coordinates are written to a tenth of a millimetre
@@ -130,3 +133,10 @@ def test_dxf_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(
         assert sorted(shape.area for shape in shapes[layer]) == pytest.approx(sorted(p.area for p in polygons))
     names = [re.split(r"\\P", text.text)[0] for text in document.modelspace().query("MTEXT")]
     assert sorted(names) == sorted(item.category for item in placed)
+
+
+@given(st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff") | st.sampled_from("\t\n\r"))
+def test_a_name_of_any_other_characters_can_be_read_from_a_drawing(character: str) -> None:
+    room = room_from_dict(document(id=f"a{character}z"))
+    title = next(ElementTree.fromstring(svg(room)).iter(f"{SVG}title"))
+    assert title.text == room.id.replace("\r", "\n")  # as XML reads the end of a line
