@@ -21,7 +21,7 @@ from layoutrl.demo.home import new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
-from layoutrl.rooms.clearances import FRONT_DEPTH, RUGS
+from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
@@ -68,6 +68,7 @@ class Answers:
             "gallery": [shown(room) for rooms in samples.values() for room in rooms[:SHOWN]],
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
+            "raised": sorted(RAISED),
         }
         self.questions: dict[str, Callable[[Any], Answer]] = {
             "look": self.look,

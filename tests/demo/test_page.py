@@ -190,6 +190,18 @@ def test_faults_are_marked_while_dragging_with_words(page):
     assert {name for _, name in faults(room)} >= {"overlaps"}
 
 
+def test_a_chair_under_a_table_lies_on_the_rug(page: Page) -> None:
+    furniture = [
+        {"category": "table", "size": [1.0, 1.0], "center": [1.5, 1.5], "rotation": 0},
+        {"category": "chair", "size": [0.5, 0.5], "center": [0.9, 1.5], "rotation": 0, "tucked": True},
+        {"category": "rug", "size": [2.0, 2.0], "center": [1.5, 1.5], "rotation": 0},
+    ]
+    page.evaluate(DROP, json.dumps(SQUARE | {"furniture": furniture}))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    drawn = page.locator("#plan [data-item]").evaluate_all("nodes => nodes.map((node) => node.dataset.item)")
+    assert drawn == ["2", "1", "0"]  # what comes later lies on top
+
+
 def test_a_door_that_is_blocked_is_said(page):
     page.evaluate(DROP, json.dumps(SQUARE))
     expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])

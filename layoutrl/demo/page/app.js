@@ -12,7 +12,7 @@ const FIRST = "bedroom";
 
 try {
   const said = await begin();
-  Object.assign(known, said, { fronts: new Set(said.fronts) });
+  Object.assign(known, said, { fronts: new Set(said.fronts), raised: new Set(said.raised) });
   offerKinds();
   offer(known.gallery);
   const first = known.gallery.find(({ room }) => room.room_type === FIRST);

@@ -7,7 +7,7 @@ import { canTravel, commit, item, openings, state, words } from "./store.js";
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
 export const DRAFT_SIZE = [9, 7]; // metres of the grid to draw on
-export const known = { gallery: [], palette: {}, fronts: new Set() }; // what the server said at first
+export const known = { gallery: [], palette: {}, fronts: new Set(), raised: new Set() }; // what the server said at first
 
 export function element(tag, attributes = {}, ...children) {
   const node = Object.assign(document.createElement(tag), attributes);
@@ -108,7 +108,7 @@ export function render() {
   const focus = document.activeElement?.closest?.("[data-item], [data-opening], [data-row]");
   const where = focus && ["item", "opening", "row"].map((name) => [name, focus.dataset[name]]).find(([, value]) => value);
   if (state.mode === "draw") drawDraft(plan, state, DRAFT_SIZE);
-  else draw(plan, state, known.fronts);
+  else draw(plan, state, known);
   renderList();
   renderSelected();
   renderChoices();
@@ -179,7 +179,7 @@ function renderChoices() {
     const whose = by ? `, by ${by}` : "";
     const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
     node.setAttribute("aria-pressed", k === chosen);
-    node.append(thumbnail(standing, look.box, count), element("span", { textContent: `Choice ${k + 1}${whose}: ${text}` }));
+    node.append(thumbnail(standing, look.box, known, count), element("span", { textContent: `Choice ${k + 1}${whose}: ${text}` }));
     return node;
   }));
   $("choices").children[focus]?.focus({ preventScroll: true });

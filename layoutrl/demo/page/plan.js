@@ -80,20 +80,21 @@ function furniture(item, fronts) {
 
 const placed = (item) => `translate(${item.center.join(" ")}) rotate(${item.rotation ?? 0})`;
 
-// Under others: what is tucked, and of the rest what is larger; what is chosen lies on top.
-function order(room, top) {
-  const rank = ({ item, index }) => (index === top ? 1e9 : item.tucked ? -1e9 : -item.size[0] * item.size[1]);
+// Under others: rugs and platforms, then what is tucked, and of the rest what is larger; what is chosen lies on top.
+function order(room, raised, top) {
+  const under = (item) => (raised.has(item.category) ? 2e9 : item.tucked ? 1e9 : 0) + item.size[0] * item.size[1];
+  const rank = ({ item, index }) => (index === top ? 1e9 : -under(item));
   const standing = room.furniture.map((item, index) => ({ item, index })).filter(({ item }) => item.center);
   return standing.sort((one, other) => rank(one) - rank(other));
 }
 
 // A small picture of a room.
-export function thumbnail(room, box, faulty = new Set()) {
+export function thumbnail(room, box, { raised }, faulty = new Set()) {
   const svg = make("svg", { class: "thumbnail", "aria-hidden": "true" });
   const group = framed(svg, box);
   shell(group, room);
   for (const opening of openings(room)) group.append(make("path", { class: opening.kind, d: ring(opening.polygon) }));
-  for (const { item, index } of order(room)) {
+  for (const { item, index } of order(room, raised)) {
     const looks = faulty.has(index) ? "item faulty" : "item";
     group.append(make("g", { class: looks, transform: placed(item) }, ...furniture(item, new Set())));
   }
@@ -130,7 +131,7 @@ function arrow(group, [x0, y0], [x1, y1], rank) {
 }
 
 // The room that the page holds, to be worked on.
-export function draw(svg, state, fronts) {
+export function draw(svg, state, { fronts, raised }) {
   const { room, look, selected } = state;
   const group = framed(svg, look.box);
   const size = 12 * pixel(svg);
@@ -148,7 +149,7 @@ export function draw(svg, state, fronts) {
       role: "button", tabindex: 0, "aria-pressed": on, "aria-label": opening.kind,
     }));
   });
-  for (const { item, index } of order(room, chosen)) {
+  for (const { item, index } of order(room, raised, chosen)) {
     const told = faults.get(index);
     const looks = ["item", told && "faulty", state.locked[index] && "locked", index === chosen && "selected"];
     const about = [words(item.category), state.locked[index] && "locked", told?.join(", ")];

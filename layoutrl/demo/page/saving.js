@@ -1,7 +1,7 @@
 // Files in and out, and the link that holds the room.
 
 import { ask, home, read } from "./api.js";
-import { $, element, open, say } from "./page.js";
+import { $, element, known, open, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { packed, snapshot, state, unpacked, words } from "./store.js";
 
@@ -24,7 +24,7 @@ const shown = (room) => open(structuredClone(room), standing(room));
 export function offer(rooms, before = false) {
   const entries = rooms.map(({ room, box }) => {
     const node = element("button", { type: "button", title: room.id, onclick: () => shown(room) });
-    node.append(thumbnail(room, box), element("span", { textContent: words(room.room_type) }));
+    node.append(thumbnail(room, box, known), element("span", { textContent: words(room.room_type) }));
     return element("li", {}, node);
   });
   if (before) $("gallery").prepend(...entries);
