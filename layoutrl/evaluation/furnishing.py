@@ -29,9 +29,9 @@ from layoutrl.rooms.room import Item, Point, Room, rotation
 STARTS = 32  # places spread for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
 SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
-REPAIRS = 1  # times more, in rooms with a fault
-AFRESH = 3  # times that a room is furnished anew, what had a fault first, while something is wrong
-ELSEWHERE = 2  # times then, with its largest item elsewhere, while something is wrong still
+REPAIRS = 1  # times more, in rooms in which something is wrong
+AFRESH = 3  # times that a room is furnished anew, what was most wrong first, while something is wrong
+ELSEWHERE = 2  # times then, with its largest item elsewhere, while a fault is left
 GAP = 0.15  # metres: a narrower one behind an item is closed, and beside one that belongs at a wall
 BETTER = 0.02  # of value: for no less is an item moved that stands
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
@@ -60,10 +60,11 @@ class Furnisher:
 
     The largest item comes first. Of each, places are spread for every way that it can face; from those that the agent
     values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
-    (`rooms/faults.py`, geometry alone). Where there is none, it is put where one move more leads, or else at one of the
-    places that were spread. What ends just before a wall or an item slides back to it. When all stand, each but the
-    largest is lifted once more, and moved if another pose is better; and again where something is still wrong. Where
-    that does not help, the room is furnished anew, what had a fault first, and then with its largest item elsewhere.
+    (`choosing`, geometry alone). Where there is none, it is put where one move more leads, or else at one of the
+    places that were spread. What ends just before a wall or an item slides back to it, and what belongs at a wall
+    slides along it to a neighbour that is near. When all stand, each but the largest is lifted once more, and moved if
+    another pose is better; and again where something is still wrong. Where that does not help, the room is furnished
+    anew, what was most wrong first; and where a fault is left, with its largest item elsewhere.
     A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back. The designer's
     layout is not known here. Nothing is left to chance: the same brief always gets the same layouts.
     """
@@ -76,8 +77,9 @@ class Furnisher:
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002
         """Of each brief up to so many different layouts; the seed is for who draws something.
 
-        Those in which the fewest items have a fault come first, and of these the ones that were found first: there the
-        largest item has the place that is valued highest. Raises InputError where an item fits in no way.
+        Those in which the fewest items have a fault come first, of these those in which the fewest are odd, and then
+        the ones that were found first: there the largest item has the place that is valued highest. Raises InputError
+        where an item fits in no way.
         """
         found = {k: [Furnished(brief, 0.0)] for k, brief in enumerate(briefs) if not missing(brief)}
         asked = [k for k in range(len(briefs)) if k not in found]
