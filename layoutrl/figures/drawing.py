@@ -24,9 +24,11 @@ from layoutrl.rooms.room import Item, Point, Room
 Wrong = Iterable[tuple[int, str]]
 
 MARGIN = 0.1  # metres around the walls
-FOOT = 0.25  # metres below, for a metre and the room's name
+LINE = 0.2  # metres, of text
+FOOT = 0.45  # metres below, for a metre and the room's name
 PRINTED = 40  # millimetres a metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
+POINTS = 1.6 * 72  # a metre in PNG
 WIDE = 0.6  # of a letter, as a share of its height
 MIDDLE = 5  # of a text in a DXF: its insertion point
 ACI = {"A-WALL": 7, "A-DOOR": 3, "A-GLAZ": 5, "A-FURN": 8}  # layers of a DXF, and their AutoCAD colours
@@ -48,6 +50,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     Every item is a <g> with its index as data-id, its data-category, and its data-faults, if it has some.
     """
     x0, y0, x1, y1 = sheet(room)
+    left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
     faults, items = _by_item(wrong), standing(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
@@ -61,18 +64,16 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
         "labels": [_label(item, faults[k]) for k, item in items],
         "scale": [
             f'<path d="M{_points(_metre(x0, y0))}" fill="none" stroke="#000" stroke-width=".02"/>',
-            f'<text x="{_number(x0 + MARGIN + 1.08)}" y="{_number(-y0 - MARGIN)}" font-size="{LETTERS[1]}">'
-            f"{escape(_foot(room))}</text>",
+            _text("1 m", left + 1.08, y0 + MARGIN + LINE, LETTERS[1]),
+            _text(room.id, left, y0 + MARGIN, _letters([room.id], width - 2 * MARGIN)),
         ],
     }
     if absent := _not_placed(room):
-        at = f'x="{_number(x0)}" y="{_number(0.85 * MARGIN - y1)}" font-size="{0.9 * MARGIN:g}"'
-        layers["labels"].append(f"<text {at}>{escape(absent)}</text>")
+        layers["labels"].append(_text(absent, x0, y1 - 0.85 * MARGIN, min(0.9 * MARGIN, _letters([absent], width))))
     groups = [
         "\n".join([f'<g class="{name}" inkscape:groupmode="layer" inkscape:label="{name}">', *shapes, "</g>"])
         for name, shapes in layers.items()
     ]
-    width, height = x1 - x0, y1 - y0
     return "\n".join(
         [
             '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
@@ -91,7 +92,7 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
     """The same as a picture of pixels."""
     x0, y0, x1, y1 = sheet(room)
     with style.context([STYLE, PLAIN]):
-        figure = Figure(figsize=(1.6 * (x1 - x0), 1.6 * (y1 - y0)))
+        figure = Figure(figsize=(POINTS / 72 * (x1 - x0), POINTS / 72 * (y1 - y0)))
         figure.set_layout_engine("none")
         axes = figure.add_axes((0, 0, 1, 1))
         draw_room(axes, replace(room, target=None), names=7)
@@ -102,9 +103,12 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
                 said = "\n".join(faults)
                 at = item.center[0], item.center[1] - 0.12
                 axes.text(*at, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
-        axes.text(x0, y1, _not_placed(room), fontsize=6, va="top")
+        absent, width = _not_placed(room), x1 - x0
+        axes.text(x0, y1, absent, fontsize=min(6, POINTS * _letters([absent], width)), va="top")
         axes.plot(*np.transpose(_metre(x0, y0)), color="black", linewidth=1)
-        axes.text(x0 + MARGIN + 1.08, y0 + MARGIN, _foot(room), fontsize=7)
+        axes.text(x0 + MARGIN + 1.08, y0 + MARGIN + LINE, "1 m", fontsize=7)
+        name = min(7, POINTS * _letters([room.id], width - 2 * MARGIN))
+        axes.text(x0 + MARGIN, y0 + MARGIN, room.id, fontsize=name)
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
         figure.savefig(path, dpi=150)
 
@@ -147,12 +151,8 @@ def sheet(room: Room) -> tuple[float, float, float, float]:
 
 def _metre(x0: float, y0: float) -> list[Point]:
     """A bar of one metre, with an upright at each end, in the corner (x0, y0) of a sheet."""
-    left, right, low, high = x0 + MARGIN, x0 + MARGIN + 1, y0 + MARGIN, y0 + 2 * MARGIN
+    left, right, low, high = x0 + MARGIN, x0 + MARGIN + 1, y0 + MARGIN + LINE, y0 + 2 * MARGIN + LINE
     return [(left, high), (left, low), (right, low), (right, high)]
-
-
-def _foot(room: Room) -> str:
-    return f"1 m \N{EN SPACE} {room.id}"
 
 
 def _by_item(wrong: Wrong) -> dict[int, list[str]]:
@@ -208,8 +208,7 @@ def _label(item: Item, faults: Sequence[str]) -> str:
     assert item.center is not None
     x0, _, x1, _ = item.footprint.bounds
     words = item.category.replace("_", " ").split()
-    least, most = LETTERS
-    size = min(max((x1 - x0) / (WIDE * max(map(len, [*words, *faults]), default=1)), least), most)
+    size = _letters([*words, *faults], x1 - x0)
     x, top = item.center[0], -item.center[1] - size * (len(words) + len(faults)) / 2
     lines = [
         f'<tspan x="{_number(x)}" y="{_number(top + (n + 0.8) * size)}"{weight}>{escape(text)}</tspan>'
@@ -217,6 +216,16 @@ def _label(item: Item, faults: Sequence[str]) -> str:
     ]
     halo = f'stroke="#fff" stroke-width="{_number(size / 5)}" paint-order="stroke"' if faults else ""
     return f'<text font-size="{_number(size)}" text-anchor="middle" {halo}>{"".join(lines)}</text>'
+
+
+def _letters(lines: Sequence[str], width: float) -> float:
+    """The height of letters in metres by which lines are no wider than `width` metres, where that can be read."""
+    least, most = LETTERS
+    return min(max(width / (WIDE * max(1, *map(len, lines))), least), most)
+
+
+def _text(text: str, x: float, y: float, size: float) -> str:
+    return f'<text x="{_number(x)}" y="{_number(-y)}" font-size="{_number(size)}">{escape(text)}</text>'
 
 
 def _polygon(ring: Sequence[Point], color: str, more: str = "") -> str:

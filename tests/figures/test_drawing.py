@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from shapely.geometry import Point, Polygon, box
 
-from layoutrl.figures.drawing import draw, sheet, svg
+from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room, rooms
@@ -133,6 +133,19 @@ def test_dxf_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(
         assert sorted(shape.area for shape in shapes[layer]) == pytest.approx(sorted(p.area for p in polygons))
     names = [re.split(r"\\P", text.text)[0] for text in document.modelspace().query("MTEXT")]
     assert sorted(names) == sorted(item.category for item in placed)
+
+
+@pytest.mark.parametrize("width", [1.5, 3.0, 6.0])
+def test_the_name_of_a_narrow_room_fits_on_its_sheet(width: float) -> None:
+    room = replace(rectangular_room(width, 3.0, Item("bed", (2.0, 1.0)), target=None), id="flat 12, the second bedroom")
+    drawing = svg(room)
+    x0, _, x1, _ = sheet(room)
+    texts = {text.text: text for text in ElementTree.fromstring(drawing).iter(f"{SVG}text")}
+    for said in ("1 m", room.id, "not placed: bed"):
+        text = texts[said]
+        x, size = float(text.get("x", "nan")), float(text.get("font-size", "nan"))
+        assert x0 <= x
+        assert x + WIDE * size * len(said) <= x1 + TENTH
 
 
 @given(st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff") | st.sampled_from("\t\n\r"))
