@@ -98,7 +98,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}
             sweep = {name: value for name, value in sweep.items() if name != "data.root"} | own
             learn = [column for column in columns.split(",") if column in LEARNS.values()]
-            others = [column for column in columns.split(",") if column not in (*learn, METHODS["agent"])]
+            others = [column for column in columns.split(",") if column not in learn]
             for some, more in ((learn, trained_on), (others, {})):
                 made += [sweep | more | {"column": ",".join(some)}] if some else []
     if not made:
@@ -126,11 +126,10 @@ def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
     designed = {words: f"own-{column}" for words, column in METHODS.items()}
     real: dict[str, str] = {}
     for words, column in METHODS.items():
-        if words in LEARNS:
-            learner = LEARNS[words]
-            real |= {f"{words}, trained on {what}": f"{trained}-{learner}" for trained, what in TRAINED_ON.items()}
-        else:
+        if column not in LEARNS.values():
             real[words] = f"own-{column}"
+        if learner := LEARNS.get(words):
+            real |= {f"{words}, trained on {what}": f"{trained}-{learner}" for trained, what in TRAINED_ON.items()}
     for name, title, suffix, types, methods in (
         ("table3", "Table 3", "", rooms, designed),
         ("table3-real", "Table 3, real rooms", "-designer_rooms-snapped", [r for r in rooms if r in REAL], real),

@@ -67,8 +67,9 @@ def test_real_rooms_are_a_table_of_their_own(tmp_path):
     config = configured(tmp_path, *TINY, "column=nearest", "room=tatami", *real)
     fill(config)
     fill(configured(tmp_path, *TINY, "column=rooms_pointer", "room=tatami", *real, "trained_on=designer"))
+    fill(configured(tmp_path, *TINY, "column=rooms_package", "room=tatami", *real))
     *_, best, _, _ = table3.tables(folder_of(config))
-    words = ("pointer in sequence, trained on designed rooms", "nearest room")
+    words = ("agent", "pointer in sequence, trained on designed rooms", "nearest room")
     assert [line[:2] for line in best.lines] == [["tatami", method] for method in words]
     assert cell(config)["rooms"] > 2
 
@@ -90,7 +91,7 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
         {"designer_rooms": "x", "room": "tatami", "column": "nearest,rooms_package,rooms_agent", "trained_on": "both"}
     )
     told = [(sweep["column"], sweep.get("trained_on")) for sweep in mixed]
-    assert told == [("nearest,rooms_package", None), ("rooms_agent", "both"), ("nearest", None)]
+    assert told == [("nearest,rooms_package", None), ("rooms_agent", "both"), ("nearest,rooms_package", None)]
     with pytest.raises(InputError, match=r"column: expected some of .*; got geometric"):
         table3.stages({"column": "designer,geometric"})
     with pytest.raises(InputError, match="room: expected some of"):
