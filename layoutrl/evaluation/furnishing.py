@@ -18,7 +18,7 @@ from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destinations
-from layoutrl.env.simulator import Moves
+from layoutrl.env.simulator import TOUCHING, Moves
 from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.brief import Pose, facings, furnished, missing
@@ -172,8 +172,7 @@ class Furnisher:
             if not (which := [b for b in found if least[b]]):
                 break
             for b in which:
-                worst = latest[b] >= min(latest[b].max(), FAULT)
-                rank[b, np.flatnonzero(worst)] -= rank.shape[1]
+                rank[b, np.flatnonzero(latest[b] == latest[b].max())] -= rank.shape[1]
             found = furnish(which, rank, known)
         # Of further layouts the largest item is elsewhere anyhow.
         found, tried = {b: layout for b, layout in best.items() if not known[b]}, [list[Furnished]() for _ in known]
@@ -266,7 +265,7 @@ class Furnisher:
         self, world: _World, state: State[np.ndarray], chosen: Chosen, b: np.ndarray, ways: Sequence[int]
     ) -> Chosen:
         """What is chosen, but items b (n,) slid the nearest of the ways until they touch, where that is not far, and
-        nothing more is wrong by it.
+        nothing more is wrong by it. What touches already, on either of two ways, stays.
 
         Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
         """
@@ -277,7 +276,12 @@ class Furnisher:
         length, legal = (values[:, slides] for values in scenes.reach(scene, here))
         length, nearest = length.where(legal, torch.inf).min(1)
         near = length < GAP
-        there = scenes.moved(scene, here, slides[nearest], length.where(near, 0.0)).cpu().numpy()
+        place = scenes.moved(scene, here, slides[nearest], length.where(near, 0.0))
+        if ways == SIDEWAYS:  # slides lead to what is not touched yet: what is touched is met on the way back
+            opposite = slides[1 - nearest][:, None]
+            length_back, legal = (values.gather(1, opposite)[:, 0] for values in scenes.reach(scene, place))
+            near &= ~(legal & (length_back < length + TOUCHING))
+        there = place.cpu().numpy()
         value = np.where(near.cpu().numpy(), those.value, -np.inf)
         paths = [[np.concatenate([way, place[None]])] for way, place in zip(those.way, there, strict=True)]
         slid = best_of(world.rooms, some, Options(there[:, None], those.quarter[:, None], value[:, None], paths))

@@ -179,9 +179,11 @@ def test_nothing_slides_back_where_something_would_be_wrong_by_it(furnisher) -> 
         assert backed.center[0, 0] == pytest.approx(ends, abs=1e-5)
 
 
-@pytest.mark.parametrize(("y", "ends"), [(1.1, 1.0), (1.4, 1.5), (1.2, 1.2)])
-def test_a_narrow_gap_to_the_nearer_neighbour_is_closed(furnisher, y, ends) -> None:
-    stands = tuple(Item("counter", (0.6, 0.5), (0.3, y), 0.0) for y in (0.25, 2.25))
+@pytest.mark.parametrize(
+    ("y", "next_at", "ends"), [(1.1, 2.0, 1.0), (1.4, 2.0, 1.5), (1.2, 2.0, 1.2), (1.0, 1.6, 1.0), (1.1, 1.6, 1.1)]
+)
+def test_a_narrow_gap_to_the_nearer_neighbour_is_closed_but_not_by_opening_another(furnisher, y, next_at, ends) -> None:
+    stands = tuple(Item("counter", (0.6, 0.5), (0.3, y), 0.0) for y in (0.25, next_at + 0.25))
     brief = rectangular_room(5, 3, Item("cooktop", (0.6, 1.0), None, 0.0), others=stands, target=None)
     beside = slid(furnisher, brief, chosen_at(np.array([[0.3, y]]), 0), SIDEWAYS)
     assert beside.center.tolist() == [[0.3, pytest.approx(ends, abs=1e-5)]]
@@ -268,6 +270,7 @@ def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_k
 def test_a_room_is_not_furnished_anew_in_the_order_that_led_nowhere(furnisher, monkeypatch) -> None:
     bed, desk = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("desk", (1.0, 1.0), (1.0, 0.75))
     room = rectangular_room(4, 3, bed, others=(desk,), target=None)
+    monkeypatch.setattr(furnishing, "AFRESH", 2)
     answers = [[Furnished(room, 0.0)], [None], [None]]  # once, anew, and with the bed elsewhere
     monkeypatch.setattr(furnisher, "_furnished", lambda *_: answers.pop(0))
     ((found,),) = furnisher.furnish([brief_of(room)], 1, 0)
