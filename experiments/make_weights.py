@@ -8,7 +8,7 @@ The first trains one agent for each type of room and scores it in unseen briefs,
 what is finished is not made again. The second takes what is finished in the folders that were `runs` and `results` of
 such trainings, and trains nothing. Either writes the networks, rounded to 16 bits. The third leaves them as they are,
 and takes the cells of column=rooms_package from the folder that was `results` of such: they say anew how good the
-networks are, as agents furnish now. All furnish the first 256 unseen briefs with the networks of the package, to say
+networks are, as agents furnish now. All furnish the first 256 unseen briefs with the rounded networks, to say
 how good they are at each item; and write all that there is to say into weights.json, and from it the page. A type that
 fails is named, and the others go on; what there was of it stays.
 
@@ -34,6 +34,7 @@ from cells import unpacked as numbers
 
 from layoutrl import InputError
 from layoutrl.env.measures import measured
+from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.layouts import by_category
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
@@ -53,6 +54,7 @@ COLUMN, PACKAGED = "rooms_agent", "rooms_package"
 LICENCE = "MIT"
 LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what is furnished at once
 WORST = 0.8  # IoU below which an agent is said to be bad at an item
+SAME = 0.01  # mean difference of the IoU of rooms, below which they were furnished alike
 FEW = 10  # items of a category, of which nothing is said
 MEASURES = {
     "iou": "IoU",
@@ -82,8 +84,9 @@ def main(arguments: list[str]) -> int:
         raise InputError(f"version: expected a whole number; got {version}")
     page = PAGE if folder == WEIGHTS else folder / PAGE.name
     scores = chosen.pop("scores", None)
-    if scores is not None and folder != WEIGHTS:
-        raise InputError("weights: expected none with scores=, which are of the networks in the package")
+    others = [name for name in ("runs", "results", "seed") if name in chosen] + ["weights"] * (folder != WEIGHTS)
+    if scores is not None and others:
+        raise InputError(f"{others[0]}: expected none with scores=, which are of the networks in the package")
     status = 0
     if scores is None and "runs" not in chosen:
         status = multirun("table3", {"column": COLUMN, "room": ",".join(types)} | chosen)
@@ -139,20 +142,29 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
     } | scores_of(cell)
     if before and {name: before[name] for name in card if name in before} == card and (folder / card["file"]).exists():
         return before
-    card["items"] = items_of(content, card, config)
-    exact = numbers(cell["rows"][LAYOUTS]["iou"], IOU)[: card["items"]["rooms"]] / 65535
-    card["rounded"] = {"iou": card["items"]["iou"], "iou_before": float(np.mean(exact))}
+    card["items"], iou = items_of(unpacked(content, card, torch.device("cpu")), config)
+    _, exact = items_of(Furnisher(network, trained.method, categories), config)
+    card["rounded"] = {"iou": float(iou.mean()), "iou_before": float(exact.mean())}
     (folder / card["file"]).write_bytes(content)
     return card
 
 
 def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | None) -> dict[str, Any]:
-    """The card of a network that is in the package, with what a cell says of it. Raises InputError where one is not."""
+    """The card of a network that is in the package, with what a cell says of it.
+
+    Raises InputError where one of them is not, or the cell is of another network, or of other code.
+    """
     if before is None:
         raise InputError(f"room: the package has no network for a {room_type}; expected one of those that it has")
     cell = finished(room_type, PACKAGED, chosen)
-    content = (WEIGHTS / before["file"]).read_bytes()
-    return before | scores_of(cell) | {"items": items_of(content, before, cell["config"])}
+    network = unpacked((WEIGHTS / before["file"]).read_bytes(), before, torch.device("cpu"))
+    items, iou = items_of(network, cell["config"])
+    said = numbers(cell["rows"][LAYOUTS]["iou"], IOU)[: len(iou)] / 65535
+    if np.abs(said - iou).mean() > SAME:
+        raise InputError(
+            f"scores: the cell's rooms have an IoU of {said.mean():.4f}, and now {iou.mean():.4f}; fill it anew"
+        )
+    return before | scores_of(cell) | {"items": items}
 
 
 def finished(room_type: str, column: str, chosen: Mapping[str, str]) -> dict[str, Any]:
@@ -201,17 +213,13 @@ def command_of(config: Mapping[str, Any]) -> str:
     return f"python experiments/cells.py table=table3 column={COLUMN} {what}"
 
 
-def items_of(content: bytes, card: dict[str, Any], config: Mapping[str, Any]) -> dict[str, Any]:
-    """What a file is worth in the first unseen briefs, item by item."""
+def items_of(furnisher: Furnisher, config: Mapping[str, Any]) -> tuple[dict[str, Any], np.ndarray]:
+    """What an agent is worth in the first unseen briefs: item by item, and the IoU of each room, (B,)."""
     count = min(LOOKED_AT, config["data"]["test_rooms"])
     designs = design_rooms(config["room"]["type"], "test", config["data"]["seed"], count).rooms
-    furnisher = unpacked(content, card, torch.device("cpu"))
     layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(design) for design in designs], 1)]
-    return {
-        "rooms": len(designs),
-        "iou": float(measured(layouts, designs).iou.mean()),
-        "categories": by_category(layouts, designs),
-    }
+    iou = measured(layouts, designs).iou
+    return {"rooms": len(designs), "iou": float(iou.mean()), "categories": by_category(layouts, designs)}, iou
 
 
 def page_of(about: Mapping[str, Any]) -> str:

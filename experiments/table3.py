@@ -83,7 +83,7 @@ NUMBERS = (
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other: of designed rooms, and of real ones. Raises InputError for other types."""
     rooms = some_of("room", chosen, MAIN_ITEM)
-    some_of("column", chosen, {*METHODS.values(), *LEARNS.values()})
+    some_of("column", chosen, dict.fromkeys([*METHODS.values(), *LEARNS.values()]))
     common = {
         name: value for name, value in chosen.items() if name not in ("floorplans", "designer_rooms", "trained_on")
     }
@@ -101,9 +101,10 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             others = [column for column in columns.split(",") if column not in learn]
             for some, more in ((learn, trained_on), (others, {})):
                 made += [sweep | more | {"column": ",".join(some)}] if some else []
-    if not made:
+    used = {column for sweep in made for column in sweep["column"].split(",")}
+    if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:
         raise InputError(
-            f"column: {chosen['column']} learns in real rooms; expected designer_rooms=<folder>, and room="
+            f"column: {', '.join(missed)} learns in real rooms; expected designer_rooms=<folder>, and room="
             f"{' or '.join(REAL)}"
         )
     return made

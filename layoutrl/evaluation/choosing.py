@@ -66,7 +66,7 @@ class Chosen(NamedTuple):
 def best_of(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
     """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
 
-    Those of the highest value are LOOKED_AT.
+    At most the last of LOOKED_AT are tried, those of the highest value.
     """
     every = np.arange(len(state.room))
     before = wrong([rooms.layout(state, b) for b in every])
@@ -129,7 +129,7 @@ def wrong(layouts: Sequence[Room]) -> np.ndarray:
 
 
 def blame(layout: Room, brief: Room) -> np.ndarray:
-    """How wrong each of the items is that were to be placed (n,): FAULT, as if it has no place, 1 if odd, or 0."""
+    """How wrong each item is that was to be placed (n,): FAULT if it has a fault or no place, 1 if it is odd, or 0."""
     return _blame([layout], Items.of([layout]))[list(missing(brief))]
 
 

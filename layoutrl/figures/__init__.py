@@ -7,7 +7,8 @@ is told apart by any eye. The style is `plt.style.use(STYLE)`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,14 @@ def rgb(color: tuple[int, int, int]) -> tuple[float, float, float]:
     return red, green, blue
 
 
+@contextmanager
+def any_script() -> Iterator[None]:
+    """A name in a script that the font lacks shows as boxes in a PNG: that is no warning."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        yield
+
+
 def save(figure: Figure, path: Path, dpi: float = 150) -> list[Path]:
     """Write `<path>.png` and `<path>.svg`, the same every time, and return them.
 
@@ -181,8 +190,7 @@ def save(figure: Figure, path: Path, dpi: float = 150) -> list[Path]:
     files = [path.with_name(f"{path.name}.{suffix}") for suffix in ("png", "svg")]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with warnings.catch_warnings():  # a name in a script that the font lacks shows as boxes in the PNG alone
-            warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        with any_script():
             figure.savefig(files[0], dpi=dpi)
             figure.savefig(files[1], dpi=dpi, metadata={"Date": None})
     except OSError as error:

@@ -18,7 +18,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, draw_item, draw_room, standing
+from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, standing
 from layoutrl.rooms.room import Item, Point, Room
 
 Wrong = Iterable[tuple[int, str]]
@@ -45,9 +45,10 @@ def draw(room: Room, wrong: Wrong, path: Path) -> None:
 
 
 def svg(room: Room, wrong: Wrong = ()) -> str:
-    """A drawing whose user units are metres, with a <g> for each layer: floor, walls, openings, furniture, labels.
+    """A drawing whose user units are metres, with a <g> for each layer.
 
-    Every item is a <g> with its index as data-id, its data-category, and its data-faults, if it has some.
+    They are floor, walls, openings, furniture, labels and scale. Every item is a <g> with its index as data-id, its
+    data-category, and its data-faults, if it has some.
     """
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
@@ -91,7 +92,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
 def png(room: Room, wrong: Wrong, path: Path) -> None:
     """The same as a picture of pixels."""
     x0, y0, x1, y1 = sheet(room)
-    with style.context([STYLE, PLAIN]):
+    with style.context([STYLE, PLAIN]), any_script():
         figure = Figure(figsize=(POINTS / 72 * (x1 - x0), POINTS / 72 * (y1 - y0)))
         figure.set_layout_engine("none")
         axes = figure.add_axes((0, 0, 1, 1))

@@ -135,6 +135,11 @@ def parsed(text: str | bytes) -> Any:
         return RoomError("text", f"expected numbers and nesting of a usual size; {error}")
 
 
+def name_in(document: Any) -> str:
+    """How the room calls itself, where that can be read: "room 'b-17': "."""
+    return f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
+
+
 def room_from_dict(document: Any) -> Room:
     """One room from plain lists and numbers (as `room_to_dict` makes them). Raises RoomError."""
     _check_fields(document, "room", REQUIRED, OPTIONAL)
@@ -199,10 +204,13 @@ def _check_places(room: Room, with_walls: bool) -> None:
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any] | RoomError:
     """An object of JSON, in which no key may stand twice, nor in what it holds: json itself would take the last."""
     document = dict(pairs)
+    found = next(_errors(document.values()), None)
     if len(document) < len(pairs):
         names = [name for name, _ in pairs]
-        return RoomError(next(name for name in names if names.count(name) > 1), "stands there twice; expected once")
-    return next(_errors(document.values()), document)
+        found = RoomError(next(name for name in names if names.count(name) > 1), "stands there twice; expected once")
+    if found is None:
+        return document
+    return RoomError(f"{name_in(document)}{found.field}", found.problem) if "outline" in document else found
 
 
 def _errors(values: Iterable[Any]) -> Iterator[RoomError]:
@@ -339,5 +347,5 @@ def _lists(ring: Ring) -> list[list[float]]:
 
 
 def _show(value: Any) -> str:
-    text = json.dumps(value)
+    text = json.dumps(value, default=str)  # of what is no JSON: what `parsed` says of it
     return text if len(text) <= 60 else text[:57] + "..."

@@ -13,7 +13,7 @@ from typing import Any
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.room import Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
 
@@ -107,8 +107,3 @@ def documents_of(file: Path) -> Iterator[tuple[str, Any]]:
             yield f"{file}:1", document
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from None
-
-
-def name_in(document: Any) -> str:
-    """How the room calls itself, where that can be read: "room 'b-17': "."""
-    return f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""

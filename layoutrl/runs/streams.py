@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from layoutrl import InputError
-from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.files import PART, documents_of, name_in, room_files
+from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.files import PART, documents_of, room_files
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of

@@ -278,6 +278,20 @@ def test_a_room_is_not_furnished_anew_in_the_order_that_led_nowhere(furnisher, m
     assert not answers
 
 
+@pytest.mark.parametrize(("bed_at", "first"), [((0.9, 2.25), [True, False]), ((1.0, 2.25), [False, True])])
+def test_what_is_most_wrong_comes_first_when_a_room_is_furnished_anew(furnisher, monkeypatch, bed_at, first) -> None:
+    door = opening("door", 0.2, -0.2, 1.1, 0.0)
+    # The bed is in the wall, or at it; the wardrobe is off it.
+    bed, wardrobe = Item("bed", (2.0, 1.5), bed_at, 0.0), Item("wardrobe", (0.6, 1.0), (3.4, 2.0), 180.0)
+    room = rectangular_room(4, 3, bed, others=(wardrobe,), openings=(door,), target=None)
+    ranks = []
+    monkeypatch.setattr(
+        furnisher, "_furnished", lambda _, __, rank, *___: ranks.append(rank.copy()) or [Furnished(room, 0.0)]
+    )
+    furnisher.furnish([brief_of(room)], 1, 0)
+    assert (ranks[1] < ranks[0]).tolist() == [first]
+
+
 def test_a_room_in_which_nothing_is_to_be_placed_is_its_own_layout(furnisher: Furnisher, designs: list[Room]) -> None:
     whole = replace(designs[0], target=None)
     (done,), (best,) = furnisher.furnish([whole, brief_of(designs[1])], 1, 0)

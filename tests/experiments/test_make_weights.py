@@ -8,9 +8,10 @@ import shutil
 from pathlib import Path
 
 import make_weights
+import numpy as np
 import pytest
 import torch
-from cells import fill
+from cells import IOU, fill, packed
 from make_weights import COLUMN, PACKAGED, page_of
 from table3 import LEARNS
 
@@ -38,6 +39,7 @@ def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, ca
     assert card["measures"]["iou"] == kept["mean_iou"]
     assert card["measures"]["faultless"] == kept["faultless"]
     assert card["rounded"]["iou_before"] == pytest.approx(kept["mean_iou"], abs=1e-4)
+    assert card["rounded"]["iou"] == card["items"]["iou"]
 
     page.unlink()
     given = ["room=study,bathroom", f"results={tmp_path / 'results'}", "budget=smoke", f"runs={tmp_path / 'runs'}"]
@@ -73,10 +75,17 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
         assert {name for name in now if now[name] != was[name]} <= (new if room_type == "bathroom" else set())
         assert hashlib.sha256((weights / now["file"]).read_bytes()).hexdigest() == was["sha256"]
 
+    record = json.loads(cell.read_text())
+    record["rows"]["layouts"]["iou"] = packed(np.zeros(6), IOU)
+    cell.write_text(json.dumps(record))
+    assert make_weights.main([scores, "budget=smoke", "room=bathroom"]) == 1
+    assert "bathroom failed: scores: the cell's rooms have an IoU of 0.0000, and now " in capsys.readouterr().err
 
-def test_only_networks_of_the_package_are_scored_anew(tmp_path: Path) -> None:
-    with pytest.raises(SystemExit, match=r"^error: weights: expected none with scores="):
-        make_weights.main(["scores=x", f"weights={tmp_path}"])
+
+@pytest.mark.parametrize("other", ["weights=x", "runs=x", "results=x", "seed=1"])
+def test_only_networks_of_the_package_are_scored_anew(other: str) -> None:
+    with pytest.raises(SystemExit, match=rf"^error: {other[:-2]}: expected none with scores="):
+        make_weights.main(["scores=x", other])
 
 
 def test_a_version_that_is_no_number_is_answered_before_any_training(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,7 +85,7 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
     assert [sweep["trained_on"] for sweep in learned] == ["designer,own,both"]
     for room in ({}, {"designer_rooms": "x", "room": "kitchen"}):
         with pytest.raises(InputError, match="column: rooms_agent learns in real rooms; expected designer_rooms="):
-            table3.stages({"column": "rooms_agent"} | room)
+            table3.stages({"column": "nearest,rooms_agent"} | room)
     assert "trained_on" not in sweeps[1]
     mixed = table3.stages(
         {"designer_rooms": "x", "room": "tatami", "column": "nearest,rooms_package,rooms_agent", "trained_on": "both"}

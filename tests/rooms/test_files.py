@@ -61,7 +61,15 @@ def test_a_key_that_is_there_twice_costs_one_room_of_a_list(tmp_path: Path, wher
     assert [room.id for room in collection.rooms] == ["first", "third"]
     ((place, message),) = collection.left_out
     assert place == f"{file}[1]"
-    assert message.endswith(": stands there twice; expected once")
+    key = {"room": "id", "item": "size", "field of the user's own": "a"}[where]
+    assert message == f"room 'broken': {key}: stands there twice; expected once"
+
+
+@pytest.mark.parametrize(("name", "text"), [("x.jsonl", '[{"a": 1, "a": 2}]'), ("x.json", '[[{"a": 1, "a": 2}]]')])
+def test_a_list_in_place_of_a_room_is_answered_whatever_it_holds(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    ((_, message),) = read_rooms(tmp_path / name).left_out
+    assert "a: stands there twice" in message
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf \n"])
