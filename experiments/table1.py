@@ -121,6 +121,8 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     rooms = some_of("room", chosen, PAPER)
     seeds, types = ("0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("0", WITHOUT_GPU)
     sweeps = [*SWEEPS, ("paper", seeds, types), ("paper_every_move", seeds, tuple(PAPER))]
+    if seeds == "0":
+        sweeps.append(("paper_every_move", "1,2", ("bedroom",)))  # how much seeds differ
     if "column" in chosen:
         sweeps = [(group, "0,1,2", tuple(PAPER)) for group in in_turn(chosen["column"])]
     return [

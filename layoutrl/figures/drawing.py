@@ -7,6 +7,7 @@ points up in DXF and down in SVG.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -30,6 +31,7 @@ PRINTED = 40  # millimetres a metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
 POINTS = 1.6 * 72  # a metre in PNG
 WIDE = 0.6  # of a letter, as a share of its height
+NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 MIDDLE = 5  # of a text in a DXF: its insertion point
 ACI = {"A-WALL": 7, "A-DOOR": 3, "A-GLAZ": 5, "A-FURN": 8}  # layers of a DXF, and their AutoCAD colours
 
@@ -80,7 +82,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
             '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
             f'viewBox="{x0:.4g} {-y1:.4g} {width:.4g} {height:.4g}" '
             f'width="{PRINTED * width:.4g}mm" height="{PRINTED * height:.4g}mm" font-family="sans-serif">',
-            f"<title>{escape(room.id)}</title>",
+            f"<title>{_written(room.id)}</title>",
             '<defs><pattern id="fault" width=".1" height=".1" patternUnits="userSpaceOnUse" '
             f'patternTransform="rotate(45)"><path d="M0 0V.1" stroke="{ORANGE}" stroke-width=".04"/></pattern></defs>',
             *groups,
@@ -193,14 +195,14 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
             return f'<circle cx="{_number(x)}" cy="{_number(-y)}" r="{_number(item.size[0] / 2)}" {looks}/>'
         return f'<polygon points="{_points(_corners(item))}" {looks}/>'
 
-    category = escape(item.category)
-    parts = [f"<title>{category}{': ' if faults else ''}{escape(', '.join(faults))}</title>"]
+    category = _written(item.category)
+    parts = [f"<title>{category}{': ' if faults else ''}{_written(', '.join(faults))}</title>"]
     parts.append(shape(f'fill="{_hex(color_of(item.category))}" stroke="#000" stroke-width=".01"'))
     if item.form != "circle":
         parts.append(f'<path d="M{_points(_front(item))}" stroke="#000" stroke-width=".015"/>')
     if faults:
         parts.append(shape(f'fill="url(#fault)" stroke="{ORANGE}" stroke-width=".03"'))
-    wrong = f' data-faults="{escape(", ".join(faults))}"' if faults else ""
+    wrong = f' data-faults="{_written(", ".join(faults))}"' if faults else ""
     return f'<g data-id="{index}" data-category="{category}"{wrong}>{"".join(parts)}</g>'
 
 
@@ -212,7 +214,7 @@ def _label(item: Item, faults: Sequence[str]) -> str:
     size = _letters([*words, *faults], x1 - x0)
     x, top = item.center[0], -item.center[1] - size * (len(words) + len(faults)) / 2
     lines = [
-        f'<tspan x="{_number(x)}" y="{_number(top + (n + 0.8) * size)}"{weight}>{escape(text)}</tspan>'
+        f'<tspan x="{_number(x)}" y="{_number(top + (n + 0.8) * size)}"{weight}>{_written(text)}</tspan>'
         for n, (text, weight) in enumerate([*((w, "") for w in words), *((f, ' font-weight="bold"') for f in faults)])
     ]
     halo = f'stroke="#fff" stroke-width="{_number(size / 5)}" paint-order="stroke"' if faults else ""
@@ -226,7 +228,12 @@ def _letters(lines: Sequence[str], width: float) -> float:
 
 
 def _text(text: str, x: float, y: float, size: float) -> str:
-    return f'<text x="{_number(x)}" y="{_number(-y)}" font-size="{_number(size)}">{escape(text)}</text>'
+    return f'<text x="{_number(x)}" y="{_number(-y)}" font-size="{_number(size)}">{_written(text)}</text>'
+
+
+def _written(text: str) -> str:
+    """Text as XML can hold it: characters that it has not, as controls, are replaced."""
+    return escape(NOT_IN_XML.sub("\N{REPLACEMENT CHARACTER}", text))
 
 
 def _polygon(ring: Sequence[Point], color: str, more: str = "") -> str:

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import difflib
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -44,9 +43,6 @@ REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
 SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
-UNWRITABLE = re.compile(
-    r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
-)  # in XML: halves of characters, controls
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
@@ -329,8 +325,8 @@ def _number(value: Any, field: str) -> float:
 def _text(value: Any, field: str) -> str:
     if not isinstance(value, str) or not value.strip():
         raise RoomError(field, f"expected a name; got {_show(value)}")
-    if UNWRITABLE.search(value):
-        raise RoomError(field, f"expected text that UTF-8 and XML can hold; got {_show(value)}")
+    if any("\ud800" <= character <= "\udfff" for character in value):
+        raise RoomError(field, f"expected text that can be written as UTF-8; got {_show(value)}")
     return value
 
 

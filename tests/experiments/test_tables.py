@@ -85,7 +85,7 @@ EVERY = (
     ("planit", 2, 2),
     ("planit_long", 2, 1),
 )
-PICTURES = (("paper", 2, 1), ("paper_every_move", 8, 1))  # without a GPU
+PICTURES = (("paper", 2, 1), ("paper_every_move", 8, 1), ("paper_every_move", 1, 2))  # without a GPU
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [

@@ -188,10 +188,9 @@ def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -
 
 
 @pytest.mark.parametrize("field", ["id", "group"])
-@pytest.mark.parametrize("character", ["\ud800", "\x00", "\x1b", "\uffff"])
-def test_a_name_that_cannot_be_written_is_refused(field: str, character: str) -> None:
-    with pytest.raises(RoomError, match=f"^{field}: expected text that UTF-8 and XML can hold"):
-        room_from_dict(document(**{field: f"a{character}"}))
+def test_a_name_that_cannot_be_written_is_refused(field: str) -> None:
+    with pytest.raises(RoomError, match=f"^{field}: expected text that can be written as UTF-8"):
+        room_from_dict(document(**{field: "\ud800"}))
 
 
 def test_notes_are_kept_however_deep_they_are() -> None:
