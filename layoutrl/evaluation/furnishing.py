@@ -269,8 +269,8 @@ class Furnisher:
 
         Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
         """
-        scenes, some, those = world.scenes, rows(state, b), chosen.of(b)
-        scene = world.scenes_of(some, np.arange(len(b)), those.quarter)
+        scenes, those = world.scenes, chosen.of(b)
+        scene = world.scenes_of(state, b, those.quarter)
         here = torch.as_tensor(those.center, device=scene.device)
         slides = self._moves.first_slide + torch.tensor(ways, device=scene.device)
         length, legal = (values[:, slides] for values in scenes.reach(scene, here))
@@ -281,11 +281,12 @@ class Furnisher:
             opposite = slides[1 - nearest][:, None]
             length_back, legal = (values.gather(1, opposite)[:, 0] for values in scenes.reach(scene, place))
             near &= ~(legal & (length_back < length + TOUCHING))
-        there = place.cpu().numpy()
-        value = np.where(near.cpu().numpy(), those.value, -np.inf)
-        paths = [[np.concatenate([way, place[None]])] for way, place in zip(those.way, there, strict=True)]
-        slid = best_of(world.rooms, some, Options(there[:, None], those.quarter[:, None], value[:, None], paths))
-        taken = np.isfinite(value) & (slid.harm <= those.harm)
+        goes = near.cpu().numpy() & np.isfinite(those.value)
+        b, those, there = b[goes], those.of(goes), place.cpu().numpy()[goes]
+        paths = [[np.concatenate([way, end[None]])] for way, end in zip(those.way, there, strict=True)]
+        options = Options(there[:, None], those.quarter[:, None], those.value[:, None], paths)
+        slid = best_of(world.rooms, rows(state, b), options)
+        taken = slid.harm <= those.harm
         return chosen.replaced(b[taken], slid.of(taken))
 
     def _starts(self, world: _World, state: State[np.ndarray], uniform: np.ndarray) -> Options:

@@ -17,7 +17,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import furnishing
 from layoutrl.evaluation.choosing import APART, FAULT, Chosen, Options, wrong
-from layoutrl.evaluation.furnishing import BACK, SIDEWAYS, Furnisher, _World, spread
+from layoutrl.evaluation.furnishing import BACK, GAP, SIDEWAYS, Furnisher, _World, spread
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
@@ -313,8 +313,14 @@ def test_where_every_end_is_faulty_a_move_more_is_made_or_a_drawn_place_taken(
     assert faults(best.layout) == []
     places = [center for _, center, _ in best.path]
     assert best.layout.furniture[0].center == places[-1]
-    moved = [*map(tuple, way.tolist())]
-    assert places[:2] == moved if beside else not {*places} & {*moved}
+    if beside:
+        assert places[:-1] == [tuple(place) for place in way.tolist()]
+    else:  # drawn, and slid from there
+        along, across = np.abs(np.diff(places, axis=0)).T
+        assert len(places) <= 3
+        assert (np.minimum(along, across) < 1e-5).all()
+        assert (np.maximum(along, across) < GAP).all()
+        assert not {*places} & {tuple(place) for place in way.tolist()}
 
 
 def test_values_of_places_are_those_of_the_best_way_to_face_there(furnisher: Furnisher, designs: list[Room]) -> None:
