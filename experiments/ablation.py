@@ -22,6 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from cell_config import RESULTS
 from printing import Table, listed
 
 from layoutrl import InputError
@@ -33,7 +34,7 @@ from layoutrl.runs.folder import folders_of
 from layoutrl.runs.ranges import within
 from layoutrl.runs.resume import EVALUATION
 
-RESULTS = Path(__file__).parent / "results" / "ablation"
+KEPT = RESULTS / "ablation"
 DATA_SEED = 1
 ITEM = {
     "the method": [],
@@ -136,12 +137,12 @@ def main() -> None:
         "updates": updates,
         "seeds": arguments.seeds,
     }
-    file = RESULTS / f"{arguments.room_type}{'' if scope == 'item' else '-rooms'}.json"
+    file = KEPT / f"{arguments.room_type}{'' if scope == 'item' else '-rooms'}.json"
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept[name] != value]:
             raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
-    for folder in (runs, RESULTS):
+    for folder in (runs, KEPT):
         folder.mkdir(parents=True, exist_ok=True)
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import json
 from pathlib import Path
 
 import torch
+from cell_config import RESULTS
 from packaged import numbers, options
 
 from layoutrl.env.measures import measured
@@ -23,12 +24,12 @@ from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
 from layoutrl.runs.pretrained import load
 
-RESULTS = Path(__file__).parent / "results" / "best_of_three"
+KEPT = RESULTS / "best_of_three"
 
 
 @answers_errors()
 def main() -> None:
-    said = options(__doc__, rooms=200, seed=0, results=RESULTS)
+    said = options(__doc__, rooms=200, seed=0, results=KEPT)
     designs = design_rooms(said.room_type, "test", said.seed, said.rooms).rooms
     briefs = [brief_of(design) for design in designs]
     furnisher = load(said.room_type, torch.device("cpu"))

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from cell_config import RESULTS
 from packaged import numbers, options
 
 from layoutrl.rooms.brief import brief_of
@@ -32,7 +33,7 @@ from layoutrl.runs.pretrained import load
 
 AT_THE_WALL = 0.02  # metres from it, at most
 ALWAYS = 0.95  # share of a category's items with a side at a wall, from which on they belong there
-RESULTS = Path(__file__).parent / "results" / "irregular"
+KEPT = RESULTS / "irregular"
 
 
 def at_the_wall(layouts: Sequence[Room], designs: Sequence[Room]) -> float | None:
@@ -55,7 +56,7 @@ def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
 
 @answers_errors()
 def main() -> None:
-    said = options(__doc__, rooms=100, seed=1, results=RESULTS)
+    said = options(__doc__, rooms=100, seed=1, results=KEPT)
     furnisher = load(said.room_type, torch.device("cpu"))
     designs = design_rooms(said.room_type, "test", said.seed, 2 * said.rooms).rooms
     changed = disturbed(designs, [np.random.default_rng([said.seed, k]) for k in range(len(designs))])

@@ -28,7 +28,7 @@ FIELDS = {
     "room": "room type",
     "item": "the item that moves",
     "labels": "snapped: furniture is moved to the wall beside it, test rooms included; raw: as annotated",
-    "trained": "for as many minutes as the agent, or for a fixed number of updates",
+    "trained": "for as many minutes as the agent took on 2026-11-22, or for a fixed number of updates",
     "method": "what places the item",
     "trained_on": "which rooms the agent learned from",
     "told": "what PlanIT is told, and whether the size of the item is its own choice or the true one",

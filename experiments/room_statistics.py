@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from cell_config import RESULTS
 from matplotlib.figure import Figure
 
 from layoutrl.rooms.designer.generator import design_rooms
@@ -20,7 +21,6 @@ from layoutrl.rooms.room import Opening, Room
 from layoutrl.rooms.sources import designer_rooms
 from layoutrl.runs.commands import answers_errors
 
-RESULTS = Path(__file__).parent / "results"
 QUANTILES = (0.1, 0.5, 0.9)
 
 

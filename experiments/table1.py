@@ -3,8 +3,9 @@
     python experiments/table1.py [room=kitchen,study] [column=paper] [budget=smoke] [hydra.launcher.n_jobs=2]
 
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
-were asked for; the files have all rooms. Without a GPU the paper's network has one seed, and by method=paper it is
-trained in two types, unless it is asked for; the supervised networks have one seed, and so has PlanIT in six types.
+were asked for; the files have all rooms. Without a GPU the paper's network has one seed (three in bedrooms where it
+learns every move), and by method=paper it is trained in two types, unless it is asked for; the supervised networks have
+one seed, and so has PlanIT in six types.
 With budget=smoke everything has one seed.
 """
 

@@ -15,42 +15,50 @@ from layoutrl.runs.config import composed
 from tests.commands import layoutrl
 
 PROJECT = Path(__file__).resolve().parents[1]
-README = (PROJECT / "README.md").read_text(encoding="utf-8")
 PAGES = {path: path.read_text(encoding="utf-8") for path in (PROJECT / "README.md", *(PROJECT / "docs").glob("*.md"))}
-BLOCKS = [dedent(block) for block in re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", README, flags=re.MULTILINE)]
-COMMANDS = sorted(
-    {command for page in PAGES.values() for command in re.findall(r"python -m layoutrl\.([\w.]+) ([^#\n]*)", page)}
-)
+README, PLACE = (PAGES[PROJECT / name] for name in ("README.md", "docs/place.md"))
+COMMAND = re.compile(r"(?:python -m layoutrl\.|^    layoutrl )([\w.]+) ([^#\n]*)", re.MULTILINE)
+COMMANDS = sorted({command for page in PAGES.values() for command in COMMAND.findall(page)})
 
 
-(EXAMPLE,) = (block for block in BLOCKS if block.startswith('{"id"'))
+def blocks(page: str) -> list[str]:
+    """What is set off as code."""
+    return [dedent(block) for block in re.findall(r"(?:^    .*\n(?:\n(?=    ))?)+", page, flags=re.MULTILINE)]
+
+
+(EXAMPLE,) = (block for block in blocks(README) if block.startswith('{"id"'))
 
 
 def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    room = json.loads(EXAMPLE.partition("\n\n")[0])
+    (tmp_path / "my_rooms.json").write_text(EXAMPLE)
     monkeypatch.chdir(tmp_path)
-    programs = [block for block in BLOCKS if "import " in block]
+    programs = [block for page in (README, PLACE) for block in blocks(page) if "import " in block]
     assert len(programs) == 4
     for code in programs:
-        furnishes, names = "import furnish" in code, dict[str, Any]()
-        furniture = [item if furnishes else {"center": [3, 3]} | item for item in room["furniture"]]
-        (tmp_path / "my_rooms.jsonl").write_text(json.dumps(room | {"furniture": furniture}))
-        exec(compile(code, "README.md", "exec"), names)
-        if furnishes:
+        names = dict[str, Any]()
+        exec(compile(code, "a page", "exec"), names)
+        if "import furnish" in code:
             assert re.findall(r"^b-17, choice (\d): 1 of 1 placed", capsys.readouterr().out, re.M) == ["1", "2", "3"]
-        elif "my_rooms.jsonl" in code:
+        elif "my_rooms.json" in code:
             assert [room.id for room in names["env"].unwrapped.simulator.rooms] == ["b-17"]
 
 
-def test_the_first_command_places_what_the_room_lacks(tmp_path: Path) -> None:
-    room, commands = EXAMPLE.split("\n\n")
-    (tmp_path / "my_rooms.jsonl").write_text(json.dumps(json.loads(room)))
-    module, *arguments = commands.splitlines()[0].removeprefix("python -m layoutrl.").split()
-    done = layoutrl(module, *arguments, "device=cpu", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"b-17, choice 3: 1 of 1 placed( by the search)?; ", done.stdout)
-    assert "wrote my_rooms-placed.jsonl" in done.stdout.replace(f"{tmp_path}/", "")
-    assert len(list((tmp_path / "pictures").iterdir())) == 3
+def test_the_rooms_commands_work_one_after_the_other(tmp_path: Path) -> None:
+    (tmp_path / "my_rooms.json").write_text(EXAMPLE)
+    commands = [options for page in (README, PLACE) for name, options in COMMAND.findall(page) if name == "place"]
+    here = [options for options in commands if "rooms=my_rooms.json" in options and "run=" not in options]
+    first, same, *others = here
+    assert same == "rooms=my_rooms.json"  # which wants a name of its own once the first has run
+    (answer,) = (block for block in blocks(README) if block.startswith("b-17"))
+    for options in (first, *others):
+        done = layoutrl("place", *options.split(), "device=cpu", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert re.search(r"^b-17(, choice 1)?: 1 of 1 placed", done.stdout, re.MULTILINE)
+        if options == first:
+            assert done.stdout.startswith(answer)
+            assert "wrote my_rooms-placed.jsonl" in done.stdout.replace(f"{tmp_path}/", "")
+    assert len(list((tmp_path / "pictures").iterdir())) == 1
+    assert len(list((tmp_path / "three").iterdir())) == 3
 
 
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
@@ -114,7 +122,8 @@ def test_the_pages_show_every_table_of_the_results_as_it_is() -> None:
 
 
 def test_the_tests_that_promises_name_are_there() -> None:
-    rows = re.findall(r"^\| .* \| (`test_\w+\.py`.*) \|$", README, flags=re.MULTILINE)
+    promises = PAGES[PROJECT / "docs/promises.md"]
+    rows = re.findall(r"^\| .* \| (`test_\w+\.py`.*) \|$", promises, flags=re.MULTILINE)
     assert len(rows) > 5
     for row in rows:
         file, *names = re.findall(r"`([\w.]+)`", row)

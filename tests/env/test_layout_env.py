@@ -81,7 +81,7 @@ def test_rooms_of_a_file_are_taken_as_the_readme_says(tmp_path, monkeypatch):
     readme = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
     (room,) = re.findall(r"^    (\{\"id\".*\n(?:     .*\n)*)", readme, flags=re.MULTILINE)
     (program,) = re.findall(r"^    (from layoutrl\.rooms\.files .*\n)\n    (env = .*)", readme, flags=re.MULTILINE)
-    (tmp_path / "my_rooms.jsonl").write_text(room.replace("\n", "") + "\n", encoding="utf-8")
+    (tmp_path / "my_rooms.json").write_text(room, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     names = {"gymnasium": gymnasium}
     exec("".join(program), names)

@@ -16,7 +16,7 @@ from tests.experiments.builders import LITTLE
 def test_ablation_trains_every_change_on_every_seed_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(ablation, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(ablation, "KEPT", tmp_path / "results")
     monkeypatch.setattr("subprocess.run", commands.run)
     changes = {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]}
     monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"usable": [*LITTLE, "reward=usable"]}})

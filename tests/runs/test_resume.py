@@ -252,10 +252,23 @@ def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_
         resumed(folder, run, TrainConfig)
 
 
+def holding(file: Path, ends: Connection) -> None:
+    """A life that holds a lock until it is told to let go."""
+    with locked(file, wait=False):
+        ends.send("held")
+        ends.recv()
+
+
 def test_no_two_processes_train_in_one_folder(whole, tmp_path):
     folder = copy_of(whole, tmp_path)
-    with locked(folder / LOCK, wait=False), pytest.raises(InputError, match="is in use by another process"):
+    here, there = SERVER.Pipe()
+    other = SERVER.Process(target=holding, args=(folder / LOCK, there))
+    other.start()
+    assert here.recv() == "held"
+    with pytest.raises(InputError, match="is in use by another process"):
         resumed(folder, run, TrainConfig)
+    here.send("let go")
+    other.join()
     resumed(folder, run, TrainConfig)
 
 
