@@ -11,7 +11,6 @@ Prints the numbers and writes experiments/results/best_of_three/<type>.json.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import torch
 from cell_config import RESULTS

@@ -120,7 +120,8 @@ def sweeps(types: Sequence[str], chosen: Mapping[str, str]) -> list[dict[str, st
     """Trainings of agents of these types: of those without SETTINGS, and of each of the others."""
     usual = [[room_type for room_type in types if room_type not in SETTINGS]]
     groups = usual + [[room_type] for room_type in types if room_type in SETTINGS]
-    return [{"column": COLUMN, "room": ",".join(some)} | SETTINGS.get(some[0], {}) | chosen for some in groups if some]
+    settings = [{"room": ",".join(some)} | SETTINGS.get(some[0], {}) for some in groups if some]
+    return [{"column": COLUMN} | those | dict(chosen) for those in settings]
 
 
 def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[str, Any] | None) -> dict[str, Any]:
@@ -275,8 +276,8 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
         f"- Trained on {data['rooms']:,} rooms of the {data['source']} (`data.seed={data['seed']}`), seed",
         f"  {card['seed']}, for {card['updates']:,} updates, in {card['minutes']} minutes; layoutrl",
         f"  {card['layoutrl']}, commit {card['commit']}",
-        f"- Rounded to 16 bits, as it is shipped, it had an IoU of {rounded['iou']:.3f} in {items['rooms']} briefs, and of",
-        f"  {rounded['iou_before']:.3f} before it was rounded: both as agents furnished when it was made",
+        f"- Rounded to 16 bits, as it is shipped, it had an IoU of {rounded['iou']:.3f} in",
+        f"  {items['rooms']} unseen briefs; before, {rounded['iou_before']:.3f}: as agents furnished when it was made",
         f"- All that follows is scored as agents furnish in commit {card['furnished_by']}",
         f"- Places: {', '.join(map(words, card['categories']))}",
         f"- Bad at (IoU below {WORST}): {', '.join(bad) or 'nothing'}",

@@ -2,9 +2,9 @@
 
     python experiments/peoples_rooms.py sweethome3d <folder> [--results <folder>]
 
-All that somebody places is lifted and placed anew, as by `place move=all`: by the agents in the package, by the search,
-and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. *As they were drawn* is the same
-count of the same pieces, where they stood.
+All that somebody places is lifted and placed anew, as by `place move=all`: by the agents in the package, by the
+search, and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. *As they were drawn* is
+the same count of the same pieces, where they stood.
 
 Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 """

@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -58,7 +57,6 @@ def main() -> None:
 
     began = time.perf_counter()
     training = design_rooms(options.room_type, "train", options.seed, options.train)
-    held_out = design_rooms(options.room_type, "test", options.seed, options.test)
     result: dict[str, Any] = {"room_type": options.room_type, "seed": options.seed, "train": options.train}
     result |= {"test": options.test, "design_seconds": time.perf_counter() - began}
     print(f"{training}\ndesigned in {result['design_seconds']:.1f} s")

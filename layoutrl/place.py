@@ -57,13 +57,17 @@ JSON = ".jsonl"  # the suffix of files that grow room by room; others are writte
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 100  # letters of a room's id in the name of its picture
 CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
+STAYS = f"{CROWDED_OUT}, and stays where it stood"
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
 
 @dataclass(frozen=True)
 class Answered:
-    """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault)."""
+    """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault).
+
+    In a layout what found no place has no center. Where it stays where it stood, what is wrong tells of it there.
+    """
 
     entry: Entry
     asked: Asked
@@ -93,7 +97,7 @@ class Answered:
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
             said = [
-                f"the {layout.furniture[k].category}: {', '.join(CROWDED_OUT if f == MISSING else f for _, f in some)}"
+                f"the {self._name(k)}: {', '.join(self._words(k, fault) for _, fault in some)}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.asked.can.lines
@@ -101,6 +105,18 @@ class Answered:
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
             yield f"{name}: {placed}; {found}{self._stays(layout)}"
+
+    def _name(self, item: int) -> str:
+        """The category of an item, and which of its kind it is, in the order of the file."""
+        furniture = self.asked.can.asked.furniture
+        alike = [k for k, other in enumerate(furniture) if other.category == furniture[item].category]
+        which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
+        return f"{furniture[item].category}{which}"
+
+    def _words(self, item: int, fault: str) -> str:
+        if fault != MISSING:
+            return fault
+        return STAYS if item in self.asked.stood else CROWDED_OUT
 
     def _stays(self, layout: Room) -> str:
         items = Counter(layout.furniture[k].category for k in sorted(self.asked.stays))
@@ -292,10 +308,22 @@ class Work:
             rooms.append([what.can.answer(each.layout) for each in found] or [what.can.asked])
             by.append([each.by for each in found] or [""])
         before = faults_of_all([what.can.asked for what in asked])
-        wrong = iter(faults_of_all(list(chain.from_iterable(rooms))))
+        told = [[what.written(room) for room in some] for what, some in zip(asked, rooms, strict=True)]
+        now = iter(faults_of_all(list(chain.from_iterable(told))))
         return [
-            Answered(entry, what, some, who, [new_faults(next(wrong), was) + oddities(r, what.wanted) for r in some])
-            for entry, what, some, who, was in zip(entries, asked, rooms, by, before, strict=True)
+            Answered(
+                entry,
+                what,
+                some,
+                who,
+                [
+                    [(k, MISSING) for k in what.stood if room.furniture[k].center is None]
+                    + new_faults(next(now), was)
+                    + oddities(written, what.wanted)
+                    for room, written in zip(some, those, strict=True)
+                ],
+            )
+            for entry, what, some, those, who, was in zip(entries, asked, rooms, told, by, before, strict=True)
         ]
 
     def _asked(self, entry: Entry) -> Asked:
@@ -321,7 +349,8 @@ class Work:
             for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):
                 room_id = re.sub(r"[^\w.-]+", "_", layout.id)[:LONGEST]
                 choice = f"-{n}" if n > 1 else ""
-                draw(layout, wrong, picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}"))
+                file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
+                draw(answer.asked.written(layout), wrong, file)
 
 
 def check_who(config: PlaceConfig) -> None:

@@ -372,6 +372,33 @@ def test_what_the_search_placed_where_an_agent_failed_is_said(
     assert f"{room['id']}: {count} of {count} placed by the search; " in capsys.readouterr().out
 
 
+def test_what_finds_no_room_stays_where_it_stood_and_all_that_is_wrong_there_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class PlacesOne(Middle):
+        """Finds a place for the first bed alone: over the other, which stood there."""
+
+        def layout(self, brief: Room) -> Room:
+            first, *others = brief.furniture
+            return replace(brief, furniture=(replace(first, center=(1.2, 1.0), rotation=0.0), *others))
+
+    beds = [{"category": "bed", "center": [1.0, y], "size": [2.0, 1.4], "rotation": 0} for y in (1.8, 0.8)]
+    outline, door = [[0, 0], [2.4, 0], [2.4, 2.6], [0, 2.6]], [[1.6, -0.2], [2.3, -0.2], [2.3, 0], [1.6, 0]]
+    document: dict[str, Any] = {"id": "a", "room_type": "bedroom", "outline": outline, "windows": []}
+    document |= {"doors": [{"polygon": door}], "furniture": beds}
+    monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: Hired(PlacesOne(), lambda room_type: ["bed"]))
+    (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [document])), move="all", pictures=str(tmp_path / "drawn")))
+    first, second = room["furniture"]
+    assert (first["center"], second["center"]) == ([1.2, 1.0], [1.0, 0.8])
+    assert "overlaps" in first["faults"]
+    assert second["faults"][:2] == ["not placed", "overlaps"]
+    said = capsys.readouterr().out
+    assert "1 of 2 placed; the bed (1 of 2): overlaps, " in said
+    assert "the bed (2 of 2): not placed, as no room is left for it, and stays where it stood, overlaps, " in said
+    (picture,) = (tmp_path / "drawn").iterdir()
+    assert picture.read_text().count(">bed<") == 2
+
+
 def many(folder: Path, count: int = 7) -> tuple[Path, list[dict[str, Any]]]:
     documents = [bare(DOCUMENTS[k % 3]) | {"id": f"room {k}", "note": k} for k in range(count)]
     return written(folder, documents), documents

@@ -34,6 +34,7 @@ AFRESH = 3  # times that a room is furnished anew, what was most wrong first, wh
 ELSEWHERE = 2  # times then, with its largest item elsewhere, while a fault is left
 GAP = 0.15  # metres: a narrower one behind an item is closed, and beside one that belongs at a wall
 BETTER = 0.02  # of value: for no less is an item moved that stands
+Order = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, its items in turn, and the layouts to differ from
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BACK, SIDEWAYS = (1,), (2, 3)  # of WAYS
 BLOCK = 128  # rooms furnished at once: memory, not speed
@@ -88,8 +89,9 @@ class Furnisher:
             upright = [_upright(briefs[k])[0] for k in block]
             world = _World(upright, self._moves, self._categories, self._policy.q.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
+            made = dict[Order, Furnished | None]()
             for _ in range(choices):
-                self._add_another(world, layouts)
+                self._add_another(world, layouts, made)
             for k, those in zip(block, layouts, strict=True):
                 unplaced = np.array([len(missing(one.layout)) for one in those])
                 in_order = np.argsort(wrong([one.layout for one in those]) + FAULT * unplaced, kind="stable")
@@ -149,8 +151,13 @@ class Furnisher:
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
 
-    def _add_another(self, world: _World, known: list[list[Furnished]]) -> None:
-        """Add to the layouts of each brief one that is different from all of them, where there is one."""
+    def _add_another(
+        self, world: _World, known: list[list[Furnished]], made: dict[Order, Furnished | None]
+    ) -> None:
+        """Add to the layouts of each brief one that is different from all of them, where there is one.
+
+        What was made before of a room, in the same order and unlike the same others, is not made again.
+        """
         best, least = dict[int, Furnished](), dict[int, int]()  # how wrong the best is
         latest = dict[int, np.ndarray]()  # how wrong what is in the layout that was found last
 
@@ -158,8 +165,11 @@ class Furnisher:
             which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
         ) -> dict[int, Furnished]:
             """Layouts of these rooms, different from the others; the best of a room is kept, the first of equals."""
-            layouts = zip(which, self._furnished(world, np.array(which), rank, others), strict=True)
-            found = {b: layout for b, layout in layouts if layout}
+            order = {b: (b, tuple(rank[b].argsort(kind="stable").tolist()), tuple(map(id, others[b]))) for b in which}
+            if new := [b for b in which if order[b] not in made]:
+                layouts = self._furnished(world, np.array(new), rank, others)
+                made.update(zip((order[b] for b in new), layouts, strict=True))
+            found = {b: layout for b in which if (layout := made[order[b]])}
             for b, layout in found.items():
                 latest[b] = blame(layout.layout, world.rooms.rooms[b])
                 if b not in best or latest[b].sum() < least[b]:
@@ -246,8 +256,9 @@ class Furnisher:
         ends = self._ends(world, state, starts, any(known))
         or_stay = self._or_stay(world, state, stood, ends) if stood.any() else ends
         chosen = best_of(world.rooms, state, unlike(world.rooms, state, or_stay, known))
+        can_move = np.isfinite(starts.value).any(1)
         for beside in (True, False):
-            b = np.flatnonzero(chosen.harm > 0)
+            b = np.flatnonzero((chosen.harm > 0) & can_move)
             if not len(b):
                 break
             some = rows(state, b)
@@ -256,19 +267,22 @@ class Furnisher:
             chosen = chosen.less_wrong(b, best_of(world.rooms, some, options))
         if not self._moves.slide:
             return chosen
-        items = (world.rooms.items[r][n] for r, n in zip(state.room, state.moving, strict=True))
-        belongs_at_wall = np.array([item.category in AT_A_WALL for item in items])
-        backed = self._slid(world, state, chosen, np.arange(len(belongs_at_wall)), BACK)
-        return self._slid(world, state, backed, np.flatnonzero(belongs_at_wall), SIDEWAYS)
+        placed = np.flatnonzero(np.isfinite(chosen.value))
+        items = (world.rooms.items[r][n] for r, n in zip(state.room[placed], state.moving[placed], strict=True))
+        belongs_at_wall = np.array([item.category in AT_A_WALL for item in items], dtype=bool)
+        backed = self._slid(world, state, chosen, placed, BACK)
+        return self._slid(world, state, backed, placed[belongs_at_wall], SIDEWAYS)
 
     def _slid(
         self, world: _World, state: State[np.ndarray], chosen: Chosen, b: np.ndarray, ways: Sequence[int]
     ) -> Chosen:
-        """What is chosen, but items b (n,) slid the nearest of the ways until they touch, where that is not far, and
-        nothing more is wrong by it. What touches already, on either of two ways, stays.
+        """What is chosen, but items b (n,), which have a place, slid the nearest of the ways until they touch, where that
+        is not far, and nothing more is wrong by it. What touches already, on either of two ways, stays.
 
         Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
         """
+        if not len(b):
+            return chosen
         scenes, those = world.scenes, chosen.of(b)
         scene = world.scenes_of(state, b, those.quarter)
         here = torch.as_tensor(those.center, device=scene.device)
@@ -281,7 +295,7 @@ class Furnisher:
             opposite = slides[1 - nearest][:, None]
             length_back, legal = (values.gather(1, opposite)[:, 0] for values in scenes.reach(scene, place))
             near &= ~(legal & (length_back < length + TOUCHING))
-        goes = near.cpu().numpy() & np.isfinite(those.value)
+        goes = near.cpu().numpy()
         b, those, there = b[goes], those.of(goes), place.cpu().numpy()[goes]
         paths = [[np.concatenate([way, end[None]])] for way, end in zip(those.way, there, strict=True)]
         options = Options(there[:, None], those.quarter[:, None], those.value[:, None], paths)
@@ -310,21 +324,19 @@ class Furnisher:
         parts = np.split(np.arange(starts.value.shape[1]), QUARTERS) if all_ways else [np.arange(starts.value.shape[1])]
         best = [part[np.argsort(-starts.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
         tried = np.concatenate(best, 1)
-        started = np.take_along_axis(starts.value, tried, 1) > -np.inf
+        b, k = np.nonzero(np.take_along_axis(starts.value, tried, 1) > -np.inf)
         # A way that does not fit has no start: the best of all stands in for it, and counts for nothing.
-        tried = np.where(started, tried, starts.value.argmax(1)[:, None])
-        b = np.arange(len(tried)).repeat(tried.shape[1])
-        quarter, start = starts.quarter[b, tried.ravel()], starts.center[b, tried.ravel()]
-        scene = world.scenes_of(state, b, quarter)
-        run = self._policy.rollout(world.scenes, world.observe, scene, start)
-        value = self._value(world, state, b, quarter, run.final).reshape(tried.shape)
-        ways = [run.way(n) for n in range(len(b))]
-        return Options(
-            run.final.reshape(*tried.shape, 2),
-            quarter.reshape(tried.shape),
-            np.where(started, value, -np.inf),
-            [ways[n : n + tried.shape[1]] for n in range(0, len(ways), tried.shape[1])],
-        )
+        every = np.arange(len(tried))[:, None]
+        stand_in = every, np.broadcast_to(starts.value.argmax(1)[:, None], tried.shape)
+        center, quarter, value = starts.center[stand_in], starts.quarter[stand_in], np.full(tried.shape, -np.inf)
+        ways = [[place[None] for place in places] for places in center]
+        quarter[b, k] = starts.quarter[b, tried[b, k]]
+        scene = world.scenes_of(state, b, quarter[b, k])
+        run = self._policy.rollout(world.scenes, world.observe, scene, starts.center[b, tried[b, k]])
+        center[b, k], value[b, k] = run.final, self._value(world, state, b, quarter[b, k], run.final)
+        for n, (row, column) in enumerate(zip(b, k, strict=True)):
+            ways[row][column] = run.way(n)
+        return Options(center, quarter, value, ways)
 
     def _beside(self, world: _World, state: State[np.ndarray], ends: Options) -> Options:
         """Where one move more leads from the best of the ends."""
@@ -348,9 +360,10 @@ class Furnisher:
 
     def _or_stay(self, world: _World, state: State[np.ndarray], stood: np.ndarray, options: Options) -> Options:
         """The options, and of items that `stood` (B,) the poses at which they are, as if they were BETTER."""
-        every = np.arange(len(stood))
+        every, b = np.arange(len(stood)), np.flatnonzero(stood)
         center, quarter = state.center[every, state.moving], state.quarter[every, state.moving]
-        value = np.where(stood, self._value(world, state, every, quarter, center) + BETTER, -np.inf)
+        value = np.full(len(stood), -np.inf)
+        value[b] = self._value(world, state, b, quarter[b], center[b]) + BETTER
         nowhere = np.empty((0, 2))
         return Options(
             np.concatenate([center[:, None], options.center], 1),

@@ -113,7 +113,7 @@ class MeanQ:
     @torch.no_grad()
     def _over_views(self, observe: Observe, observation: Tensor) -> Tensor:
         seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
-        views = zip(self.network(seen).split(len(observation)), self.symmetries, strict=True)
+        views = zip(self.network(seen).tensor_split(len(self.symmetries)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
 
 

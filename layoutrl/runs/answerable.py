@@ -37,10 +37,16 @@ class Answerable:
         return replace(self.asked, furniture=kept, target=None)
 
     def answer(self, layout: Room) -> Room:
-        """The room as it was asked, with the poses of a layout of `brief`; what is not in `brief` is as it was."""
+        """The room as it was asked, with the poses of a layout of `brief`; what is not in `brief` is as it was.
+
+        What a layout puts beyond the outer walls has no place: no room could be read that has it there.
+        """
         items = iter(layout.furniture)
-        furniture = tuple(i if k in self.unseen else next(items) for k, i in enumerate(self.asked.furniture))
-        return replace(self.asked, furniture=furniture)
+        furniture = [i if k in self.unseen else next(items) for k, i in enumerate(self.asked.furniture)]
+        for k in missing(self.asked):
+            if furniture[k].center is not None and not self.asked.holds(furniture[k]):
+                furniture[k] = self.asked.furniture[k]
+        return replace(self.asked, furniture=tuple(furniture))
 
 
 def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001

@@ -10,7 +10,7 @@ import shapely
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.streams import Entry
@@ -24,6 +24,12 @@ class Asked:
     wanted: list[int]  # items that are to be placed
     left: frozenset[int]  # of these, what nobody places, and stays
     stays: frozenset[int]  # items that `move=all` could mean, and does not: who is asked does not place them
+    stood: dict[int, Item]  # of what is wanted, what the file has in the room: where no place is found, it stays there
+
+    def written(self, layout: Room) -> Room:
+        """The layout as it is written: what finds no place stays where the file has it, if that is in the room."""
+        items = enumerate(layout.furniture)
+        return replace(layout, furniture=tuple(self.stood.get(k, i) if i.center is None else i for k, i in items))
 
 
 def asked_of(
@@ -54,7 +60,8 @@ def asked_of(
     places = [k for k in range(len(room.furniture)) if k not in others]
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
-    return Asked(Answerable(put_back(room, entry, left), others | unseen - left, found.lines), wanted, left, stays)
+    can = Answerable(put_back(room, entry, left), others | unseen - left, found.lines)
+    return Asked(can, wanted, left, stays, {k: entry.stood[k] for k in wanted if k in stood})
 
 
 def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:

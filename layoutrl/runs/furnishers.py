@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ from layoutrl.runs.machine import device_of
 from layoutrl.runs.pretrained import Agents
 from layoutrl.runs.trained import trained_network
 
-RESTARTS = 8  # of the search, where something is wrong with an agent's layout: by seconds, machines would differ
+RESTARTS = 8, 64  # of the search, where something is wrong with an agent's layout, and then where a fault is left in all
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: little hangs on the seed
 
@@ -83,14 +84,15 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where one of its layouts has `shortcomings`, the search is asked for as many, too.
+    """Furnishes as one does. Where one of its layouts has `shortcomings`, the search is asked for as many, too; and
+    where each layout then has a fault, a search that takes longer.
 
     What the one puts where something stands has no place: no room is left for it (`unstacked`). The search is not asked
     of a hall, in which it would take many times as long as the one does.
     """
 
-    def __init__(self, one: Furnishes, search: Furnishes):
-        self.one, self.search = one, search
+    def __init__(self, one: Furnishes, *searches: Furnishes):
+        self.one, self.searches = one, searches
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Layouts with fewer `shortcomings` come first, of equals those of the one, as it has them."""
@@ -100,11 +102,13 @@ class Helped:
         ]
         lacks = shortcomings(briefs, found)
         wanting = [k for k, lack in enumerate(lacks) if any(map(any, lack)) and briefs[k].indoor.area <= HALL]
-        asked = [briefs[k] for k in wanting]
-        others = self.search.furnish(asked, choices, seed)
-        for k, theirs, lack in zip(wanting, others, shortcomings(asked, others), strict=True):
-            found[k] += [replace(each, by="the search") for each in theirs]
-            lacks[k] += lack
+        for search in self.searches:
+            asked = [briefs[k] for k in wanting]
+            others = search.furnish(asked, choices, seed)
+            for k, theirs, lack in zip(wanting, others, shortcomings(asked, others), strict=True):
+                found[k] += [replace(each, by="the search") for each in theirs]
+                lacks[k] += lack
+            wanting = [k for k in wanting if all(missed or faulty for missed, faulty, _ in lacks[k])]
         return [best_apart(layouts, lack, choices) for layouts, lack in zip(found, lacks, strict=True)]
 
 
@@ -118,8 +122,8 @@ def best_apart(layouts: Sequence[Furnished], lacks: Sequence[tuple[int, int, int
 
 
 def helped(agents: Furnishes, searching: Searching) -> Helped:
-    """The agents, helped by a search that makes RESTARTS."""
-    return Helped(agents, Rival(searching, lambda: updates_budget(RESTARTS)))
+    """The agents, helped by searches that make RESTARTS."""
+    return Helped(agents, *(Rival(searching, partial(updates_budget, restarts)) for restarts in RESTARTS))
 
 
 def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:

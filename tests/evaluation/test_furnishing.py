@@ -73,9 +73,11 @@ def test_what_can_be_moved_nowhere_is_left_out_and_the_others_are_placed(furnish
     assert not more  # a layout is another by where its largest item stands
     assert missing(best.layout) == [0]
     assert {k for k, _, _ in best.path} == {1}
-    ((empty,),) = furnisher.furnish([brief_of(rectangular_room(2, 1, bed, walls=()).rotated(lean))], 1, 0)
-    assert missing(empty.layout) == [0]
-    assert empty.value == 0
+    for width, depth in ((2, 1), (1, 2)):  # the bed fits as it faces right, or up
+        lonely = rectangular_room(width, depth, replace(bed, center=(width / 2, depth / 2)), walls=())
+        ((empty,),) = furnisher.furnish([brief_of(lonely.rotated(lean))], 1, 0)
+        assert missing(empty.layout) == [0]
+        assert empty.value == 0
 
 
 def test_the_way_ends_where_the_items_stand(furnisher: Furnisher, designs: list[Room]) -> None:
@@ -267,29 +269,43 @@ def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_k
             assert before.furniture[largest[k]] != after.furniture[largest[k]]
 
 
-def test_a_room_is_not_furnished_anew_in_the_order_that_led_nowhere(furnisher, monkeypatch) -> None:
-    bed, desk = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("desk", (1.0, 1.0), (1.0, 0.75))
+@pytest.mark.parametrize(
+    ("desk_at", "times"),
+    [
+        (None, 3),  # once, anew as the desk comes first, and with the bed elsewhere
+        ((1.0, 0.75), 2),  # both are as wrong: the order stays, in which it was furnished once
+    ],
+)
+def test_a_room_is_not_furnished_anew_in_an_order_that_led_nowhere(furnisher, monkeypatch, desk_at, times) -> None:
+    bed, desk = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("desk", (1.0, 1.0), desk_at)
     room = rectangular_room(4, 3, bed, others=(desk,), target=None)
     monkeypatch.setattr(furnishing, "AFRESH", 2)
-    answers = [[Furnished(room, 0.0)], [None], [None]]  # once, anew, and with the bed elsewhere
+    answers = [[Furnished(room, 0.0)], *[[None]] * (times - 1)]
     monkeypatch.setattr(furnisher, "_furnished", lambda *_: answers.pop(0))
     ((found,),) = furnisher.furnish([brief_of(room)], 1, 0)
     assert found.layout == room
     assert not answers
 
 
-@pytest.mark.parametrize(("bed_at", "first"), [((0.9, 2.25), [True, False]), ((1.0, 2.25), [False, True])])
-def test_what_is_most_wrong_comes_first_when_a_room_is_furnished_anew(furnisher, monkeypatch, bed_at, first) -> None:
+@pytest.mark.parametrize(
+    ("bed_at", "wardrobe_at"),
+    [
+        ((1.2, 2.25), (3.8, 2.0)),  # the bed is off its wall, the wardrobe in it
+        ((1.0, 2.25), (3.4, 2.0)),  # the bed is at its wall, the wardrobe off it
+    ],
+)
+def test_what_is_most_wrong_comes_first_when_a_room_is_furnished_anew(
+    furnisher, monkeypatch, bed_at, wardrobe_at
+) -> None:
     door = opening("door", 0.2, -0.2, 1.1, 0.0)
-    # The bed is in the wall, or at it; the wardrobe is off it.
-    bed, wardrobe = Item("bed", (2.0, 1.5), bed_at, 0.0), Item("wardrobe", (0.6, 1.0), (3.4, 2.0), 180.0)
+    bed, wardrobe = Item("bed", (2.0, 1.5), bed_at, 0.0), Item("wardrobe", (0.6, 1.0), wardrobe_at, 180.0)
     room = rectangular_room(4, 3, bed, others=(wardrobe,), openings=(door,), target=None)
     ranks = []
     monkeypatch.setattr(
         furnisher, "_furnished", lambda _, __, rank, *___: ranks.append(rank.copy()) or [Furnished(room, 0.0)]
     )
     furnisher.furnish([brief_of(room)], 1, 0)
-    assert (ranks[1] < ranks[0]).tolist() == [first]
+    assert (ranks[1] < ranks[0]).tolist() == [[False, True]]
 
 
 def test_a_room_in_which_nothing_is_to_be_placed_is_its_own_layout(furnisher: Furnisher, designs: list[Room]) -> None:

@@ -85,6 +85,13 @@ def test_an_item_that_fits_turned_is_placed() -> None:
     assert not fits(room_with(BED), Item("wardrobe", (0.6, 3.5), None, 0.0))
 
 
+def test_what_a_layout_puts_beyond_the_walls_has_no_place() -> None:
+    room = room_with(BED, Item("desk", (0.6, 1.2), None, None))
+    found = answerable(room, KNOWN)
+    beside = [replace(item, center=(x, 1.5), rotation=0.0) for item, x in zip(room.furniture, (1.0, 9.0), strict=True)]
+    assert found.answer(replace(room, furniture=tuple(beside))).furniture == (beside[0], room.furniture[1])
+
+
 def test_two_items_at_one_place_and_a_missing_door_are_said_and_all_is_kept() -> None:
     desks = [Item("desk", (0.6, 1.2), (3.0, 1.0 + by), 90.0) for by in (0.0, 0.1)]
     chair = Item("chair", (0.5, 0.5), (3.0, 1.5), 90.0)

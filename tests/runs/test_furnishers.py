@@ -76,6 +76,16 @@ def test_of_layouts_to_choose_from_the_worse_give_way_to_those_of_the_search_and
     assert shortcomings([brief_of(design)], [found]) == [[(0, 0, 0), *worse]]
 
 
+def test_who_searches_longer_is_asked_where_each_layout_has_a_fault() -> None:
+    bad, lacks, brief = turned_round(DESIGNS[1]), lacking(DESIGNS[1]), brief_of(DESIGNS[1])
+    longer = Known(DESIGNS[1])
+    ((best,),) = Helped(Known(bad), Known(lacks), longer).furnish([brief], 1, 0)
+    assert best.layout == DESIGNS[1]
+    assert longer.asked == [brief.id]
+    Helped(Known(bad), Known(DESIGNS[1]), longer).furnish([brief], 1, 0)
+    assert longer.asked == [brief.id]
+
+
 def test_what_is_put_where_something_stands_has_no_place() -> None:
     design = DESIGNS[1]
     (center,) = design.indoor.centroid.coords
@@ -155,9 +165,10 @@ def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("layoutrl.rivals.rooms.rival.DESIGNED", 20)
     brief, helped = brief_of(DESIGNS[1]), hired(composed("place", "rooms=any.jsonl", "device=cpu")).furnisher
     assert isinstance(helped, Helped)
-    assert isinstance(helped.search, furnishers.Rival)
-    spent = helped.search.budget()
-    assert [spent(made) for made in (0, furnishers.RESTARTS)] == [0, 1]
+    for search, restarts in zip(helped.searches, furnishers.RESTARTS, strict=True):
+        assert isinstance(search, furnishers.Rival)
+        spent = search.budget()
+        assert [spent(made) for made in (0, restarts)] == [0, 1]
     helped.one = Known(turned_round(DESIGNS[1]))
     ((found,),) = helped.furnish([brief], 1, 0)
     assert not faults(found.layout)

@@ -94,7 +94,7 @@ class Chains:
         rules = self.cost.rules(center, quarter, box)
         # Metropolis: drawn first, since who is refused without `unreached` would be with it, too.
         highest = self.preference + strictness * self.rules - temperature * np.log(1 - self.rng.random(len(self.chain)))
-        maybe = np.flatnonzero(preference + strictness * rules <= highest)
+        maybe = np.flatnonzero(self._within(center) & (preference + strictness * rules <= highest))
         rules[maybe] += self.cost.unreached(box[maybe])
         taken = maybe[(preference + strictness * rules)[maybe] <= highest[maybe]]
         self.center[taken], self.quarter[taken] = center[taken], quarter[taken]
@@ -147,6 +147,12 @@ class Chains:
             there = center[chain, j] + side * (its + mine) + along
             center[chain, i] = np.where((j != i)[:, None], there, center[chain, i])
         return center, quarter % 4
+
+    def _within(self, center: Array) -> Array:
+        """Whether all that is to be placed is in the box around the floor, (C,): far outside no rule costs anything."""
+        there = center[:, self.scene.movable]
+        low, high = np.split(self.scene.bounds, 2)
+        return np.all((low <= there) & (there <= high), (1, 2))
 
     def _slide(self, center: Array, i: Array, way: Array, direction: Array) -> None:
         direction = direction % 4

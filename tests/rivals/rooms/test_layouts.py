@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely import Point
 
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.annealer import Annealing, Chains, anneal
@@ -140,6 +141,14 @@ def test_any_room_is_furnished_and_search_breaks_no_rule(method, seed):
             others = [other for other in placed[:k] if not may_share_floor(item, other)]
             assert not any(item.footprint.intersection(other.footprint).area > 1e-4 for other in others)
         assert FRONT_NOT_FREE not in {fault for _, fault in faults(layout)}
+
+
+def test_what_the_annealer_finds_no_room_for_stays_about_the_room():
+    beds, wardrobe = [Item("bed", (2.1, 1.5), None, None)] * 3, Item("wardrobe", (0.6, 3.0), None, None)
+    room = rectangular_room(3.6, 4.2, beds[0], others=(*beds[1:], wardrobe), target=None)
+    for seed in range(4):
+        layout = annealed(room, seed)
+        assert all(room.indoor.buffer(TOLERANCE).covers(Point(item.center)) for item in layout.furniture)
 
 
 def test_search_keeps_the_floor_before_an_item_free_of_what_stands():
