@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -30,6 +30,8 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.runs.answerable import Answerable, answerable
+from layoutrl.runs.asked import put_back, staying
+from layoutrl.runs.streams import Entry
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
 SHOWN = 2  # of them, in the gallery
@@ -114,19 +116,30 @@ class Answers:
         return self.look({"room": room_to_dict(room)})
 
     def furnish(self, asked: Any) -> Answer:
-        """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each."""
+        """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each.
+
+        What stands, and nobody places in such a room, stays, and is in the way.
+        """
         room = room_in(asked)
         chosen = asked.get("movable")
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
-        brief = replace(room, furniture=lifted(room.furniture, movable))
+        known = self.staff.known(room.room_type)
+        entry = Entry(room.id, room, {}, stood=room.furniture)
+        stands = {k for k, item in enumerate(room.furniture) if item.center is not None}
+        stays = movable & staying(entry, sorted(stands), known)
+        lines = [f"nobody places these in a {room.room_type}, and they stay: {names(room, stays)}"] if stays else []
+        brief = replace(room, furniture=lifted(room.furniture, movable - stays))
         if not missing(brief):
-            raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
+            mend = "expected other furniture" if stays else "expected furniture that is not locked"
+            raise InputError("; ".join(["movable: there is nothing to furnish", *lines, mend]))
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
         choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
-        held = answerable(brief, self.staff.known(room.room_type))
+        held = answerable(brief, known)
+        left = held.unseen & movable & stands  # what fits into the room in no way
+        held = Answerable(put_back(brief, entry, left), held.unseen - left, lines + held.lines)
         (found,) = self.staff.furnisher().furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
         return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
@@ -255,6 +268,12 @@ def told(room: Room) -> list[list[Any]]:
     """What is wrong with a room, and what is odd: the item's index, the name, and words."""
     wrong = sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
     return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in wrong]
+
+
+def names(room: Room, those: Iterable[int]) -> str:
+    """The categories of some items, and how many there are of each."""
+    counts = Counter(room.furniture[k].category for k in sorted(those))
+    return ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
 
 
 def choice(held: Answerable, furnished: Furnished) -> Answer:
