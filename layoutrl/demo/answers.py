@@ -17,7 +17,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.demo.furnisher import Staff
-from layoutrl.demo.home import new_home, written_back
+from layoutrl.demo.home import fixed, home_of, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
@@ -29,6 +29,7 @@ from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
+from layoutrl.rooms.sources.sweethome3d import Home
 from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.asked import put_back, staying
 from layoutrl.runs.streams import Entry
@@ -171,22 +172,27 @@ class Answers:
         return {"svg": svg(room, faults(room))}
 
     def read(self, content: bytes) -> Answer:
-        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms."""
+        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
+
+        Of a home each room tells what of its furniture is `fixed`: the home is not written back with it elsewhere.
+        """
         suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
             path = Path(folder) / f"file{suffix}"
             path.write_bytes(content)
             try:
-                collection = opened(path).collection
+                source = home_of(path) if suffix == ".sh3d" else opened(path)
             except InputError as error:
                 raise InputError(str(error).replace(str(path), "file")) from None
+        collection = source.collection
         name = "line" if suffix == ".jsonl" else "file"
         left_out = [f"{where}: {problem}".replace(str(path), name) for where, problem in collection.left_out]
         left_out += [note.replace(str(path), "file") for note in collection.notes]
         rooms = []
         for room in collection.rooms[:MOST_ROOMS]:
             try:
-                rooms.append(shown(limited(room)))
+                stays = {"fixed": fixed(source, room)} if isinstance(source, Home) else {}
+                rooms.append(shown(limited(room)) | stays)
             except InputError as error:
                 left_out.append(f"{room.id}: {error}")
         if (more := len(collection.rooms) - MOST_ROOMS) > 0:
@@ -196,10 +202,26 @@ class Answers:
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
     def home(self, body: bytes) -> bytes:
-        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from."""
+        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from.
+
+        `others` of that home's rooms are written back with it, as they are now.
+        """
         line, _, content = body.partition(b"\n")
-        room = room_in(question(line))
-        return written_back(room, content) if content else new_home(room)
+        asked = question(line)
+        room, others = room_in(asked), asked.get("others", [])
+        if not isinstance(others, list) or len(others) >= MOST_ROOMS:
+            raise InputError(f"others: expected a list of rooms of the home, fewer than {MOST_ROOMS}")
+        rooms = [room]
+        for k, other in enumerate(others):
+            try:
+                rooms.append(room_in({"room": other}))
+            except InputError as error:
+                raise InputError(f"others[{k}]: {error}") from None
+        if len({room.id for room in rooms}) < len(rooms):
+            raise InputError("others: expected each room of the home once")
+        if others and not content:
+            raise InputError("others: expected the home that they were read from, below the line")
+        return written_back(rooms, content) if content else new_home(room)
 
 
 def question(body: bytes) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from layoutrl.runs import pretrained
 from layoutrl.runs.answerable import answerable
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import Helped
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 3).rooms]
 any_room = st.sampled_from(ROOMS)
@@ -300,6 +301,30 @@ def test_files_are_read_and_what_is_wrong_is_said(answers):
         with pytest.raises(InputError, match=match) as found:
             answers.read(content)
         assert "/tmp" not in str(found.value)
+
+
+def test_a_home_tells_what_is_fixed_and_is_saved_with_all_its_rooms(answers, tmp_path):
+    shelf = piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
+    content = home_file(tmp_path / "flat.sh3d", shelf + FLAT).read_bytes()
+    said = answers.read(content)
+    bedroom, bathroom = (entry["room"] for entry in said["rooms"])
+    assert [entry["fixed"] for entry in said["rooms"]] == [[0], []]
+    bedroom["furniture"][1]["center"] = [1.2, -1.3]
+    bathroom["furniture"][0]["center"] = [5.1, -0.6]
+    asked = {"room": bathroom, "others": [bedroom]}
+    saved = answers.home(json.dumps(asked).encode() + b"\n" + content)
+    assert [entry["room"] for entry in answers.read(saved)["rooms"]] == [bedroom, bathroom]
+    for others, match in (
+        (7, "others: expected a list"),
+        (100 * [bedroom], "fewer than 100"),
+        ([{}], r"others\[0\]: id: missing"),
+        ([bathroom], "each room of the home once"),
+        ([bedroom | {"id": "another"}], "home: expected the furniture that was read from it.*'another'"),
+    ):
+        with pytest.raises(InputError, match=match):
+            answers.home(json.dumps({"room": bathroom, "others": others}).encode() + b"\n" + content)
+    with pytest.raises(InputError, match="expected the home that they were read from"):
+        answers.home(json.dumps(asked).encode())
 
 
 @pytest.mark.parametrize(
