@@ -161,9 +161,11 @@ class Answers:
         """A room without what cannot be placed in it, and the index there of the item that a question is about."""
         room = room_in(asked)
         item = item_in(asked, room)
-        held = answerable(room, self.staff.known(room.room_type))
-        if item in held.unseen:
-            raise InputError(f"item: nobody places a {room.furniture[item].category}; expected furniture")
+        known = self.staff.known(room.room_type)
+        held = answerable(room, known)
+        category = room.furniture[item].category
+        if category not in known or item in held.unseen:  # rugs, which who furnishes does not see
+            raise InputError(f"item: nobody places a {category} in a {room.room_type}; expected other furniture")
         return held.brief, item - sum(k < item for k in held.unseen)
 
     def svg(self, asked: Any) -> Answer:
