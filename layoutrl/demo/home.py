@@ -21,13 +21,14 @@ from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.room import Room, along_and_through, wall_thickness
+from layoutrl.rooms.room import Item, Room, along_and_through, wall_thickness
 from layoutrl.rooms.sources.sweethome3d import Home, HomePiece, read_home
 
 VERSION = "5300"
 WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
 HEIGHTS = {"bed": 50.0, "platform": 40.0, "chair": 90.0, "wardrobe": 200.0, "bookcase": 200.0, "fridge": 185.0}
 HEIGHT = 75.0  # centimetres, of other furniture
+APART = 0.3  # metres, of what stands beside a room
 NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
 
 
@@ -105,7 +106,7 @@ def _check(room: Room, before: Room | None, home: Home) -> None:
 
 
 def new_home(room: Room) -> bytes:
-    """A home of this room alone."""
+    """A home of this room alone. What has no place yet stands in a row on the right of it."""
     home = Element("home", version=VERSION, name=room.id, camera="topCamera", wallHeight=f"{WALL_HEIGHT:g}")
     for number, opening in enumerate(room.openings):
         piece = SubElement(home, "doorOrWindow", id=f"opening{number}", catalogId=f"layoutrl#{opening.kind}")
@@ -115,12 +116,11 @@ def new_home(room: Room) -> bytes:
         angle, width, depth = -math.atan2(along[1], along[0]), np.hypot(*along), np.hypot(*through)
         _set(piece, opening.kind, center, angle, width, depth, high)
         piece.set("elevation", f"{low:g}")
-    for number, item in enumerate(room.furniture):
-        if item.center is None:
-            continue
+    for number, item in enumerate(_parked(room)):
         piece = SubElement(home, "pieceOfFurniture", id=f"piece{number}", catalogId=f"layoutrl#{item.category}")
         name = f"{'round ' if item.form == 'circle' else ''}{item.category.replace('_', ' ')}"
         high = HEIGHTS.get(item.category, HEIGHT)
+        assert item.center is not None
         _set(piece, name, item.center, math.radians(270 - item.degrees) % math.tau, item.size[1], item.size[0], high)
     thickness = wall_thickness(room)
     line = orient(Polygon(room.outline).buffer(thickness / 2, join_style="mitre")).exterior.coords[:-1]
@@ -142,6 +142,20 @@ def new_home(room: Room) -> bytes:
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Home.xml", tostring(home, "utf-8", xml_declaration=True))
     return content.getvalue()
+
+
+def _parked(room: Room) -> list[Item]:
+    """The furniture, with what has no center in a row on the right of the room: what stands there is to be placed."""
+    _, bottom, right, _ = room.envelope.bounds
+    items = []
+    for item in room.furniture:
+        if item.center is None:
+            item = replace(item, rotation=item.rotation or 0.0)
+            x0, y0, x1, _ = item.template.bounds
+            item = replace(item, center=(right + APART - x0, bottom - y0))
+            right += APART + x1 - x0
+        items.append(item)
+    return items
 
 
 def _wall(home: Element, name: str, thickness: float, start: Iterable[float], end: Iterable[float]) -> Element:

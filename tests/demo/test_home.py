@@ -60,11 +60,20 @@ def test_columns_come_back_and_a_hole_that_is_no_column_is_refused(tmp_path):
         new_home(replace(bare, holes=(column[:3],)))
 
 
-def test_what_is_not_placed_is_left_out_of_a_new_home(tmp_path):
-    room = ROOMS[0]
-    first, *others = room.furniture
-    home = read(tmp_path, new_home(replace(room, furniture=(replace(first, center=None), *others))))
-    assert [item.category for item in home.furniture] == [item.category for item in others]
+def test_what_is_not_placed_stands_beside_the_room_in_a_new_home(tmp_path):
+    room = next(room for room in ROOMS if room.room_type == "living_room")
+    ways = (None, 30.0, 90.0)
+    turned = [replace(room.furniture[k], center=None, rotation=way) for k, way in enumerate(ways)]
+    others = room.furniture[len(turned) :]
+    home = read(tmp_path, new_home(replace(room, furniture=(*turned, *others))))
+    assert [item.category for item in home.furniture[: len(others)]] == [item.category for item in others]
+    waits = home.furniture[len(others) :]
+    assert sorted(item.category for item in waits) == sorted(item.category for item in turned)
+    assert not any(item.center for item in waits)
+    (stood,) = opened(tmp_path / NAME).stood
+    shapes = [item.footprint for item in stood[len(others) :]]
+    assert min(shape.distance(room.envelope) for shape in shapes) > 0.2
+    assert all(one.distance(other) > 0.2 for k, one in enumerate(shapes) for other in shapes[:k])
 
 
 def test_a_home_is_written_back_whole_with_what_moved(tmp_path):
