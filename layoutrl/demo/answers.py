@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.demo.furnisher import Staff
-from layoutrl.demo.home import new_home, written_back
+from layoutrl.demo.home import fixed, home_of, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
@@ -29,7 +29,10 @@ from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
+from layoutrl.rooms.sources.sweethome3d import Home
 from layoutrl.runs.answerable import Answerable, answerable
+from layoutrl.runs.asked import put_back, staying
+from layoutrl.runs.streams import Entry
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
 SHOWN = 2  # of them, in the gallery
@@ -114,19 +117,30 @@ class Answers:
         return self.look({"room": room_to_dict(room)})
 
     def furnish(self, asked: Any) -> Answer:
-        """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each."""
+        """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each.
+
+        What stands, and nobody places in such a room, stays, and is in the way.
+        """
         room = room_in(asked)
         chosen = asked.get("movable")
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
-        brief = replace(room, furniture=lifted(room.furniture, movable))
+        known = self.staff.known(room.room_type)
+        entry = Entry(room.id, room, {}, stood=room.furniture)
+        stands = {k for k, item in enumerate(room.furniture) if item.center is not None}
+        stays = movable & staying(entry, sorted(stands), known)
+        lines = [f"nobody places these in a {room.room_type}, and they stay: {names(room, stays)}"] if stays else []
+        brief = replace(room, furniture=lifted(room.furniture, movable - stays))
         if not missing(brief):
-            raise InputError("movable: there is nothing to furnish; expected furniture that is not locked")
+            mend = "expected other furniture" if stays else "expected furniture that is not locked"
+            raise InputError("; ".join(["movable: there is nothing to furnish", *lines, mend]))
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
         choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
-        held = answerable(brief, self.staff.known(room.room_type))
+        held = answerable(brief, known)
+        left = held.unseen & movable & stands  # what fits into the room in no way
+        held = Answerable(put_back(brief, entry, left), held.unseen - left, lines + held.lines)
         (found,) = self.staff.furnisher().furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
         return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
@@ -147,9 +161,11 @@ class Answers:
         """A room without what cannot be placed in it, and the index there of the item that a question is about."""
         room = room_in(asked)
         item = item_in(asked, room)
-        held = answerable(room, self.staff.known(room.room_type))
-        if item in held.unseen:
-            raise InputError(f"item: nobody places a {room.furniture[item].category}; expected furniture")
+        known = self.staff.known(room.room_type)
+        held = answerable(room, known)
+        category = room.furniture[item].category
+        if category not in known or item in held.unseen:  # rugs, which who furnishes does not see
+            raise InputError(f"item: nobody places a {category} in a {room.room_type}; expected other furniture")
         return held.brief, item - sum(k < item for k in held.unseen)
 
     def svg(self, asked: Any) -> Answer:
@@ -158,22 +174,27 @@ class Answers:
         return {"svg": svg(room, faults(room))}
 
     def read(self, content: bytes) -> Answer:
-        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms."""
+        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
+
+        Of a home each room tells what of its furniture is `fixed`: the home is not written back with it elsewhere.
+        """
         suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
             path = Path(folder) / f"file{suffix}"
             path.write_bytes(content)
             try:
-                collection = opened(path).collection
+                source = home_of(path) if suffix == ".sh3d" else opened(path)
             except InputError as error:
                 raise InputError(str(error).replace(str(path), "file")) from None
+        collection = source.collection
         name = "line" if suffix == ".jsonl" else "file"
         left_out = [f"{where}: {problem}".replace(str(path), name) for where, problem in collection.left_out]
         left_out += [note.replace(str(path), "file") for note in collection.notes]
         rooms = []
         for room in collection.rooms[:MOST_ROOMS]:
             try:
-                rooms.append(shown(limited(room)))
+                stays = {"fixed": fixed(source, room)} if isinstance(source, Home) else {}
+                rooms.append(shown(limited(room)) | stays)
             except InputError as error:
                 left_out.append(f"{room.id}: {error}")
         if (more := len(collection.rooms) - MOST_ROOMS) > 0:
@@ -183,10 +204,26 @@ class Answers:
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
     def home(self, body: bytes) -> bytes:
-        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from."""
+        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from.
+
+        `others` of that home's rooms are written back with it, as they are now.
+        """
         line, _, content = body.partition(b"\n")
-        room = room_in(question(line))
-        return written_back(room, content) if content else new_home(room)
+        asked = question(line)
+        room, others = room_in(asked), asked.get("others", [])
+        if not isinstance(others, list) or len(others) >= MOST_ROOMS:
+            raise InputError(f"others: expected a list of rooms of the home, fewer than {MOST_ROOMS}")
+        rooms = [room]
+        for k, other in enumerate(others):
+            try:
+                rooms.append(room_in({"room": other}))
+            except InputError as error:
+                raise InputError(f"others[{k}]: {error}") from None
+        if len({room.id for room in rooms}) < len(rooms):
+            raise InputError("others: expected each room of the home once")
+        if others and not content:
+            raise InputError("others: expected the home that they were read from, below the line")
+        return written_back(rooms, content) if content else new_home(room)
 
 
 def question(body: bytes) -> dict[str, Any]:
@@ -255,6 +292,12 @@ def told(room: Room) -> list[list[Any]]:
     """What is wrong with a room, and what is odd: the item's index, the name, and words."""
     wrong = sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
     return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in wrong]
+
+
+def names(room: Room, those: Iterable[int]) -> str:
+    """The categories of some items, and how many there are of each."""
+    counts = Counter(room.furniture[k].category for k in sorted(those))
+    return ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
 
 
 def choice(held: Answerable, furnished: Furnished) -> Answer:

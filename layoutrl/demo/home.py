@@ -1,4 +1,4 @@
-"""A room as a home of Sweet Home 3D: written back into the home that it was read from, or as a new one.
+"""Rooms as a home of Sweet Home 3D: written back into the home that they were read from, or a room as a new one.
 
 Home.xml has centimetres, y down, radians clockwise. A piece without a model is shown as a box.
 """
@@ -8,7 +8,8 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -19,41 +20,93 @@ from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
-from layoutrl.rooms.formats import opened
-from layoutrl.rooms.room import Room, along_and_through, wall_thickness
+from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.room import Item, Room, along_and_through, wall_thickness
+from layoutrl.rooms.sources.sweethome3d import Home, HomePiece, read_home
 
 VERSION = "5300"
 WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
 HEIGHTS = {"bed": 50.0, "platform": 40.0, "chair": 90.0, "wardrobe": 200.0, "bookcase": 200.0, "fridge": 185.0}
 HEIGHT = 75.0  # centimetres, of other furniture
+APART = 0.3  # metres, of what stands beside a room
 NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
 
 
-def written_back(room: Room, content: bytes) -> bytes:
-    """The home that a room was read from, whole, with the furniture of this room where it stands now.
+def home_of(path: Path) -> Home:
+    """A home as the page shows it, and as it is written back: both have the same furniture.
 
-    Raises InputError where the room has other furniture than in the home, or moved what the home does not let move.
+    What the home has outside its rooms, and does not let move, stays there: it is for none of them. Raises InputError
+    for a file that is no home.
+    """
+    home = read_home(path)
+    for k, room in enumerate(home.rooms):
+        kept = []
+        for item, piece in zip(room.furniture, home.pieces[room.id], strict=True):
+            if item.center is None and not _may_move(piece):
+                note = f"the {item.category} outside all rooms stays there: the home does not let it move"
+                home.collection.notes.append(note)
+            else:
+                kept.append((item, piece))
+        home.rooms[k] = replace(room, furniture=tuple(item for item, _ in kept))
+        home.pieces[room.id] = [piece for _, piece in kept]
+    return home
+
+
+def fixed(home: Home, room: Room) -> list[int]:
+    """The indices of a room's furniture that a home is not written back with elsewhere: nobody knows it, or the home
+    does not let it move."""
+    return [k for k, piece in enumerate(home.pieces[room.id]) if not _may_move(piece)]
+
+
+def _may_move(piece: HomePiece) -> bool:
+    return piece.known and piece.element.flag("movable", True)
+
+
+def written_back(rooms: Sequence[Room], content: bytes) -> bytes:
+    """The home that these rooms were read from, whole, with their furniture where it stands now.
+
+    Raises InputError where a room is not as it was read but for where its furniture stands, or moved what is `fixed`.
     """
     with TemporaryDirectory(prefix="layoutrl-") as folder:
         path, out = Path(folder) / NAME, Path(folder) / f"out-{NAME}"
         path.write_bytes(content)
         try:
-            home = opened(path, move="all")
+            home = home_of(path)
         except InputError as error:  # which names the file, of which the page knows nothing
             raise InputError(str(error).replace(str(path), NAME)) from None
-        before = next((read for read in home.collection.rooms if read.id == room.id), None)
-        pieces = [] if before is None else [*before.furniture]
-        if [(i.category, i.size) for i in pieces] != [(i.category, i.size) for i in room.furniture]:
-            raise InputError("home: expected the furniture that was read from it, no more or less, in the same sizes")
-        for piece, item in zip(pieces, room.furniture, strict=True):
-            if piece.center is not None and (piece.center, piece.rotation) != (item.center, item.rotation):
-                raise InputError(f"home: expected the {item.category} where it was: nobody knows it, or it is fixed")
-        home.write([room], out)
+        before = {room.id: room for room in home.rooms}
+        for room in rooms:
+            _check(room, before.get(room.id), home)
+        for k, room in enumerate(home.rooms):  # of these, what has no center is written where it is now
+            moves = {*range(len(room.furniture))} - {*fixed(home, room)}
+            home.rooms[k] = replace(room, furniture=lifted(room.furniture, moves))
+        home.write(rooms, out)
         return out.read_bytes()
 
 
+def _check(room: Room, before: Room | None, home: Home) -> None:
+    """Raise InputError where a room is not as it was `before`, in the home, but for where its furniture stands."""
+    pieces = [] if before is None else [*before.furniture]
+    if before is None or [(i.category, i.size) for i in pieces] != [(i.category, i.size) for i in room.furniture]:
+        raise InputError(
+            "home: expected the furniture that was read from it, no more or less, in the same sizes; "
+            f"{room.id!r} has other: save it as JSON"
+        )
+    if (room.outline, room.holes, room.openings) != (before.outline, before.holes, before.openings):
+        raise InputError(
+            "home: expected the walls, doors and windows that were read from it; "
+            f"{room.id!r} has other: save it as JSON"
+        )
+    for k in fixed(home, room):
+        piece, item = pieces[k], room.furniture[k]
+        if (piece.center, piece.rotation) != (item.center, item.rotation):
+            raise InputError(
+                f"home: expected the {item.category} where it was in {room.id!r}: nobody knows it, or it is fixed"
+            )
+
+
 def new_home(room: Room) -> bytes:
-    """A home of this room alone."""
+    """A home of this room alone. What has no place yet stands in a row on the right of it."""
     home = Element("home", version=VERSION, name=room.id, camera="topCamera", wallHeight=f"{WALL_HEIGHT:g}")
     for number, opening in enumerate(room.openings):
         piece = SubElement(home, "doorOrWindow", id=f"opening{number}", catalogId=f"layoutrl#{opening.kind}")
@@ -63,12 +116,11 @@ def new_home(room: Room) -> bytes:
         angle, width, depth = -math.atan2(along[1], along[0]), np.hypot(*along), np.hypot(*through)
         _set(piece, opening.kind, center, angle, width, depth, high)
         piece.set("elevation", f"{low:g}")
-    for number, item in enumerate(room.furniture):
-        if item.center is None:
-            continue
+    for number, item in enumerate(_parked(room)):
         piece = SubElement(home, "pieceOfFurniture", id=f"piece{number}", catalogId=f"layoutrl#{item.category}")
         name = f"{'round ' if item.form == 'circle' else ''}{item.category.replace('_', ' ')}"
         high = HEIGHTS.get(item.category, HEIGHT)
+        assert item.center is not None
         _set(piece, name, item.center, math.radians(270 - item.degrees) % math.tau, item.size[1], item.size[0], high)
     thickness = wall_thickness(room)
     line = orient(Polygon(room.outline).buffer(thickness / 2, join_style="mitre")).exterior.coords[:-1]
@@ -90,6 +142,20 @@ def new_home(room: Room) -> bytes:
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Home.xml", tostring(home, "utf-8", xml_declaration=True))
     return content.getvalue()
+
+
+def _parked(room: Room) -> list[Item]:
+    """The furniture, with what has no center in a row on the right of the room: what stands there is to be placed."""
+    _, bottom, right, _ = room.envelope.bounds
+    items = []
+    for item in room.furniture:
+        if item.center is None:
+            item = replace(item, rotation=item.rotation or 0.0)
+            x0, y0, x1, _ = item.template.bounds
+            item = replace(item, center=(right + APART - x0, bottom - y0))
+            right += APART + x1 - x0
+        items.append(item)
+    return items
 
 
 def _wall(home: Element, name: str, thickness: float, start: Iterable[float], end: Iterable[float]) -> Element:

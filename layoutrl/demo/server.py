@@ -89,7 +89,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
                 return refused(400, str(error))
             except TimeoutError:  # a thread that has begun goes on, and the next answer waits for it
                 took = "the answer" if begun else "what was asked before"
-                mend = "a smaller room" if begun else "to ask again"
+                mend = "fewer pieces or a smaller room" if begun else "to ask again"
                 return refused(503, f"time: {took} took over {timeout:g} seconds; expected {mend}")
 
         return answer

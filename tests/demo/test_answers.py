@@ -28,6 +28,7 @@ from layoutrl.runs import pretrained
 from layoutrl.runs.answerable import answerable
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import Helped
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 3).rooms]
 any_room = st.sampled_from(ROOMS)
@@ -157,6 +158,56 @@ def test_what_nobody_knows_is_named_and_the_others_are_placed(answers):
     assert said["lines"] == answerable(brief_of(room_from_dict(document)), answers.staff.known("bathroom")).lines
 
 
+def with_corner(item: Item, *others: Item) -> Room:
+    """A bedroom of four by three metres, with a bed and what else is named."""
+    bed = Item("bed", (2.0, 1.4), (1.0, 2.3), 0.0)
+    document = {"id": "a", "room_type": "bedroom", "outline": [[0, 0], [4, 0], [4, 3], [0, 3]], "windows": []}
+    document |= {"doors": [{"polygon": [[3, -0.2], [3.9, -0.2], [3.9, 0], [3, 0]]}], "furniture": []}
+    return replace(room_from_dict(document), furniture=(item, bed, *others))
+
+
+def test_what_stands_and_nobody_knows_stays_and_is_in_the_way(answers):
+    fireplace = Item("fireplace", (0.5, 1.6), (1.0, 0.25), 90.0)
+    room = with_corner(fireplace)
+    said = answers.answer("furnish", body(room, movable=[0, 1]))
+    assert said["lines"] == ["nobody places these in a bedroom, and they stay: fireplace"]
+    assert said["choices"]
+    for choice in said["choices"]:
+        layout = room_from_dict(room_to_dict(room) | {"furniture": choice["furniture"]})
+        assert layout.furniture[0] == fireplace
+        assert layout.furniture[1].footprint.intersection(fireplace.footprint).area < 1e-3
+        assert {k for k, _, _ in choice["path"]} == {1}
+    with pytest.raises(InputError, match="nothing to furnish; nobody places these in a bedroom, and they stay: fire"):
+        answers.answer("furnish", body(room, movable=[0]))
+
+
+def test_a_chair_under_what_nobody_knows_stays_and_goes_from_what_is_only_locked(answers):
+    chair = Item("chair", (0.5, 0.5), (3.2, 2.0), 90.0, tucked=True)
+    desk = Item("desk", (0.6, 1.2), (3.3, 2.4), 270.0)
+    known = [*answers.staff.known("bedroom")]
+    assert {"chair", "desk"} <= {*known}
+    room = with_corner(desk, chair)
+    said = answers.answer("furnish", body(room, movable=[2]))
+    assert {k for k, _, _ in said["choices"][0]["path"]} == {2}
+    from layoutrl.demo.answers import Answers
+
+    ignorant = Answers(replace(answers.staff, known=lambda _: {*known} - {"desk"}))
+    said = ignorant.answer("furnish", body(room, movable=[0, 1, 2]))
+    assert said["lines"] == ["nobody places these in a bedroom, and they stay: desk, chair"]
+    kept = [room_to_dict(room)["furniture"][k] for k in (0, 2)]
+    assert all([choice["furniture"][k] for k in (0, 2)] == kept for choice in said["choices"])
+
+
+def test_what_fits_in_no_other_way_stays_where_it_stands(answers):
+    wide = Item("wardrobe", (0.6, 4.3), (2.0, 0.25), 90.0)  # it reaches into the walls, as homes are drawn
+    room = with_corner(wide)
+    said = answers.answer("furnish", body(room, movable=[0, 1]))
+    assert "the wardrobe of 0.6 by 4.3 m is not placed" in said["lines"][0]
+    stands = room_to_dict(room)["furniture"][0]
+    assert all(choice["furniture"][0] == stands for choice in said["choices"])
+    assert {k for k, _, _ in said["choices"][0]["path"]} == {1}
+
+
 def test_the_agents_of_the_package_furnish_and_the_search_helps_them():
     staff = staff_of(composed("demo").search)
     helped = staff.furnisher()
@@ -236,6 +287,15 @@ def test_thoughts_are_answered_by_who_thinks(answers):
     assert [move["name"] for move in said["moves"]] == ["left", "down"]
 
 
+@pytest.mark.parametrize("category", ["piano", "aquarium", "cooktop"])
+def test_there_are_no_thoughts_of_what_nobody_places_in_such_a_room(answers, category):
+    room = with_corner(Item(category, (0.4, 0.8), (2.5, 2.5), 0.0))
+    for question in ("values", "moves"):
+        with pytest.raises(InputError, match=f"item: nobody places a {category} in a bedroom; expected other"):
+            answers.answer(question, body(room, item=0))
+        assert answers.answer(question, body(room, item=1))
+
+
 def lines_of(rooms: Sequence[Room]) -> bytes:
     return "\n".join(json.dumps(room_to_dict(room)) for room in rooms).encode()
 
@@ -250,6 +310,30 @@ def test_files_are_read_and_what_is_wrong_is_said(answers):
         with pytest.raises(InputError, match=match) as found:
             answers.read(content)
         assert "/tmp" not in str(found.value)
+
+
+def test_a_home_tells_what_is_fixed_and_is_saved_with_all_its_rooms(answers, tmp_path):
+    shelf = piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
+    content = home_file(tmp_path / "flat.sh3d", shelf + FLAT).read_bytes()
+    said = answers.read(content)
+    bedroom, bathroom = (entry["room"] for entry in said["rooms"])
+    assert [entry["fixed"] for entry in said["rooms"]] == [[0], []]
+    bedroom["furniture"][1]["center"] = [1.2, -1.3]
+    bathroom["furniture"][0]["center"] = [5.1, -0.6]
+    asked = {"room": bathroom, "others": [bedroom]}
+    saved = answers.home(json.dumps(asked).encode() + b"\n" + content)
+    assert [entry["room"] for entry in answers.read(saved)["rooms"]] == [bedroom, bathroom]
+    for others, match in (
+        (7, "others: expected a list"),
+        (100 * [bedroom], "fewer than 100"),
+        ([{}], r"others\[0\]: id: missing"),
+        ([bathroom], "each room of the home once"),
+        ([bedroom | {"id": "another"}], "home: expected the furniture that was read from it.*'another'"),
+    ):
+        with pytest.raises(InputError, match=match):
+            answers.home(json.dumps({"room": bathroom, "others": others}).encode() + b"\n" + content)
+    with pytest.raises(InputError, match="expected the home that they were read from"):
+        answers.home(json.dumps(asked).encode())
 
 
 @pytest.mark.parametrize(

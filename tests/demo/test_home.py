@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 
 from layoutrl import InputError
-from layoutrl.demo.home import NAME, new_home, written_back
+from layoutrl.demo.home import NAME, fixed, home_of, new_home, written_back
+from layoutrl.demo.shell import with_opening, without_opening
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM, Room
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 2).rooms]
 
@@ -58,11 +60,20 @@ def test_columns_come_back_and_a_hole_that_is_no_column_is_refused(tmp_path):
         new_home(replace(bare, holes=(column[:3],)))
 
 
-def test_what_is_not_placed_is_left_out_of_a_new_home(tmp_path):
-    room = ROOMS[0]
-    first, *others = room.furniture
-    home = read(tmp_path, new_home(replace(room, furniture=(replace(first, center=None), *others))))
-    assert [item.category for item in home.furniture] == [item.category for item in others]
+def test_what_is_not_placed_stands_beside_the_room_in_a_new_home(tmp_path):
+    room = next(room for room in ROOMS if room.room_type == "living_room")
+    ways = (None, 30.0, 90.0)
+    turned = [replace(room.furniture[k], center=None, rotation=way) for k, way in enumerate(ways)]
+    others = room.furniture[len(turned) :]
+    home = read(tmp_path, new_home(replace(room, furniture=(*turned, *others))))
+    assert [item.category for item in home.furniture[: len(others)]] == [item.category for item in others]
+    waits = home.furniture[len(others) :]
+    assert sorted(item.category for item in waits) == sorted(item.category for item in turned)
+    assert not any(item.center for item in waits)
+    (stood,) = opened(tmp_path / NAME).stood
+    shapes = [item.footprint for item in stood[len(others) :]]
+    assert min(shape.distance(room.envelope) for shape in shapes) > 0.2
+    assert all(one.distance(other) > 0.2 for k, one in enumerate(shapes) for other in shapes[:k])
 
 
 def test_a_home_is_written_back_whole_with_what_moved(tmp_path):
@@ -70,7 +81,7 @@ def test_a_home_is_written_back_whole_with_what_moved(tmp_path):
     with zipfile.ZipFile(content, "a") as archive:
         archive.writestr("picture.png", b"of the user's")
     home = read(tmp_path, content.getvalue())
-    back = written_back(moved(home, 0.05), content.getvalue())
+    back = written_back([moved(home, 0.05)], content.getvalue())
     assert read(tmp_path, back).furniture == moved(home, 0.05).furniture
     with zipfile.ZipFile(BytesIO(back)) as archive:
         assert archive.read("picture.png") == b"of the user's"
@@ -81,12 +92,12 @@ def test_other_furniture_than_the_homes_is_refused(tmp_path):
     home = read(tmp_path, content)
     for other in (replace(home, id="another"), replace(home, furniture=home.furniture[1:])):
         with pytest.raises(InputError, match="expected the furniture that was read from it"):
-            written_back(other, content)
+            written_back([other], content)
 
 
 def test_a_home_that_cannot_be_read_is_said_without_a_place_of_the_servers():
     with pytest.raises(InputError, match=r"file\.sh3d") as said:
-        written_back(ROOMS[0], b"PK\x03\x04nonsense")
+        written_back([ROOMS[0]], b"PK\x03\x04nonsense")
     assert "/" not in str(said.value)
 
 
@@ -97,6 +108,49 @@ def test_what_a_home_does_not_let_move_stays(tmp_path):
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("Home.xml", xml)
     home = read(tmp_path, content.getvalue())
-    assert written_back(home, content.getvalue())
+    assert written_back([home], content.getvalue())
     with pytest.raises(InputError, match=r"expected the \w+ where it was"):
-        written_back(moved(home, 0.05), content.getvalue())
+        written_back([moved(home, 0.05)], content.getvalue())
+
+
+def test_all_rooms_of_a_home_are_written_back_as_they_are_now(tmp_path):
+    content = home_file(tmp_path / NAME).read_bytes()
+    rooms = [moved(room, -0.3) for room in home_of(tmp_path / NAME).rooms]
+    assert [room.id for room in rooms] == ["file/Bedroom", "file/room 2"]
+    (tmp_path / NAME).write_bytes(written_back(rooms, content))
+    assert home_of(tmp_path / NAME).rooms == rooms
+
+
+def test_other_openings_or_another_outline_than_the_homes_are_refused(tmp_path):
+    content = home_file(tmp_path / NAME).read_bytes()
+    (room, _) = home_of(tmp_path / NAME).rooms
+    (x0, y0), *corners = room.outline
+    others = (
+        with_opening(room, "window", (2.0, 0.0), 1.2),
+        without_opening(room, 0),
+        replace(room, outline=((x0 + 0.5, y0), *corners)),
+    )
+    for other in others:
+        with pytest.raises(InputError, match=r"expected the walls, doors and windows .* other: save it as JSON"):
+            written_back([other], content)
+    assert written_back([room], content)
+
+
+def test_what_is_fixed_outside_all_rooms_stays_there_and_the_rest_is_saved(tmp_path):
+    """A wardrobe is to be placed; a desk that may not move is in no room, and what is odd stays where it is."""
+    odd = piece("whatsit", 60, 250, 40, 40, id="odd") + piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
+    parked = piece("wardrobe", 900, 100, 100, 54, id="w") + piece("desk", 900, 300, 100, 54, id="d", movable="false")
+    content = home_file(tmp_path / NAME, FLAT + odd + parked).read_bytes()
+    home = home_of(tmp_path / NAME)
+    (room, _) = home.rooms
+    kinds = ["bed", "whatsit", "bookcase", "wardrobe"]
+    assert [item.category for item in room.furniture] == kinds
+    assert [k for k, item in enumerate(room.furniture) if item.center is None] == [3]
+    assert fixed(home, room) == [1, 2]
+    assert "the desk outside all rooms stays there: the home does not let it move" in home.collection.notes
+    placed = replace(room.furniture[3], center=(3.5, -1.5), rotation=180.0)
+    (tmp_path / NAME).write_bytes(written_back([replace(room, furniture=(*room.furniture[:3], placed))], content))
+    assert home_of(tmp_path / NAME).rooms[0].furniture[3].center == (3.5, -1.5)
+    with zipfile.ZipFile(tmp_path / NAME) as archive:
+        assert b"id='d' movable='false'" in archive.read("Home.xml")
+        assert b"x='900' y='300'" in archive.read("Home.xml")

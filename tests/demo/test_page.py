@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from layoutrl.rooms.faults import faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM
 from tests.demo.conftest import served
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 for extra in ("starlette", "uvicorn"):
     pytest.importorskip(extra, reason="the extra demo is not installed")
@@ -523,6 +525,62 @@ def test_a_home_of_sweet_home_3d_is_saved_opened_and_written_back(page, tmp_path
     settled(page)
     page.locator("#save-sh3d").click()
     expect(page.locator("#verdict")).to_contain_text("home: expected the furniture that was read from it")
+
+
+def openly(page: Page, content: bytes, room: str) -> None:
+    """Open a file, of which that room is shown."""
+    page.locator("#saving").evaluate("node => { node.open = true }")
+    count = page.locator("#gallery li").count()
+    page.locator("#file").set_input_files({"name": "a.sh3d", "mimeType": "application/zip", "buffer": content})
+    expect(page.locator("#gallery li").nth(count)).to_be_attached()
+    expect(page.locator("#title")).to_have_attribute("data-room", room)
+    settled(page)
+
+
+def entry_of(content: bytes, name: str) -> bytes:
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return archive.read(name)
+
+
+def test_a_room_is_saved_into_the_home_that_it_was_read_from(page, tmp_path):
+    """Two versions of a home have rooms of the same names."""
+    for version in (b"one", b"two"):
+        openly(page, home_file(tmp_path / "home.sh3d", entries={"version": version}).read_bytes(), "file/Bedroom")
+    bedrooms = page.locator("#gallery").get_by_title("file/Bedroom")
+    expect(bedrooms).to_have_count(2)  # the first is of the version that was opened last
+    for number, version in ((1, b"one"), (0, b"two")):
+        bedrooms.nth(number).click()
+        settled(page)
+        assert entry_of(saved(page, "sh3d"), "version") == version
+        page.locator("#undo").click()  # to a room of the other
+        settled(page)
+        assert entry_of(saved(page, "sh3d"), "version") != version
+        page.locator("#redo").click()
+        settled(page)
+
+
+def test_a_home_is_saved_with_all_its_rooms_as_they_are_now(page, tmp_path):
+    shelf = piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
+    openly(page, home_file(tmp_path / "home.sh3d", FLAT + shelf).read_bytes(), "file/Bedroom")
+    expect(page.locator("#plan .item.locked")).to_have_count(1)  # what the home does not let move
+    item(page, "bed").focus()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    bedroom = room_of(page)
+    page.locator("#gallery").get_by_title("file/room 2").click()
+    expect(page.locator("#title")).to_contain_text("bathroom")
+    settled(page)
+    item(page, "toilet").focus()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    (tmp_path / "saved.sh3d").write_bytes(saved(page, "sh3d"))
+    rooms = opened(tmp_path / "saved.sh3d").collection.rooms
+    assert [room.furniture for room in rooms] == [room_from_dict(room).furniture for room in (bedroom, room_of(page))]
+    page.locator("#gallery").get_by_title("file/Bedroom").click()
+    expect(page.locator("#title")).to_contain_text("bedroom")
+    settled(page)
+    assert room_of(page) == bedroom
+    expect(page.locator("#plan .item.locked")).to_have_count(1)
 
 
 def test_a_link_holds_the_room_and_what_is_locked(page, browser):

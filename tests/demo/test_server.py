@@ -137,7 +137,7 @@ def test_an_answer_that_takes_long_is_given_up_and_others_go_on(answers, monkeyp
     late, others, later = talked(answers, talk, timeout=0.5)
     release.set()
     assert (late.status_code, later.status_code) == (503, 503)
-    assert late.json()["error"] == "time: the answer took over 0.5 seconds; expected a smaller room"
+    assert late.json()["error"] == "time: the answer took over 0.5 seconds; expected fewer pieces or a smaller room"
     assert later.json()["error"] == "time: what was asked before took over 0.5 seconds; expected to ask again"
     assert {response.status_code for response in others} == {200}
 

@@ -24,6 +24,6 @@ export const ask = (question, body) =>
 
 export const read = (file) => json("/api/read", { method: "POST", body: file });
 
-// A home of Sweet Home 3D: a new one, or the one that the room was read from.
-export const home = async (room, file) =>
-  (await answer("/api/home", { method: "POST", body: new Blob([`${JSON.stringify({ room })}\n`, file ?? ""]) })).blob();
+// A home of Sweet Home 3D: a new one of the room; or the one that it was read from, with others of its rooms.
+export const home = async (room, others, file) =>
+  (await answer("/api/home", { method: "POST", body: new Blob([`${JSON.stringify({ room, others })}\n`, file ?? ""]) })).blob();

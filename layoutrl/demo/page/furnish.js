@@ -54,7 +54,8 @@ async function play(index, movable) {
     const stopped = new Promise((resolve) => { skip = resolve; }).then(() => true);
     state.look.gaps = [];
     state.look.faults = [];
-    for (const k of movable) delete state.room.furniture[k].center;
+    const goes = new Set(path.map(([k]) => k));
+    for (const k of movable) if (goes.has(k) || !furniture[k].center) delete state.room.furniture[k].center;
     for (const [k, center, degrees] of path) {
       const seconds = Math.min(MOVE, ALL / path.length) * Number($("speed").value);
       if (await Promise.race([stopped, moved(state.room.furniture[k], center, degrees, seconds)])) break;

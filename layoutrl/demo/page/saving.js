@@ -6,7 +6,6 @@ import { thumbnail } from "./plan.js";
 import { packed, snapshot, state, unpacked, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
-const homes = new Map(); // by the ids of their rooms, the homes that were opened
 const PIXELS = 1600; // of the longer side of a PNG
 
 function download(content, kind, ending) {
@@ -16,14 +15,23 @@ function download(content, kind, ending) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-// What stands where other furniture is to be placed stays: it is locked.
-const standing = ({ furniture }) => (furniture.every(({ center }) => center) ? [] : furniture.map(({ center }) => center));
+// What is fixed in a home is locked, and what stands where other furniture is to be placed.
+function locks({ furniture }, fixed) {
+  const waits = furniture.some(({ center }) => !center);
+  return furniture.map(({ center }, k) => fixed.includes(k) || (waits && Boolean(center)));
+}
 
-const shown = (room) => open(structuredClone(room), standing(room));
+// A room of the gallery; one of a home is taken up as it was left.
+function shown({ room, fixed = [] }, home) {
+  const left = home?.rooms.get(room.id);
+  const now = left ? JSON.parse(left) : { room: structuredClone(room), locked: locks(room, fixed) };
+  return open(now.room, now.locked, home);
+}
 
-export function offer(rooms, before = false) {
-  const entries = rooms.map(({ room, box }) => {
-    const node = element("button", { type: "button", title: room.id, onclick: () => shown(room) });
+export function offer(rooms, before = false, home = null) {
+  const entries = rooms.map((entry) => {
+    const { room, box } = entry;
+    const node = element("button", { type: "button", title: room.id, onclick: () => shown(entry, home) });
     node.append(thumbnail(room, box, known), element("span", { textContent: words(room.room_type) }));
     return element("li", {}, node);
   });
@@ -37,16 +45,20 @@ async function opened(file) {
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const { rooms, left_out, home: whole } = await read(content);
-    for (const { room } of rooms) {
-      if (whole) homes.set(room.id, content);
-      else homes.delete(room.id);
-    }
-    offer(rooms, true);
-    await shown(rooms[0].room);
+    const home = whole ? { file: content, rooms: new Map() } : null; // its own, however alike the rooms of others
+    offer(rooms, true, home);
+    await shown(rooms[0], home);
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
   } catch (error) {
     say(`${file.name}: ${error.message}`);
   }
+}
+
+// The home with this room and all others of it that were shown, as they are now; or a new home.
+function wholeHome() {
+  const { room, home: of } = state;
+  const kept = [...(of?.rooms.values() ?? [])].map((text) => JSON.parse(text).room);
+  return home(room, kept.filter(({ id }) => id !== room.id), of?.file);
 }
 
 $("file").onchange = () => opened($("file").files[0]);
@@ -71,7 +83,7 @@ const svg = async () => (await ask("svg", { room: state.room })).svg;
 
 saving("save-json", () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json"));
 saving("save-svg", async () => download(await svg(), "image/svg+xml", "svg"));
-saving("save-sh3d", async () => download(await home(state.room, homes.get(state.room.id)), "application/zip", "sh3d"));
+saving("save-sh3d", async () => download(await wholeHome(), "application/zip", "sh3d"));
 saving("save-png", async () => {
   const picture = new Image();
   picture.src = URL.createObjectURL(new Blob([await svg()], { type: "image/svg+xml" }));

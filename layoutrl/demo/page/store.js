@@ -3,6 +3,7 @@
 export const state = {
   room: null, // as in its JSON
   locked: [], // of each piece of furniture
+  home: null, // that the room is of: {file, rooms: by their ids, snapshots of those that were shown}
   look: null, // what the server last said of the room
   problem: "", // why the server refuses the room as it is
   notice: "", // what else is to be said, until something changes
@@ -15,19 +16,23 @@ export const state = {
   thoughts: null, // {values, moves} of the chosen item
 };
 
-const past = [];
+const past = []; // each {text: a snapshot, home}
 const future = [];
-let present = "";
+let present = null;
 
 export const snapshot = () => JSON.stringify({ room: state.room, locked: state.locked });
 
+// A home is saved with all its rooms as they are now, whichever of them is shown.
+const keep = () => present.home?.rooms.set(state.room.id, present.text);
+
 // Keep how things are now, so that undo comes back here.
 export function commit() {
-  const now = snapshot();
-  if (now === present) return;
+  const now = { text: snapshot(), home: state.home };
+  if (now.text === present?.text && now.home === present.home) return;
   if (present) past.push(present);
   present = now;
   future.length = 0;
+  keep();
 }
 
 // The room before, or after; nothing if there is none.
@@ -36,7 +41,8 @@ export function travel(back) {
   if (!from.length) return false;
   to.push(present);
   present = from.pop();
-  Object.assign(state, JSON.parse(present));
+  Object.assign(state, JSON.parse(present.text), { home: present.home });
+  keep();
   const { selected, room } = state;
   if (selected?.kind === "item" && selected.index >= room.furniture.length) state.selected = null;
   if (selected?.kind === "opening" && selected.index >= openings(room).length) state.selected = null;
