@@ -13,7 +13,7 @@ from typing import Any, Generic, Literal, TypeVar
 import numpy as np
 import shapely
 from shapely.affinity import rotate, translate
-from shapely.geometry import Polygon, box
+from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
@@ -69,10 +69,19 @@ class Wall:
 
 @dataclass(frozen=True)
 class Gap:
-    """A door or window as it is drawn: where it lies in some wall, along it and across."""
+    """A door or window as it is drawn: where it lies in some wall, along it and across.
+
+    `axis` is a line through it along the wall, where the format says how the wall runs.
+    """
 
     kind: Literal["door", "window"]
     shape: Polygon
+    axis: LineString | None = None
+
+    @cached_property
+    def sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Its sides along the wall and through it, as vectors (2,) in metres."""
+        return along_and_through(self.shape, self.axis)
 
 
 @dataclass
@@ -247,10 +256,11 @@ def room_of(
     band = shapely.union_all(strips).difference(Polygon(outline))
     openings: list[Gap] = []
     for gap in gaps:
-        for ring in rings(_drawn_out(gap.shape).intersection(band)):
+        width = math.hypot(*gap.sides[0])
+        for ring in rings(_drawn_out(gap).intersection(band)):
             shape = Polygon(ring)
             beside = shape.buffer(TOLERANCE).intersection(floor.exterior).length
-            if beside > _width(gap.shape) / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
+            if beside > width / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
                 openings.append(Gap(gap.kind, shape))
     document: dict[str, object] = {
         "id": room_id,
@@ -312,18 +322,12 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[l
     return walls
 
 
-def _drawn_out(shape: Polygon) -> Polygon:
+def _drawn_out(gap: Gap) -> Polygon:
     """An opening, deeper by ACROSS on both sides."""
-    along, through = along_and_through(shape)
+    along, through = gap.sides
     degrees = math.degrees(math.atan2(along[1], along[0]))
-    center = shape.minimum_rotated_rectangle.centroid
+    center = gap.shape.minimum_rotated_rectangle.centroid
     return oblong(center.x, center.y, math.hypot(*along), math.hypot(*through) + 2 * ACROSS, degrees)
-
-
-def _width(shape: Polygon) -> float:
-    """The longer side of an opening."""
-    along, _ = along_and_through(shape)
-    return math.hypot(*along)
 
 
 def _tucked(items: list[Item]) -> list[Item]:

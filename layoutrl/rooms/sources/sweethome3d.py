@@ -253,7 +253,9 @@ def _gaps(element: Element) -> list[Gap]:
     window = any(word in words for word in WINDOWS)
     high = element.number("elevation", 0.0) / 100 > HIGHEST
     shape = oblong(x, -y, width * wide, depth * deep, -math.degrees(angle))
-    return [Gap("window" if window or high else "door", shape)]
+    middle, to_side = np.array((x, -y)), width * wide / 2 * np.array((math.cos(angle), -math.sin(angle)))
+    axis = LineString((middle - to_side, middle + to_side))
+    return [Gap("window" if window or high else "door", shape, axis)]
 
 
 def _piece(element: Element, names: Names) -> HomePiece | None:

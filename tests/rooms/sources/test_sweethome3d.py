@@ -131,6 +131,18 @@ def test_the_part_of_a_door_in_the_wall_is_the_opening(tmp_path: Path) -> None:
             assert opening.shape.symmetric_difference(box(4, y - 0.4, 4.1, y + 0.4)).area < 1e-3
 
 
+@pytest.mark.parametrize(("width", "depth"), [(40, 50), (20, 30)])  # as deep as its wall; or in the middle of it
+def test_a_window_that_is_less_wide_than_its_wall_is_thick_is_no_wider(
+    width: float, depth: float, tmp_path: Path
+) -> None:
+    walls = wall(-25, -25, 425, -25, 50) + wall(425, -25, 425, 325, 50) + wall(425, 325, -25, 325, 50)
+    window = piece("window85x123", 200, -25, width, depth, tag="doorOrWindow", elevation=90)
+    toilet = piece("toiletUnit", 60, 40, 40, 80) + room_tag(0, 0, 400, 300, name="WC")
+    (room,) = flat(tmp_path, toilet + window + walls + wall(-25, 325, -25, -25, 50)).rooms
+    (opening,) = room.openings
+    assert opening.shape.bounds == pytest.approx((2 - width / 200, 0, 2 + width / 200, 0.5))
+
+
 def test_windows_are_told_from_doors_by_their_names_and_by_how_high_they_lie(tmp_path: Path) -> None:
     openings = (
         piece("doubleWindow126x123", 100, -5, 126, 10, tag="doorOrWindow", elevation=94)
