@@ -5,7 +5,7 @@
     ...                                # furnish rooms of source.collection.rooms that lack an item's center
     source.write(layouts, Path("home-placed.sh3d"))
 
-A format is found out from the content.
+A format is found out from the content, that of a folder from its first file.
 """
 
 from __future__ import annotations
@@ -24,10 +24,16 @@ from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
 from layoutrl.rooms.sources.front3d import MODELS
 from layoutrl.rooms.sources.procthor import ASSETS
-from layoutrl.rooms.sources.sweethome3d import read_home
+from layoutrl.rooms.sources.sweethome3d import read_folder, read_home
 
 FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
 SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
+READ = {  # suffixes of the files that are read of a folder, by its format
+    "json": (".json", ".jsonl"),
+    "sweethome3d": (".sh3d",),
+    "procthor": (".json", ".jsonl", ".gz"),
+    "front3d": (".json",),
+}
 LOOK = 2**20  # bytes, at the start of a file, that tell its format
 
 
@@ -95,10 +101,23 @@ def opened(
     for name, value in (("into", into), ("room_type", room_type)):
         if value is not None:
             raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
-    collection = read_homes(kind, path, categories=categories)
-    stood = [read.furniture for read in collection.rooms]
-    collection.rooms = [to_place(read, move) for read in collection.rooms]
+    if kind == "sweethome3d":
+        collection, stood = read_folder(path, names_of(categories), move=move)
+    else:
+        collection = read_homes(kind, path, categories=categories)
+        stood = [read.furniture for read in collection.rooms]
+        collection.rooms = [to_place(read, move) for read in collection.rooms]
+    collection.notes += unread(path, kind)
     return RoomsSource(collection, stood)
+
+
+def unread(path: Path, kind: str) -> list[str]:
+    """A line that says how many files below a folder are of another format than this one, if any are."""
+    others = [file for file in files_below(path, FORMATS, (ASSETS, MODELS)) if file.suffix.lower() not in READ[kind]]
+    if not others:
+        return []
+    files, are = ("1 file", "is") if len(others) == 1 else (f"{len(others)} files", "are")
+    return [f"{files} of other formats {are} not read, such as {others[0]}; expected one format in a folder"]
 
 
 def format_of(path: Path) -> str:

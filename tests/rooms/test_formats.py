@@ -37,6 +37,21 @@ def test_what_is_to_move_has_no_pose(tmp_path_factory: pytest.TempPathFactory, r
             assert (item.category, item.size, item.form) == (before.category, before.size, before.form)
 
 
+def test_files_of_other_formats_in_a_folder_are_said(tmp_path: Path) -> None:
+    write_rooms(tmp_path / "a.jsonl", [rectangular_room()])
+    write_rooms(tmp_path / "b.json", [rectangular_room(id="other")])
+    assert opened(tmp_path).collection.notes == []
+    for name in ("c.sh3d", "d.jsonl.gz", "plan.pdf"):
+        (tmp_path / name).write_bytes(b"")
+    source = opened(tmp_path)
+    assert len(source.collection.rooms) == 2
+    said = f"2 files of other formats are not read, such as {tmp_path / 'c.sh3d'}; expected one format in a folder"
+    assert source.collection.notes == [said]
+    (tmp_path / "c.sh3d").unlink()
+    assert opened(tmp_path).collection.notes[0].startswith("1 file of other formats is not read, such as ")
+    assert opened(tmp_path / "a.jsonl").collection.notes == []
+
+
 def test_no_file_is_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "rooms.jsonl"
     write_rooms(path, [rectangular_room()])

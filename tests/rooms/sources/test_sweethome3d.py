@@ -62,6 +62,7 @@ FLAT = BED + TOILET + door(405, 150, angle=math.pi / 2) + WALLS + ROOMS
 
 
 def home_file(path: Path, body: str = FLAT, entries: dict[str, bytes] | None = None) -> Path:
+    path.parent.mkdir(exist_ok=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Home", b"binary, and not read")
         xml = f"<?xml version='1.0'?>\n<home version='5300' name='flat'>\n{body}</home>\n"
@@ -247,7 +248,6 @@ def test_a_name_that_nobody_knows_stands_as_an_obstacle_and_is_said(tmp_path: Pa
 
 def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
     home_file(tmp_path / "a.sh3d")
-    (tmp_path / "below").mkdir()
     home_file(tmp_path / "below" / "b.sh3d")
     (tmp_path / "c.sh3d").write_bytes(b"no ZIP")
     collection = read(tmp_path, names_of())
@@ -259,6 +259,24 @@ def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
 
 
 # What is to be placed
+
+
+@pytest.mark.parametrize("move", [None, "all", "bed, wardrobe"])
+def test_a_home_of_a_folder_is_read_as_it_is_alone(move: str | None, tmp_path: Path) -> None:
+    fixed = piece("wardrobe", 300, 270, 100, 54, movable="false")
+    parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
+    beyond = piece("dresser", 450, 270, 200, 40)  # it stands in the bathroom, through the wall
+    alone = opened(home_file(tmp_path / "homes" / "a.sh3d", FLAT + fixed + parked + beyond), move=move)
+    home_file(tmp_path / "homes" / "b.sh3d")
+    folder = opened(tmp_path / "homes", move=move)
+    assert folder.collection.rooms[:2] == alone.collection.rooms
+    assert folder.stood[:2] == alone.stood
+    assert folder.collection.homeless == alone.collection.homeless
+    notes = alone.collection.notes
+    assert folder.collection.notes == [note if note.startswith("a/") else f"a: {note}" for note in notes]
+    if move is None:
+        assert [note[:20] for note in notes] == ["a/room 2: left out, ", "the cooktop outside "]
+    assert all(item.center for room in read(tmp_path / "homes", names_of()).rooms for item in room.furniture)
 
 
 def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path) -> None:
@@ -449,7 +467,6 @@ def test_a_bomb_is_unpacked_no_further_than_a_home_goes(tmp_path: Path) -> None:
 
 
 def test_entries_are_copied_and_never_unpacked_to_where_they_lead(tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
     evil = {"../evil": b"x", "/evil": b"y", "big": b"\0" * 1_000_000}
     home = read_home(home_file(tmp_path / "in" / "flat.sh3d", entries=evil), move="bed")
     (room, _) = home.rooms
