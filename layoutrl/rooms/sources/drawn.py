@@ -17,7 +17,7 @@ from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.categories import NO_ROOM, Names
+from layoutrl.rooms.categories import NO_ROOM, OBSTACLE, Names
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
@@ -29,6 +29,7 @@ from layoutrl.rooms.room import (
     RoomError,
     along_and_through,
     rings,
+    rotation,
     without_films,
     without_narrow,
 )
@@ -43,6 +44,7 @@ NEAR = 0.1  # metres from a floor to a wall that is its own
 ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
 MOST_WALLS, MOST_OPENINGS = 40, 30  # that are looked at along one side, and about one room
 MOST_CROSSING = 100  # corners of a border that may cross itself
+SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a room, the largest that fits
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
 FLATTEST = 0.1  # metres: carpets are lower
@@ -162,8 +164,15 @@ class Storey(Generic[P]):
             except RoomError as error:
                 self.left_out.append((room_id, str(error)))
                 continue
-            if beyond := sorted({items[k].category for k in {*range(len(items))} - {*held}}):
-                self.notes.append(f"{room_id}: left out, since it reaches beyond the walls: {', '.join(beyond)}")
+            cut = {items[k].category for k, item in held.items() if item is not items[k]}
+            beyond = {item.category for k, item in enumerate(items) if k not in held}
+            for what, those in (("stays as an obstacle as far as it is indoors", cut), ("left out", beyond)):
+                if those:
+                    called = ", ".join(sorted(those))
+                    self.notes.append(f"{room_id}: {what}, since it reaches beyond the walls: {called}")
+            for k, item in held.items():
+                if item is not items[k]:
+                    pieces[k] = replace(pieces[k], item=item, known=False)
             yield room, [pieces[k] for k in held]
 
 
@@ -243,8 +252,8 @@ def room_of(
     gaps: Iterable[Gap],
     furniture: Sequence[Item],
     group: str,
-) -> tuple[Room, list[int]]:
-    """A room around a tidy floor, and which of `furniture` it holds: what reaches beyond its walls is left out.
+) -> tuple[Room, dict[int, Item]]:
+    """A room around a tidy floor, and what it holds of `furniture`, by its index: `within`.
 
     `walls` are all that are near, of which each side takes the one that it lies along; None where none are drawn.
     Of `gaps` those that lie in its walls are its doors and windows. Raises RoomError where no room can be made.
@@ -274,8 +283,30 @@ def room_of(
         "group": group,
     }
     bare = room_from_dict(document)
-    held = [k for k, item in enumerate(furniture) if item.center is None or bare.holds(item)]
-    return room_from_dict(document | {"furniture": [_document(furniture[k]) for k in held]}), held
+    held = {k: kept for k, item in enumerate(furniture) if (kept := within(bare, item))}
+    return room_from_dict(document | {"furniture": [_document(item) for item in held.values()]}), held
+
+
+def within(room: Room, item: Item) -> Item | None:
+    """The item, where it is to be placed or the room holds it; else what of it lies indoors, as an obstacle.
+
+    People draw furniture a few centimetres through a wall: nothing else may stand there. None where it is all outside.
+    """
+    if item.center is None or room.holds(item):
+        return item
+    indoors = rotate(item.footprint.intersection(room.indoor), -item.degrees, origin=(0, 0))
+    if indoors.area < TOLERANCE:
+        return None
+    middle = np.array(indoors.representative_point().coords[0])
+    low, high = np.array(indoors.bounds).reshape(2, 2)
+    for share in SHARES:  # where it leans to a wall, a corner of its box may still reach through
+        start, end = middle + share * (low - middle), middle + share * (high - middle)
+        x, y = rotation(item.degrees) @ ((start + end) / 2)
+        depth, width = (end - start).tolist()
+        part = Item(OBSTACLE, (depth, width), (float(x), float(y)), item.rotation, tucked=item.tucked)
+        if min(part.size) > TOLERANCE and room.holds(part, 0.0):
+            return part
+    return None
 
 
 def _strips(outline: Ring, walls: Sequence[Wall] | None) -> list[Polygon]:

@@ -19,7 +19,10 @@ from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
+from layoutrl.rooms.room import Item
+from layoutrl.rooms.sources.drawn import within
 from layoutrl.rooms.sources.sweethome3d import Home, read, read_home
+from tests.builders import rectangular_room
 
 # Homes as Sweet Home 3D writes them: centimetres, y down, radians clockwise.
 
@@ -258,6 +261,50 @@ def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
     assert "which is a whole ZIP file" in reason
 
 
+def test_what_is_drawn_through_a_wall_is_in_the_way_as_far_as_it_is_in_its_room(tmp_path: Path) -> None:
+    dresser = piece("dresser", 357, 250, 110, 50, id="dresser")  # 2 cm of it are in the bathroom
+    home = flat(tmp_path, FLAT + dresser, move="bed")
+    bed, cut = home.rooms[0].furniture
+    assert (cut.category, cut.size, cut.rotation) == ("obstacle", (0.5, 0.98), 270)
+    assert cut.footprint.symmetric_difference(box(3.02, -2.75, 4, -2.25)).area < 1e-6
+    assert home.stood[0][1].footprint.equals_exact(cut.footprint, 1e-6)
+    assert home.collection.notes == [
+        "flat/Bedroom: stays as an obstacle as far as it is indoors, since it reaches beyond the walls: dresser"
+    ]
+    placed = replace(home.rooms[0], furniture=(replace(bed, center=(1, -1.5), rotation=0), cut))
+    home.write([placed], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["bed"])
+    _, anew = flat(tmp_path, FLAT + dresser, move="dresser").rooms[0].furniture
+    assert (anew.category, anew.size, anew.center) == ("dresser", (0.5, 1.1), None)
+
+
+@given(st.floats(0, 4), st.floats(0, 3), st.floats(0.3, 3), st.floats(0.3, 3), st.floats(0, 360))
+def test_what_is_cut_to_a_room_lies_in_it_and_where_the_piece_lay(
+    x: float, y: float, depth: float, width: float, degrees: float
+) -> None:
+    room, item = rectangular_room(), Item("dresser", (depth, width), (x, y), degrees)
+    kept = within(room, item)
+    if room.holds(item):
+        assert kept is item
+    elif kept is not None:
+        assert kept.category == "obstacle"
+        assert room.holds(kept)
+        assert kept.footprint.difference(item.footprint.buffer(1e-6)).area < 1e-9
+        assert kept.footprint.intersection(room.indoor).area > 0.09 * item.footprint.intersection(room.indoor).area
+    else:
+        assert item.footprint.intersection(room.indoor).area < 0.1
+
+
+@pytest.mark.parametrize(("x", "degrees"), [(3.9, 0), (3.9, 90), (0.1, 180), (0.1, 270)])
+def test_what_is_upright_is_cut_along_the_wall(x: float, degrees: float) -> None:
+    room, item = rectangular_room(), Item("dresser", (1.0, 1.2), (x, 1.5), degrees)
+    kept = within(room, item)
+    assert kept is not None
+    assert kept.footprint.symmetric_difference(item.footprint.intersection(room.indoor)).area < 1e-9
+    assert within(room, replace(item, center=(9.0, 9.0))) is None
+    assert within(room, replace(item, center=None)) == replace(item, center=None)
+
+
 # What is to be placed
 
 
@@ -275,7 +322,7 @@ def test_a_home_of_a_folder_is_read_as_it_is_alone(move: str | None, tmp_path: P
     notes = alone.collection.notes
     assert folder.collection.notes == [note if note.startswith("a/") else f"a: {note}" for note in notes]
     if move is None:
-        assert [note[:20] for note in notes] == ["a/room 2: left out, ", "the cooktop outside "]
+        assert [note[:20] for note in notes] == ["a/room 2: stays as a", "the cooktop outside "]
     assert all(item.center for room in read(tmp_path / "homes", names_of()).rooms for item in room.furniture)
 
 
