@@ -10,6 +10,8 @@ A format is found out from the content, that of a folder from its first file.
 
 from __future__ import annotations
 
+import gzip
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -132,16 +134,32 @@ def format_of(path: Path) -> str:
         raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
     if file.suffix.lower() == ".sh3d":
         return "sweethome3d"
-    if file.suffix.lower() == ".gz":
-        return "procthor"
+    packed = file.suffix.lower() == ".gz"
     try:
-        with file.open("rb") as text:
-            start = text.read(LOOK)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
-    if b'"floorPolygon"' in start:
-        return "procthor"
-    return "front3d" if b'"jid"' in start else "json"
+        with gzip.open(file) if packed else file.open("rb") as text:
+            told = _told(text.read(LOOK))
+    except (OSError, EOFError, zlib.error) as error:
+        if packed:  # its reader says what is wrong
+            return "procthor"
+        raise InputError(f"{file}: cannot be read ({getattr(error, 'strerror', None)})") from None
+    if packed and told in ("json", "front3d"):
+        what = "rooms in JSON" if told == "json" else "a house of 3D-FRONT"
+        raise InputError(f"{file}: {what} cannot be read from a packed file; unpack it, as with gunzip {file.name}")
+    return told or ("procthor" if packed else "json")
+
+
+def _told(start: bytes) -> str | None:
+    """The format that the start of a file tells, if it does.
+
+    Rooms in JSON may have fields of other names, such as "jid"; and houses of 3D-FRONT may have an "outline".
+    """
+    if b'"room_type"' in start:
+        return "json"
+    if b'"jid"' in start and b'"mesh"' in start:
+        return "front3d"
+    if b'"outline"' in start:
+        return "json"
+    return "procthor" if b'"floorPolygon"' in start else None
 
 
 def to_place(room: Room, move: str | None) -> Room:
