@@ -20,6 +20,7 @@ from layoutrl.rooms.room import MAIN_ITEM
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
 NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
+SIGNS = re.compile(r"[/&+,;|]")  # between the names of a room that is several in one
 ALL = "all"  # of `move`: whatever who places can place
 
 # What tells the type of a room without a name, in this order; and what may be put into a room of each type: what
@@ -93,20 +94,29 @@ class Names:
         return part is not None and self._furniture[part] not in (OBSTACLE, DECOR)
 
     def _known(self, names: list[str]) -> str | None:
-        """The first part of these names that the table has; else the longest words of it that one ends with.
+        """The first part of these names that the table has; else the longest words of it that one ends with; else those
+        that one begins with.
 
-        In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
+        In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none. In Romance
+        languages the first do: a "lit double" is a bed, too. What begins as decor may be anything: a window seat.
         """
         parts = [*chain.from_iterable(map(_parts, names))]
-        words = [part.split()[first:] for part in parts for first in range(1, len(part.split()))]
-        return next((p for p in (*parts, *map(" ".join, words)) if p in self._furniture), None)
+        words = [part.split() for part in parts]
+        ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
+        begins = (" ".join(each[:last]) for each in words for last in range(len(each) - 1, 0, -1))
+        standing = (begin for begin in begins if self._furniture.get(begin) != DECOR)
+        return next((p for p in chain(parts, ends, standing) if p in self._furniture), None)
 
     def room_type(self, name: str | None, furniture: Iterable[str]) -> str | None:
-        """The type of a room by its name, else by what stands in it; NO_ROOM for one that nobody furnishes."""
-        words = f" {plain(name or '')} "
-        for named, ours in self._rooms.items():
-            if f" {named} " in words:
-                return ours
+        """The type of a room by its name, else by what stands in it; NO_ROOM for one that nobody furnishes.
+
+        Of several names that it holds the first of the table counts, but of those within a longer one the longer.
+        """
+        words = f" {' / '.join(map(plain, SIGNS.split((name or '')[:200])))} "
+        found = [named for named in self._rooms if f" {named} " in words]
+        for named in found:
+            if not any(f" {named} " in f" {longer} " for longer in found if longer != named):
+                return self._rooms[named]
         held = set(furniture)
         return next((room_type for room_type, telling in TELLING.items() if telling & held), None)
 

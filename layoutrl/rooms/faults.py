@@ -273,8 +273,9 @@ def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
 def kept_free(room: Room) -> shapely.Geometry:
     """Doors and windows, and the floor before and behind each door."""
     zones = [window.shape for window in room.windows]
+    border = room.indoor.boundary
     for door in room.doors:
-        _, through = along_and_through(door.shape)
+        _, through = along_and_through(door.shape, border)
         x, y = DOOR_CLEARANCE * through / np.hypot(*through)
         zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
     return shapely.union_all(zones)

@@ -5,11 +5,13 @@
     ...                                # furnish rooms of source.collection.rooms that lack an item's center
     source.write(layouts, Path("home-placed.sh3d"))
 
-A format is found out from the content.
+A format is found out from the content, that of a folder from its first file.
 """
 
 from __future__ import annotations
 
+import gzip
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,10 +26,16 @@ from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
 from layoutrl.rooms.sources.front3d import MODELS
 from layoutrl.rooms.sources.procthor import ASSETS
-from layoutrl.rooms.sources.sweethome3d import read_home
+from layoutrl.rooms.sources.sweethome3d import read_folder, read_home
 
 FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
 SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
+READ = {  # suffixes of the files that are read of a folder, by its format
+    "json": (".json", ".jsonl"),
+    "sweethome3d": (".sh3d",),
+    "procthor": (".json", ".jsonl", ".gz"),
+    "front3d": (".json",),
+}
 LOOK = 2**20  # bytes, at the start of a file, that tell its format
 
 
@@ -95,10 +103,23 @@ def opened(
     for name, value in (("into", into), ("room_type", room_type)):
         if value is not None:
             raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
-    collection = read_homes(kind, path, categories=categories)
-    stood = [read.furniture for read in collection.rooms]
-    collection.rooms = [to_place(read, move) for read in collection.rooms]
+    if kind == "sweethome3d":
+        collection, stood = read_folder(path, names_of(categories), move=move)
+    else:
+        collection = read_homes(kind, path, categories=categories)
+        stood = [read.furniture for read in collection.rooms]
+        collection.rooms = [to_place(read, move) for read in collection.rooms]
+    collection.notes += unread(path, kind)
     return RoomsSource(collection, stood)
+
+
+def unread(path: Path, kind: str) -> list[str]:
+    """A line that says how many files below a folder are of another format than this one, if any are."""
+    others = [file for file in files_below(path, FORMATS, (ASSETS, MODELS)) if file.suffix.lower() not in READ[kind]]
+    if not others:
+        return []
+    files, are = ("1 file", "is") if len(others) == 1 else (f"{len(others)} files", "are")
+    return [f"{files} of other formats {are} not read, such as {others[0]}; expected one format in a folder"]
 
 
 def format_of(path: Path) -> str:
@@ -113,16 +134,32 @@ def format_of(path: Path) -> str:
         raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
     if file.suffix.lower() == ".sh3d":
         return "sweethome3d"
-    if file.suffix.lower() == ".gz":
-        return "procthor"
+    packed = file.suffix.lower() == ".gz"
     try:
-        with file.open("rb") as text:
-            start = text.read(LOOK)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
-    if b'"floorPolygon"' in start:
-        return "procthor"
-    return "front3d" if b'"jid"' in start else "json"
+        with gzip.open(file) if packed else file.open("rb") as text:
+            told = _told(text.read(LOOK))
+    except (OSError, EOFError, zlib.error) as error:
+        if packed:  # its reader says what is wrong
+            return "procthor"
+        raise InputError(f"{file}: cannot be read ({getattr(error, 'strerror', None)})") from None
+    if packed and told in ("json", "front3d"):
+        what = "rooms in JSON" if told == "json" else "a house of 3D-FRONT"
+        raise InputError(f"{file}: {what} cannot be read from a packed file; unpack it, as with gunzip {file.name}")
+    return told or ("procthor" if packed else "json")
+
+
+def _told(start: bytes) -> str | None:
+    """The format that the start of a file tells, if it does.
+
+    Rooms in JSON may have fields of other names, such as "jid"; and houses of 3D-FRONT may have an "outline".
+    """
+    if b'"room_type"' in start:
+        return "json"
+    if b'"jid"' in start and b'"mesh"' in start:
+        return "front3d"
+    if b'"outline"' in start:
+        return "json"
+    return "procthor" if b'"floorPolygon"' in start else None
 
 
 def to_place(room: Room, move: str | None) -> Room:

@@ -1,14 +1,20 @@
-"""Lengths of rooms in JSON: metres, centimetres or millimetres, as a file says or as its rooms are large."""
+"""Lengths of rooms in JSON: metres, centimetres, millimetres, inches or feet, as the user says.
+
+Where nobody says it, metres, centimetres and millimetres are told by how large rooms and doors are. Inches and feet are
+not: a door of 36 inches may be one of 36 cm, and a room of 12 feet one of 12 m.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from statistics import median
 from typing import Any
 
-UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # in a metre
+UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}  # in a metre
 LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room: below 1.3 m none is one, above 13 m few are
 WIDEST = {"m": 8.0, "cm": 300.0}  # door or window: the narrowest of a room is between 0.3 and 3 m
+INCHES = (20.0, 45.0)  # most doors, as wide in inches; in centimetres nobody fits through
 LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
 
 
@@ -16,6 +22,23 @@ def unit_of(documents: Iterable[Any]) -> str:
     """The unit of most rooms of a file."""
     votes = Counter(unit for document in documents if (unit := _guess(document)))
     return votes.most_common(1)[0][0] if votes else "m"
+
+
+def told(unit: str, documents: Iterable[Any]) -> str:
+    """The line that says which unit `unit_of` told of documents, and that it may be inches, as doors are narrow."""
+    line = f"lengths are read as {unit}, as rooms are large (unit=m if they are)"
+    widths = [width for document in documents for width in _door_widths(document)]
+    if unit != "cm" or not widths or not INCHES[0] <= median(widths) <= INCHES[1]:
+        return line
+    return f"{line}; doors are {median(widths):.0f} cm wide then (unit=in if lengths are inches)"
+
+
+def _door_widths(document: Any) -> list[float]:
+    """Of a room as its document has it; none of what is no room."""
+    try:
+        return [float(_extent(door["polygon"])) for door in document["doors"]]
+    except (LookupError, TypeError, ValueError, ArithmeticError):
+        return []
 
 
 def _guess(document: Any) -> str | None:

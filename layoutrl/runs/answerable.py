@@ -105,7 +105,7 @@ def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[
 
 def widths(room: Room) -> list[float]:
     """Of its doors, in metres."""
-    return [float(np.hypot(*along_and_through(door.shape)[0])) for door in room.doors]
+    return [float(np.hypot(*along_and_through(door.shape, room.indoor.boundary)[0])) for door in room.doors]
 
 
 def unstacked(brief: Room, layout: Room) -> Room:

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -33,6 +35,19 @@ ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
         ("Blue loft bed", "bed"),
         ("eTeks#filledBookcase", "bookcase"),
         ("Cabinet with basin", "vanity"),
+        ("Doppelbett", "bed"),
+        ("Esstisch", "table"),
+        ("Schrank", "wardrobe"),
+        ("Lavadora", "washing_machine"),
+        ("Lit double", "bed"),  # it begins with a bed, and ends with nothing that is known
+        ("Cama doble 140", "bed"),
+        ("Table à manger", "table"),
+        ("Table basse ronde", "coffee_table"),  # the longest that it begins with
+        ("Dining table 6 seats", "table"),
+        ("Commode lampe table", "table"),  # an end before a beginning
+        ("Chaise de bureau", "chair"),
+        ("Canapé lit", "sofa_bed"),
+        ("Meuble TV", "tv_unit"),
     ],
 )
 def test_names_of_other_programs_are_known(name: str, category: str) -> None:
@@ -59,6 +74,10 @@ def test_obstacles_are_called_as_they_are_and_decor_is_nothing() -> None:
     assert not names.knows("Piano", "pendant lamp", None)
     assert names.category("bed reading lamp") == ("lamp", False)
     assert names.category("Shower curtain") is None
+    assert names.category("Vanity table") == ("vanity_table", False)  # as a dressing table, and no dining table
+    assert names.category("Toilet brush") == ("brush", False)
+    assert names.category("Lampe de bureau") == ("lampe_de_bureau", False)
+    assert names.category("Window seat") == ("window_seat", False)  # what begins as decor may be anything
     assert names.category("Lampe", "bed") == ("bed", True)  # a whole name comes before the end of another
 
 
@@ -81,6 +100,42 @@ def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
     assert names.room_type(None, ["chair"]) is None
     assert names.room_type("", ["sink"]) == "kitchen"
     assert names.room_type("Utility 2", []) == NO_ROOM
+
+
+@pytest.mark.parametrize(
+    ("room_type", "called"),
+    [
+        (
+            "bathroom",
+            "Badezimmer, Ensuite, Master en suite, Powder room, Salle d'eau, Toilettes, Gäste-WC, Bath/Laundry",
+        ),
+        ("kitchen", "Wohnküche, Keuken, Kitchen/Pantry"),
+        ("living_room", "Family room, Woonkamer, Wohnen/Essen, Salon/Salle à manger"),
+        ("dining_room", "Dining hall, Sala da pranzo"),
+        ("study", "Büro, Home office, Despacho"),
+        ("bedroom", "Kinderzimmer, Gästezimmer, Master suite, Guest room 2, Habitación, Slaapkamer, Children's room"),
+        ("bedroom", "Bedroom with closet, Bedroom + closet, Bedroom with ensuite"),
+        (NO_ROOM, "Bedroom Closet, Bedroom 2 closet, Walk-in closet, Master closet, Pantry, Kitchen pantry, Laundry"),
+        (NO_ROOM, "Abstellraum, Buanderie"),
+    ],
+)
+def test_everyday_names_of_rooms_are_known(room_type: str, called: str) -> None:
+    names = names_of()
+    for name in called.split(", "):
+        assert (name, names.room_type(name, ["bed", "sink"])) == (name, room_type)
+
+
+def test_each_name_of_the_table_means_what_its_list_says() -> None:
+    text = files("layoutrl.rooms").joinpath("categories.yaml").read_text(encoding="utf-8")
+    names = names_of()
+    for ours, theirs in yaml.safe_load(text).items():
+        for name in theirs:
+            if ours in (*MAIN_ITEM, NO_ROOM):
+                assert (name, names.room_type(name, [])) == (name, ours)
+            elif ours == OBSTACLE:
+                assert names.category(name) == (plain(name).replace(" ", "_"), False)
+            else:
+                assert (name, names.category(name)) == (name, None if ours == DECOR else (ours, True))
 
 
 def test_a_users_file_adds_names(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.documents import room_to_dict, with_layout
 from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.room import Room
-from tests.builders import rooms
+from layoutrl.rooms.units import told, unit_of
+from tests.builders import opening, rectangular_room, rooms
 from tests.rooms.test_documents import document, polygons
 
 Change = Callable[[dict[str, Any]], object]
@@ -353,6 +355,32 @@ def test_centimetres_and_millimetres_are_told_and_said(
             )
 
 
+@pytest.mark.parametrize(("unit", "metres"), [("in", 0.0254), ("ft", 0.3048)])
+def test_inches_and_feet_are_read_and_written_where_they_are_said(unit: str, metres: float, tmp_path: Path) -> None:
+    room = rectangular_room(3.6, 4.2, openings=(opening("door", 1.0, -0.2, 1.9, 0.0),))
+    written = scaled(room_to_dict(room), 1 / metres)
+    (read,) = read_rooms(write(tmp_path / "rooms.jsonl", written), strict=True, unit=unit).rooms
+    assert read.indoor.symmetric_difference(room.indoor).area < 1e-6
+    (item,) = read.furniture
+    assert (*item.size, *item.center) == pytest.approx((1.0, 1.0, 1.8, 2.1))
+    asked = replace(read, furniture=(replace(item, center=None),))
+    placed = replace(read, furniture=(replace(item, center=(0.5, 0.5)),))
+    (entry,) = with_layout(written, asked, placed, (), unit)["furniture"]
+    assert entry["center"] == pytest.approx([0.5 / metres] * 2, abs=1e-4)
+
+
+@pytest.mark.parametrize("width", [28, 36, 44, 70, 90])
+def test_doors_as_narrow_as_inches_have_it_are_said(width: float) -> None:
+    room = rectangular_room(3.6, 4.2, openings=(opening("door", 1.0, -0.2, 1.0 + width / 100, 0.0),))
+    documents = [scaled(room_to_dict(room), 100), scaled(room_to_dict(rectangular_room()), 100), {}, None, 3]
+    assert unit_of(documents) == "cm"
+    line = "lengths are read as cm, as rooms are large (unit=m if they are)"
+    narrow = f"; doors are {width} cm wide then (unit=in if lengths are inches)"
+    assert told("cm", documents) == line + narrow * (width < 45)
+    assert told("mm", documents) == line.replace("cm", "mm")
+    assert told("cm", documents[1:]) == line
+
+
 @given(rooms())
 def test_metres_are_taken_for_metres(tmp_path_factory: pytest.TempPathFactory, room: Room) -> None:
     path = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
@@ -376,5 +404,5 @@ def test_a_hall_in_metres_is_no_room_in_centimetres(tmp_path: Path) -> None:
 
 
 def test_an_unknown_unit_is_answered(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm; got inches"):
+    with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm, in, ft; got inches"):
         read_rooms(write(tmp_path / "rooms.jsonl", document()), unit="inches")

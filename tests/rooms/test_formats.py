@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+import gzip
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
+from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.files import read_rooms, write_rooms
-from layoutrl.rooms.formats import opened
+from layoutrl.rooms.formats import format_of, opened
 from layoutrl.rooms.room import Room
 from tests.builders import rectangular_room, rooms
 
@@ -35,6 +39,66 @@ def test_what_is_to_move_has_no_pose(tmp_path_factory: pytest.TempPathFactory, r
             taken = move == "all" or before.category == category
             assert (item.center, item.rotation) == ((None, None) if taken else (before.center, before.rotation))
             assert (item.category, item.size, item.form) == (before.category, before.size, before.form)
+
+
+@pytest.mark.parametrize("field", ["jid", "floorPolygon", "mesh", "scene"])
+@pytest.mark.parametrize("lacks", [None, "room_type"])
+def test_rooms_with_fields_of_other_formats_are_rooms_in_json(field: str, lacks: str | None, tmp_path: Path) -> None:
+    """Fields of one's own are kept, whatever they are called; and what is missing is said by the reader of rooms."""
+    document = {name: value for name, value in room_to_dict(rectangular_room()).items() if name != lacks}
+    document["furniture"][0] |= {field: "3d-future-123"}
+    path = tmp_path / "rooms.jsonl"
+    path.write_text(json.dumps({"model of the house": {field: 1}} | document) + "\n")
+    assert format_of(path) == "json"
+    collection = opened(path).collection
+    assert (len(collection.rooms), len(collection.left_out)) == ((1, 0) if lacks is None else (0, 1))
+
+
+@pytest.mark.parametrize(
+    ("document", "name"),
+    [
+        ({"furniture": [{"uid": "1/model", "jid": "a"}], "mesh": [], "extension": {"outline": []}}, "front3d"),
+        ({"rooms": [{"floorPolygon": []}], "doors": [], "windows": []}, "procthor"),
+        ({"bed": 1}, "json"),
+    ],
+)
+def test_formats_are_told_by_their_fields(document: dict[str, Any], name: str, tmp_path: Path) -> None:
+    (tmp_path / "house.json").write_text(json.dumps(document))
+    assert format_of(tmp_path / "house.json") == name
+
+
+def test_packed_rooms_are_answered_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl.gz"
+    path.write_bytes(gzip.compress(json.dumps(room_to_dict(rectangular_room())).encode()))
+    said = r"rooms\.jsonl\.gz: rooms in JSON cannot be read from a packed file; unpack it, as with gunzip rooms"
+    with pytest.raises(InputError, match=said):
+        opened(path)
+    path.write_bytes(gzip.compress(b'{"furniture": [{"jid": "a"}], "mesh": []}'))
+    with pytest.raises(InputError, match="a house of 3D-FRONT cannot be read from a packed file"):
+        opened(path)
+    for content in (
+        b"",
+        b"no packed file",
+        gzip.compress(b'{"rooms": [{"floorPolygon": []}]}'),
+        gzip.compress(b"?" * 99)[:20],
+    ):
+        path.write_bytes(content)
+        assert format_of(path) == "procthor"
+
+
+def test_files_of_other_formats_in_a_folder_are_said(tmp_path: Path) -> None:
+    write_rooms(tmp_path / "a.jsonl", [rectangular_room()])
+    write_rooms(tmp_path / "b.json", [rectangular_room(id="other")])
+    assert opened(tmp_path).collection.notes == []
+    for name in ("c.sh3d", "d.jsonl.gz", "plan.pdf"):
+        (tmp_path / name).write_bytes(b"")
+    source = opened(tmp_path)
+    assert len(source.collection.rooms) == 2
+    said = f"2 files of other formats are not read, such as {tmp_path / 'c.sh3d'}; expected one format in a folder"
+    assert source.collection.notes == [said]
+    (tmp_path / "c.sh3d").unlink()
+    assert opened(tmp_path).collection.notes[0].startswith("1 file of other formats is not read, such as ")
+    assert opened(tmp_path / "a.jsonl").collection.notes == []
 
 
 def test_no_file_is_overwritten(tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def _item(item: Item, base: float) -> tuple[Array, int]:
 
 def _gate(opening: Opening, base: float, indoor: shapely.Polygon) -> Gate:
     shape = rotate(opening.shape, -base, origin=(0, 0))
-    along, through = along_and_through(shape)
+    along, through = along_and_through(shape, indoor.boundary)
     middle = np.array(shape.centroid.coords[0])
     ends = middle + through / 2, middle - through / 2
     inner = min(ends, key=lambda end: indoor.distance(shapely.Point(end + 0.5 * (end - middle))))

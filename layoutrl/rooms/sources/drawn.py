@@ -13,11 +13,11 @@ from typing import Any, Generic, Literal, TypeVar
 import numpy as np
 import shapely
 from shapely.affinity import rotate, translate
-from shapely.geometry import Polygon, box
+from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.categories import NO_ROOM, Names
+from layoutrl.rooms.categories import NO_ROOM, OBSTACLE, Names
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
@@ -29,6 +29,7 @@ from layoutrl.rooms.room import (
     RoomError,
     along_and_through,
     rings,
+    rotation,
     without_films,
     without_narrow,
 )
@@ -43,6 +44,7 @@ NEAR = 0.1  # metres from a floor to a wall that is its own
 ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
 MOST_WALLS, MOST_OPENINGS = 40, 30  # that are looked at along one side, and about one room
 MOST_CROSSING = 100  # corners of a border that may cross itself
+SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a room, the largest that fits
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
 FLATTEST = 0.1  # metres: carpets are lower
@@ -69,10 +71,19 @@ class Wall:
 
 @dataclass(frozen=True)
 class Gap:
-    """A door or window as it is drawn: where it lies in some wall, along it and across."""
+    """A door or window as it is drawn: where it lies in some wall, along it and across.
+
+    `axis` is a line through it along the wall, where the format says how the wall runs.
+    """
 
     kind: Literal["door", "window"]
     shape: Polygon
+    axis: LineString | None = None
+
+    @cached_property
+    def sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Its sides along the wall and through it, as vectors (2,) in metres."""
+        return along_and_through(self.shape, self.axis)
 
 
 @dataclass
@@ -153,8 +164,15 @@ class Storey(Generic[P]):
             except RoomError as error:
                 self.left_out.append((room_id, str(error)))
                 continue
-            if beyond := sorted({items[k].category for k in {*range(len(items))} - {*held}}):
-                self.notes.append(f"{room_id}: left out, since it reaches beyond the walls: {', '.join(beyond)}")
+            cut = {items[k].category for k, item in held.items() if item is not items[k]}
+            beyond = {item.category for k, item in enumerate(items) if k not in held}
+            for what, those in (("stays as an obstacle as far as it is indoors", cut), ("left out", beyond)):
+                if those:
+                    called = ", ".join(sorted(those))
+                    self.notes.append(f"{room_id}: {what}, since it reaches beyond the walls: {called}")
+            for k, item in held.items():
+                if item is not items[k]:
+                    pieces[k] = replace(pieces[k], item=item, known=False)
             yield room, [pieces[k] for k in held]
 
 
@@ -234,8 +252,8 @@ def room_of(
     gaps: Iterable[Gap],
     furniture: Sequence[Item],
     group: str,
-) -> tuple[Room, list[int]]:
-    """A room around a tidy floor, and which of `furniture` it holds: what reaches beyond its walls is left out.
+) -> tuple[Room, dict[int, Item]]:
+    """A room around a tidy floor, and what it holds of `furniture`, by its index: `within`.
 
     `walls` are all that are near, of which each side takes the one that it lies along; None where none are drawn.
     Of `gaps` those that lie in its walls are its doors and windows. Raises RoomError where no room can be made.
@@ -247,10 +265,11 @@ def room_of(
     band = shapely.union_all(strips).difference(Polygon(outline))
     openings: list[Gap] = []
     for gap in gaps:
-        for ring in rings(_drawn_out(gap.shape).intersection(band)):
+        width = math.hypot(*gap.sides[0])
+        for ring in rings(_drawn_out(gap).intersection(band)):
             shape = Polygon(ring)
             beside = shape.buffer(TOLERANCE).intersection(floor.exterior).length
-            if beside > _width(gap.shape) / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
+            if beside > width / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
                 openings.append(Gap(gap.kind, shape))
     document: dict[str, object] = {
         "id": room_id,
@@ -264,8 +283,30 @@ def room_of(
         "group": group,
     }
     bare = room_from_dict(document)
-    held = [k for k, item in enumerate(furniture) if item.center is None or bare.holds(item)]
-    return room_from_dict(document | {"furniture": [_document(furniture[k]) for k in held]}), held
+    held = {k: kept for k, item in enumerate(furniture) if (kept := within(bare, item))}
+    return room_from_dict(document | {"furniture": [_document(item) for item in held.values()]}), held
+
+
+def within(room: Room, item: Item) -> Item | None:
+    """The item, where it is to be placed or the room holds it; else what of it lies indoors, as an obstacle.
+
+    People draw furniture a few centimetres through a wall: nothing else may stand there. None where it is all outside.
+    """
+    if item.center is None or room.holds(item):
+        return item
+    indoors = rotate(item.footprint.intersection(room.indoor), -item.degrees, origin=(0, 0))
+    if indoors.area < TOLERANCE:
+        return None
+    middle = np.array(indoors.representative_point().coords[0])
+    low, high = np.array(indoors.bounds).reshape(2, 2)
+    for share in SHARES:  # where it leans to a wall, a corner of its box may still reach through
+        start, end = middle + share * (low - middle), middle + share * (high - middle)
+        x, y = rotation(item.degrees) @ ((start + end) / 2)
+        depth, width = (end - start).tolist()
+        part = Item(OBSTACLE, (depth, width), (float(x), float(y)), item.rotation, tucked=item.tucked)
+        if min(part.size) > TOLERANCE and room.holds(part, 0.0):
+            return part
+    return None
 
 
 def _strips(outline: Ring, walls: Sequence[Wall] | None) -> list[Polygon]:
@@ -312,18 +353,12 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[l
     return walls
 
 
-def _drawn_out(shape: Polygon) -> Polygon:
+def _drawn_out(gap: Gap) -> Polygon:
     """An opening, deeper by ACROSS on both sides."""
-    along, through = along_and_through(shape)
+    along, through = gap.sides
     degrees = math.degrees(math.atan2(along[1], along[0]))
-    center = shape.minimum_rotated_rectangle.centroid
+    center = gap.shape.minimum_rotated_rectangle.centroid
     return oblong(center.x, center.y, math.hypot(*along), math.hypot(*through) + 2 * ACROSS, degrees)
-
-
-def _width(shape: Polygon) -> float:
-    """The longer side of an opening."""
-    along, _ = along_and_through(shape)
-    return math.hypot(*along)
 
 
 def _tucked(items: list[Item]) -> list[Item]:

@@ -28,7 +28,7 @@ class Data:
     disturbed: float = 0.0  # designer: share of the rooms to train on that are disturbed as flats are
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
     strict: bool = False  # json: stop at the first room that cannot be used
-    unit: str = "auto"  # json: m, cm, mm, or auto, which tells it by how large rooms and doors are
+    unit: str = "auto"  # json: m, cm, mm, in, ft, or auto, which tells the first three by how large rooms are
     categories: str | None = None  # sweethome3d, procthor, front3d: a YAML file of further names of furniture
 
     @property

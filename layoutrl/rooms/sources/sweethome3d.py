@@ -111,7 +111,13 @@ def read_home(
     no home.
     """
     names = names or names_of()
-    name = name or path.stem
+    home = _home(path, name or path.stem, names, move, into, room_type)
+    home.collection.notes += names.notes()
+    return home
+
+
+def _home(path: Path, name: str, names: Names, move: str | None, into: str | None, room_type: str | None) -> Home:
+    """The same, of which `names` alone know what they did not know."""
     xml = xml_of(path)
     try:
         elements = elements_of(xml)
@@ -132,27 +138,38 @@ def read_home(
     _park(home, [(prefix, piece) for prefix, piece in outside if _moves(piece, moved, True)], into)
     if not any(element.tag == "room" for element in elements):
         home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
-    home.collection.notes += names.notes()
     return home
 
 
 def read(root: Path, names: Names) -> Collection:
-    """The rooms of all homes below a folder, or of one file. A home that cannot be read is left out."""
+    """The rooms of all homes below a folder, or of one file, in which all stands where it is."""
+    return read_folder(root, names, move="")[0]
+
+
+def read_folder(root: Path, names: Names, *, move: str | None = None) -> tuple[Collection, list[tuple[Item, ...]]]:
+    """The rooms of all homes below a folder, or of one file, each as `read_home` reads it, and what stood in each.
+
+    A home that cannot be read is left out. Raises InputError where there is none.
+    """
     files = files_below(root, (".sh3d",))
     if not files:
         raise InputError(f"no homes in {root.absolute()}: expected .sh3d files; name their folder with data.root=...")
     collection = Collection(f"homes {root}")
+    stood: list[tuple[Item, ...]] = []
     for file in files:
         name = file.stem if file == root else file.relative_to(root).with_suffix("").as_posix()
         try:
-            home = read_home(file, move="", names=names, name=name)
+            home = _home(file, name, names, move, None, None)
         except InputError as error:
             collection.left_out.append((str(file), str(error).removeprefix(f"{file}: ")))
             continue
         collection.rooms += home.rooms
         collection.left_out += home.collection.left_out
+        collection.notes += [n if n.startswith(f"{name}/") else f"{name}: {n}" for n in home.collection.notes]
+        collection.homeless += home.collection.homeless
+        stood += home.stood
     collection.notes += names.notes()
-    return collection
+    return collection, stood
 
 
 # From elements to storeys and rooms ----------------------------------------------------------------------------------
@@ -253,7 +270,9 @@ def _gaps(element: Element) -> list[Gap]:
     window = any(word in words for word in WINDOWS)
     high = element.number("elevation", 0.0) / 100 > HIGHEST
     shape = oblong(x, -y, width * wide, depth * deep, -math.degrees(angle))
-    return [Gap("window" if window or high else "door", shape)]
+    middle, to_side = np.array((x, -y)), width * wide / 2 * np.array((math.cos(angle), -math.sin(angle)))
+    axis = LineString((middle - to_side, middle + to_side))
+    return [Gap("window" if window or high else "door", shape, axis)]
 
 
 def _piece(element: Element, names: Names) -> HomePiece | None:

@@ -19,7 +19,10 @@ from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
+from layoutrl.rooms.room import Item
+from layoutrl.rooms.sources.drawn import within
 from layoutrl.rooms.sources.sweethome3d import Home, read, read_home
+from tests.builders import rectangular_room
 
 # Homes as Sweet Home 3D writes them: centimetres, y down, radians clockwise.
 
@@ -62,6 +65,7 @@ FLAT = BED + TOILET + door(405, 150, angle=math.pi / 2) + WALLS + ROOMS
 
 
 def home_file(path: Path, body: str = FLAT, entries: dict[str, bytes] | None = None) -> Path:
+    path.parent.mkdir(exist_ok=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("Home", b"binary, and not read")
         xml = f"<?xml version='1.0'?>\n<home version='5300' name='flat'>\n{body}</home>\n"
@@ -129,6 +133,18 @@ def test_the_part_of_a_door_in_the_wall_is_the_opening(tmp_path: Path) -> None:
         for room in flat(tmp_path, opened_door + BED + TOILET + WALLS + ROOMS).rooms:
             (opening,) = room.openings
             assert opening.shape.symmetric_difference(box(4, y - 0.4, 4.1, y + 0.4)).area < 1e-3
+
+
+@pytest.mark.parametrize(("width", "depth"), [(40, 50), (20, 30)])  # as deep as its wall; or in the middle of it
+def test_a_window_that_is_less_wide_than_its_wall_is_thick_is_no_wider(
+    width: float, depth: float, tmp_path: Path
+) -> None:
+    walls = wall(-25, -25, 425, -25, 50) + wall(425, -25, 425, 325, 50) + wall(425, 325, -25, 325, 50)
+    window = piece("window85x123", 200, -25, width, depth, tag="doorOrWindow", elevation=90)
+    toilet = piece("toiletUnit", 60, 40, 40, 80) + room_tag(0, 0, 400, 300, name="WC")
+    (room,) = flat(tmp_path, toilet + window + walls + wall(-25, 325, -25, -25, 50)).rooms
+    (opening,) = room.openings
+    assert opening.shape.bounds == pytest.approx((2 - width / 200, 0, 2 + width / 200, 0.5))
 
 
 def test_windows_are_told_from_doors_by_their_names_and_by_how_high_they_lie(tmp_path: Path) -> None:
@@ -235,7 +251,6 @@ def test_a_name_that_nobody_knows_stands_as_an_obstacle_and_is_said(tmp_path: Pa
 
 def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
     home_file(tmp_path / "a.sh3d")
-    (tmp_path / "below").mkdir()
     home_file(tmp_path / "below" / "b.sh3d")
     (tmp_path / "c.sh3d").write_bytes(b"no ZIP")
     collection = read(tmp_path, names_of())
@@ -246,7 +261,69 @@ def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
     assert "which is a whole ZIP file" in reason
 
 
+def test_what_is_drawn_through_a_wall_is_in_the_way_as_far_as_it_is_in_its_room(tmp_path: Path) -> None:
+    dresser = piece("dresser", 357, 250, 110, 50, id="dresser")  # 2 cm of it are in the bathroom
+    home = flat(tmp_path, FLAT + dresser, move="bed")
+    bed, cut = home.rooms[0].furniture
+    assert (cut.category, cut.size, cut.rotation) == ("obstacle", (0.5, 0.98), 270)
+    assert cut.footprint.symmetric_difference(box(3.02, -2.75, 4, -2.25)).area < 1e-6
+    assert home.stood[0][1].footprint.equals_exact(cut.footprint, 1e-6)
+    assert home.collection.notes == [
+        "flat/Bedroom: stays as an obstacle as far as it is indoors, since it reaches beyond the walls: dresser"
+    ]
+    placed = replace(home.rooms[0], furniture=(replace(bed, center=(1, -1.5), rotation=0), cut))
+    home.write([placed], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["bed"])
+    _, anew = flat(tmp_path, FLAT + dresser, move="dresser").rooms[0].furniture
+    assert (anew.category, anew.size, anew.center) == ("dresser", (0.5, 1.1), None)
+
+
+@given(st.floats(0, 4), st.floats(0, 3), st.floats(0.3, 3), st.floats(0.3, 3), st.floats(0, 360))
+def test_what_is_cut_to_a_room_lies_in_it_and_where_the_piece_lay(
+    x: float, y: float, depth: float, width: float, degrees: float
+) -> None:
+    room, item = rectangular_room(), Item("dresser", (depth, width), (x, y), degrees)
+    kept = within(room, item)
+    if room.holds(item):
+        assert kept is item
+    elif kept is not None:
+        assert kept.category == "obstacle"
+        assert room.holds(kept)
+        assert kept.footprint.difference(item.footprint.buffer(1e-6)).area < 1e-9
+        assert kept.footprint.intersection(room.indoor).area > 0.09 * item.footprint.intersection(room.indoor).area
+    else:
+        assert item.footprint.intersection(room.indoor).area < 0.1
+
+
+@pytest.mark.parametrize(("x", "degrees"), [(3.9, 0), (3.9, 90), (0.1, 180), (0.1, 270)])
+def test_what_is_upright_is_cut_along_the_wall(x: float, degrees: float) -> None:
+    room, item = rectangular_room(), Item("dresser", (1.0, 1.2), (x, 1.5), degrees)
+    kept = within(room, item)
+    assert kept is not None
+    assert kept.footprint.symmetric_difference(item.footprint.intersection(room.indoor)).area < 1e-9
+    assert within(room, replace(item, center=(9.0, 9.0))) is None
+    assert within(room, replace(item, center=None)) == replace(item, center=None)
+
+
 # What is to be placed
+
+
+@pytest.mark.parametrize("move", [None, "all", "bed, wardrobe"])
+def test_a_home_of_a_folder_is_read_as_it_is_alone(move: str | None, tmp_path: Path) -> None:
+    fixed = piece("wardrobe", 300, 270, 100, 54, movable="false")
+    parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
+    beyond = piece("dresser", 450, 270, 200, 40)  # it stands in the bathroom, through the wall
+    alone = opened(home_file(tmp_path / "homes" / "a.sh3d", FLAT + fixed + parked + beyond), move=move)
+    home_file(tmp_path / "homes" / "b.sh3d")
+    folder = opened(tmp_path / "homes", move=move)
+    assert folder.collection.rooms[:2] == alone.collection.rooms
+    assert folder.stood[:2] == alone.stood
+    assert folder.collection.homeless == alone.collection.homeless
+    notes = alone.collection.notes
+    assert folder.collection.notes == [note if note.startswith("a/") else f"a: {note}" for note in notes]
+    if move is None:
+        assert [note[:20] for note in notes] == ["a/room 2: stays as a", "the cooktop outside "]
+    assert all(item.center for room in read(tmp_path / "homes", names_of()).rooms for item in room.furniture)
 
 
 def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path) -> None:
@@ -437,7 +514,6 @@ def test_a_bomb_is_unpacked_no_further_than_a_home_goes(tmp_path: Path) -> None:
 
 
 def test_entries_are_copied_and_never_unpacked_to_where_they_lead(tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
     evil = {"../evil": b"x", "/evil": b"y", "big": b"\0" * 1_000_000}
     home = read_home(home_file(tmp_path / "in" / "flat.sh3d", entries=evil), move="bed")
     (room, _) = home.rooms

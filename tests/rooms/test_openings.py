@@ -1,0 +1,72 @@
+"""Doors and windows that are less wide than their wall is thick, which others are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from shapely.geometry import box
+
+from layoutrl.rivals.rooms.scene import scene_of
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.faults import BLOCKS, faults, kept_free
+from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, along_and_through, wall_band
+from layoutrl.runs.answerable import widths
+from tests.builders import L_OUTLINE, opening, rectangular_room
+
+THICK = 1.0  # metres, of a wall that is thicker than its door is wide
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_what_is_wider_than_its_wall_is_thick_runs_along_its_longer_side(room_type: str) -> None:
+    """To the bit: what was measured of such rooms stays as it is."""
+    for upright in design_rooms(room_type, "train", 0, 12).rooms:
+        for room in (upright, upright.turned(1, True), upright.rotated(33.3)):
+            for each in room.openings:
+                for beside, longer in zip(
+                    along_and_through(each.shape, room.indoor.boundary), along_and_through(each.shape), strict=True
+                ):
+                    assert beside.tolist() == longer.tolist()
+
+
+@pytest.mark.parametrize("width", [0.3, 0.8, 0.99, 1.2])
+@pytest.mark.parametrize("degrees", [0, 90, 33.3])
+def test_a_door_in_a_thick_wall_is_as_wide_as_its_side_along_the_wall(width: float, degrees: float) -> None:
+    door = opening("door", 2.0, -THICK, 2.0 + width, 0.0)
+    bare = rectangular_room(4.0, 3.0, openings=(door,))
+    room = replace(bare, walls=wall_band(bare.outline, (), (door,), THICK)).rotated(degrees)
+    along, through = along_and_through(room.doors[0].shape, room.indoor.boundary)
+    assert (np.hypot(*along), np.hypot(*through)) == pytest.approx((width, THICK))
+    assert widths(room) == pytest.approx([width])
+    expected = replace(bare, openings=(opening("door", 2.0, -THICK - 0.3, 2.0 + width, 0.3),)).rotated(degrees)
+    assert shapely.symmetric_difference(kept_free(room), expected.doors[0].shape).area < 1e-6
+    (gate,) = scene_of(room).doors
+    assert gate.width == pytest.approx(width)
+
+
+def test_what_stands_right_before_a_door_in_a_thick_wall_blocks_it() -> None:
+    door = opening("door", 2.5, -THICK, 3.3, 0.0)
+    chest = Item("dresser", (0.4, 0.8), (2.9, 0.2), 90.0)
+    beside = replace(chest, center=(1.9, 0.2))
+    for item, blocks in ((chest, True), (beside, False)):
+        bare = rectangular_room(4.0, 3.0, item, openings=(door,))
+        room = replace(bare, walls=wall_band(bare.outline, (), (door,), THICK))
+        assert ((0, BLOCKS) in faults(room)) == blocks
+    (gate,) = scene_of(room).doors
+    assert gate.middle == pytest.approx((2.9, 0.0))
+    assert (gate.inward, gate.width) == (1, pytest.approx(0.8))
+
+
+def test_an_opening_by_an_inner_corner_or_off_the_outline_runs_along_the_side_that_it_lies_at() -> None:
+    border = shapely.LinearRing(L_OUTLINE)
+    for shape in (
+        box(2.0, 2.0, 2.9, 2.2),  # at the inner corner it touches the other side, too
+        box(3.0, -0.15, 3.9, 0.05),  # partly in the room
+        box(3.0, -0.2 - TOLERANCE, 3.9, -TOLERANCE),
+    ):
+        along, through = along_and_through(shape, border)
+        assert (np.abs(along), np.abs(through)) == (pytest.approx((0.9, 0)), pytest.approx((0, 0.2)))
+    along, _ = along_and_through(box(1, -0.2 - 5, 1.4, -5), border)
+    assert np.hypot(*along) == pytest.approx(0.4)  # no border is near: its longer side
