@@ -34,7 +34,8 @@ class BatchRoomsSimulator:
         self.count, self.ways, self.entry = (
             torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.entry)
         )
-        self.turns = torch.tensor(np.round(simulator.degrees / 90).astype(int) % 4, device=device)  # from facing right
+        quarters = np.floor(simulator.degrees / 90 + 0.5).astype(int) % 4  # halves up, each as the next
+        self.turns = torch.tensor(quarters, device=device)  # from facing right
         self._turns = torch.tensor(TURNS, device=device)
         # Of the items (rooms, N) as they are turned first, and with a quarter more.
         like = torch.empty(0, device=device, dtype=dtype)

@@ -12,6 +12,7 @@ import torch
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
+from layoutrl import InputError
 from layoutrl.env.layout_env import check_at_least_one, check_render_mode, given_or_some, is_whole
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished_picture
@@ -137,6 +138,8 @@ def simulator_of(
 ) -> tuple[RoomsSimulator, list[Room | None]]:
     """The simulator of designs and briefs, and of each room its design; None of briefs."""
     given = given_or_some(rooms)
+    if empty := [room.id for room in given if not room.furniture]:
+        raise InputError(f"rooms: {empty[0]} has nothing to place; expected rooms with furniture")
     designs = [None if missing(room) else room for room in given]
     briefs = [room if missing(room) else brief_of(room) for room in given]
     return RoomsSimulator(briefs, designs, moves or Moves(), reward or Reward()), designs

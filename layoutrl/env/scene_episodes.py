@@ -115,8 +115,10 @@ class SceneEpisodes(Episodes):
         moving = drawn.masked_fill(~free, -torch.inf).argmax(1)
         fits = scenes.simulator.entry[state.room, moving] >= 0
         quarter = self._uniform(*fits.shape).masked_fill(~fits, -1.0).argmax(1)
-        near = self._uniform(len(moving)) < self._near_share
-        quarter = torch.where(near, self._designed_quarter[state.room, moving], quarter)
+        designed = self._designed_quarter[state.room, moving]
+        # What the designer turned by less than a quarter may fit in no way that is near to it.
+        near = (self._uniform(len(moving)) < self._near_share) & fits.gather(1, designed[:, None])[:, 0]
+        quarter = torch.where(near, designed, quarter)
         quarters = state.quarter.scatter(1, moving[:, None], quarter[:, None])
         scene = scenes.of(state._replace(moving=moving, quarter=quarters))
         anywhere = scenes.starts(scene, self._generator)

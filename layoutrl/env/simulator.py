@@ -42,8 +42,9 @@ class Moves:
     slide: bool = True
 
     def __post_init__(self) -> None:
-        if not self.steps or not all(0 < step < math.inf for step in self.steps):
-            raise InputError(f"steps: expected finite lengths above zero; got {self.steps}")
+        least = GRID if self.unit == "metre" else 0.0  # shorter ones would lead nowhere
+        if not self.steps or not all(least < step < math.inf for step in self.steps):
+            raise InputError(f"steps: expected finite lengths above zero, in metres above {GRID:g}; got {self.steps}")
         ratios = np.array(self.steps) / min(self.steps)
         if not np.allclose(ratios, np.round(ratios)):
             raise InputError(

@@ -7,8 +7,8 @@ count, and a passage may be a centimetre too narrow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from itertools import chain
 
 import numpy as np
@@ -16,7 +16,7 @@ import shapely
 from shapely.affinity import translate
 
 from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, may_stand_before, passage
-from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room, along_and_through
+from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Opening, Room, along_and_through
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 ROUNDING = 1e-9  # square metres: no area
@@ -219,7 +219,7 @@ class Floor:
 
     part: np.ndarray  # (P,)
     room: np.ndarray  # (P,)
-    entered: np.ndarray  # (P,): from the first door; where there is no door, the largest is
+    entered: np.ndarray  # (P,): by the `entrance`; where there is no door, the largest is
 
 
 def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius: np.ndarray) -> Floor:
@@ -233,7 +233,8 @@ def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius
     part, room = shapely.get_parts(shapely.difference(indoor, shapely.buffer(solid, radius)), return_index=True)
     area = shapely.area(part)
     part, room, area = part[area > ROUNDING], room[area > ROUNDING], area[area > ROUNDING]
-    door = np.array([layout.doors[0].shape if layout.doors else None for layout in layouts])[room]
+    doors_in = [entrance(layout) for layout in layouts]
+    door = np.array([door and door.shape for door in doors_in])[room]
     largest = np.zeros(count)
     np.maximum.at(largest, room, area)
     at_door = shapely.dwithin(part, door, TOLERANCE)
@@ -241,7 +242,7 @@ def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius
 
 
 def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether who enters by the first door, as wide as the `passage` but for 1 cm, comes to touch each item: (N,).
+    """Whether who enters by the `entrance`, as wide as the `passage` but for 1 cm, comes to touch each item: (N,).
 
     Tucked items are moved aside, RAISED ones walked on, and RUGS reached under whatever stands on them. False for what
     is not placed.
@@ -272,6 +273,29 @@ def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
 
 def kept_free(room: Room) -> shapely.Geometry:
     """Doors and windows, and the floor before and behind each door."""
+    return _kept_free(_bare(room))
+
+
+def entrance(room: Room) -> Opening | None:
+    """The door by which one enters: the first that is as wide as the `passage` but for 1 cm, or else the widest."""
+    return _entrance(_bare(room))
+
+
+def _bare(room: Room) -> Room:
+    """The room without furniture: many layouts have the same."""
+    return replace(room, furniture=(), target=None)
+
+
+@lru_cache(maxsize=1024)
+def _entrance(room: Room) -> Opening | None:
+    doors, border = room.doors, room.indoor.boundary
+    width = [float(np.hypot(*along_and_through(door.shape, border)[0])) for door in doors]
+    wide = [door for door, metres in zip(doors, width, strict=True) if metres >= passage(room.room_type) - TOLERANCE]
+    return next(iter(wide or sorted(doors, key=lambda door: -width[doors.index(door)])), None)
+
+
+@lru_cache(maxsize=1024)
+def _kept_free(room: Room) -> shapely.Geometry:
     zones = [window.shape for window in room.windows]
     border = room.indoor.boundary
     for door in room.doors:

@@ -12,8 +12,8 @@ import shapely
 from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.categories import category_of
-from layoutrl.rooms.clearances import RAISED, RUGS
-from layoutrl.rooms.room import Item, Room, along_and_through
+from layoutrl.rooms.clearances import RAISED, RUGS, passage
+from layoutrl.rooms.room import TOLERANCE, Item, Room, along_and_through
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place
 NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it
@@ -83,6 +83,8 @@ def answerable(
         lines.append("it has no door: what can be reached is told from the largest free floor")
     elif (width := max(widths(room))) < NARROWEST:
         lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is unit= right?")
+    elif width < (least := passage(room.room_type)) - TOLERANCE:
+        lines.append(f"its widest door is {width:.2f} m wide, less than the {least:g} m of a passage: nothing is reached")
     return Answerable(room, frozenset(unseen), lines)
 
 

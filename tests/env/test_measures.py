@@ -157,6 +157,8 @@ def test_the_first_door_is_the_entrance_and_without_one_the_largest_part_of_the_
     right = opening("door", 4.0, 1.0, 4.2, 2.0)
     assert named(replace(room, openings=(DOOR, right)), "out of reach") == [2]  # of two doors the first is the entrance
     assert named(replace(room, openings=(right, DOOR)), "out of reach") == [1]
+    hatch = opening("door", *right.shape.bounds[:3], right.shape.bounds[1] + 0.4)  # nobody fits through: not by it
+    assert named(replace(room, openings=(hatch, DOOR)), "out of reach") == [2]
 
 
 def test_nobody_walks_where_no_floor_is_left() -> None:

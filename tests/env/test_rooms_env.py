@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -130,6 +132,13 @@ def test_a_room_in_which_nothing_stands_and_that_has_no_walls_is_seen_too() -> N
     env = gymnasium.make("layoutrl/Rooms-v0", rooms=[bare])
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
+
+
+@pytest.mark.parametrize("environment", [RoomsEnv, partial(RoomsVectorEnv, 2)])
+def test_a_room_with_nothing_to_place_is_refused(environment) -> None:
+    empty = replace(BEDROOMS[0], id="hall", furniture=(), target=None)
+    with pytest.raises(InputError, match="^rooms: hall has nothing to place; expected rooms with furniture$"):
+        environment([*BEDROOMS, empty])
 
 
 def test_what_moves_is_drawn_red() -> None:

@@ -17,6 +17,8 @@ from layoutrl.env.scenes import Scenes
 from layoutrl.env.simulator import Moves
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import Item
+from tests.builders import rectangular_room
 
 MOST = 4  # moves of an item
 
@@ -110,6 +112,15 @@ def test_items_begin_anywhere_or_near_the_designers_place(scenes, simulator) -> 
     assert apart[1] < 0.9 < apart[0]
     assert turned[0] < 0.5
     assert turned[1] == 1
+
+
+def test_what_the_designer_turned_so_that_it_fits_no_way_along_the_walls_that_is_near_begins_as_it_fits() -> None:
+    slanted = Item("bookcase", (0.3, 3.2), (1.6, 1.25), 45.0)  # along one side of the room alone it has a place
+    room = rectangular_room(3.2, 2.5, slanted, walls=())
+    simulator = RoomsSimulator([brief_of(room)], [room], Moves((0.32, 0.08)), Reward())
+    scenes = Scenes(BatchRoomsSimulator(simulator))
+    begun = episodes(scenes, simulator, count=20, near=1.0)
+    assert scenes.is_legal(begun.room, begun.position).all()
 
 
 @pytest.mark.parametrize("own", [False, True])

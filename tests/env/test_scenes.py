@@ -86,6 +86,13 @@ def test_actions_are_those_of_the_room_turned_with_the_item_and_are_paid_the_sam
         torch.testing.assert_close(one, other, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("lean", [44.9, 45.0, 45.1])
+def test_each_way_to_face_is_another_quarter_however_the_room_leans(lean: float) -> None:
+    room = design_rooms("bedroom", "train", 0, 1).rooms[0].rotated(lean)
+    _, scenes = scenes_of([brief_of(room)], [room])
+    assert sorted(scenes.simulator.turns[0, 0].tolist()) == [0, 1, 2, 3]
+
+
 @pytest.mark.parametrize("room_type", MAIN_ITEM)
 def test_a_room_that_is_turned_or_mirrored_looks_the_same_to_an_item_that_is_turned_with_it(room_type: str) -> None:
     """Where it is mirrored, left and right of the item change places, as one of the two views has it."""

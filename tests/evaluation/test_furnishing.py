@@ -221,6 +221,13 @@ def test_a_room_that_leans_is_furnished_as_if_it_stood_upright(furnisher, design
     assert item.degrees == pytest.approx(degrees)
 
 
+def test_where_an_item_fits_one_way_alone_no_place_of_the_grid_may_be_of_another(furnisher) -> None:
+    room = rectangular_room(2.05, 4, Item("bed", (2.0, 1.0), (1.025, 2.0), 0.0), target=None, walls=())
+    centers, value, degrees = furnisher.values(room, 0, 0.6)  # along x it is 5 cm that the bed can stand at
+    assert len(centers) == len(value) == len(degrees) > 0
+    assert set(degrees) <= {90.0, 270.0}
+
+
 @pytest.mark.parametrize("lean", [30.0])
 def test_values_and_moves_of_a_room_that_leans_are_those_of_the_upright_one(furnisher, designs, lean) -> None:
     room = replace(designs[0], target=None)

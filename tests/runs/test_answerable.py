@@ -92,6 +92,19 @@ def test_what_a_layout_puts_beyond_the_walls_has_no_place() -> None:
     assert found.answer(replace(room, furniture=tuple(beside))).furniture == (beside[0], room.furniture[1])
 
 
+@pytest.mark.parametrize(
+    ("width", "said"),
+    [
+        (0.45, "its widest door is 0.45 m wide, and nobody fits through: is unit= right?"),
+        (0.55, "its widest door is 0.55 m wide, less than the 0.6 m of a passage: nothing is reached"),
+        (0.6, None),
+    ],
+)
+def test_a_door_that_is_too_narrow_is_named(width: float, said: str | None) -> None:
+    door = opening("door", 3, 3, 3 + width, 3.2)
+    assert answerable(room_with(BED, openings=(door,)), KNOWN).lines == [said] * (said is not None)
+
+
 def test_two_items_at_one_place_and_a_missing_door_are_said_and_all_is_kept() -> None:
     desks = [Item("desk", (0.6, 1.2), (3.0, 1.0 + by), 90.0) for by in (0.0, 0.1)]
     chair = Item("chair", (0.5, 0.5), (3.0, 1.5), 90.0)

@@ -17,7 +17,7 @@ from shapely.affinity import rotate
 
 from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before, passage
-from layoutrl.rooms.faults import DOOR_CLEARANCE
+from layoutrl.rooms.faults import DOOR_CLEARANCE, entrance
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
@@ -97,7 +97,7 @@ def scene_of(brief: Room) -> Scene:
         brief=brief,
         base=base,
         solids=solid_boxes(indoor),
-        doors=tuple(_gate(door, base, indoor) for door in brief.doors),
+        doors=tuple(_gate(door, base, indoor) for door in sorted(brief.doors, key=lambda d: d != entrance(brief))),
         windows=tuple(_gate(window, base, indoor) for window in brief.windows),
         radius=passage(brief.room_type) / 2,
         half=half,
