@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
-LONGEST = 100  # letters of a room's id in the name of its picture
+LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
 CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
 STAYS = f"{CROWDED_OUT}, and stays where it stood"
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
@@ -222,6 +222,7 @@ class Work:
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
         self._objects = 0  # entries that are JSON objects, right or wrong
+        self._drawn = list[Path]()  # pictures of rooms that are not written yet
 
     @cached_property
     def who(self) -> Hired:
@@ -253,7 +254,19 @@ class Work:
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
 
     def answers(self) -> Iterator[list[Answered]]:
-        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then."""
+        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then.
+
+        Whoever stops between two blocks leaves no picture of the second, which is done again.
+        """
+        try:
+            for block in self._blocks():
+                yield block
+                self._drawn.clear()
+        finally:
+            for picture in self._drawn:
+                picture.unlink(missing_ok=True)
+
+    def _blocks(self) -> Iterator[list[Answered]]:
         shard, shards = self.config.part
         done = self.tally.entries
         first = shard + done * shards
@@ -308,23 +321,16 @@ class Work:
             rooms.append([what.can.answer(each.layout) for each in found] or [what.can.asked])
             by.append([each.by for each in found] or [""])
         before = faults_of_all([what.can.asked for what in asked])
-        told = [[what.written(room) for room in some] for what, some in zip(asked, rooms, strict=True)]
-        now = iter(faults_of_all(list(chain.from_iterable(told))))
-        return [
-            Answered(
-                entry,
-                what,
-                some,
-                who,
-                [
-                    [(k, MISSING) for k in what.stood if room.furniture[k].center is None]
-                    + new_faults(next(now), was)
-                    + oddities(written, what.wanted)
-                    for room, written in zip(some, those, strict=True)
-                ],
-            )
-            for entry, what, some, those, who, was in zip(entries, asked, rooms, told, by, before, strict=True)
-        ]
+        written = [what.written(room) for what, some in zip(asked, rooms, strict=True) for room in some]
+        told = zip(written, faults_of_all(written), strict=True)
+        answers = []
+        for entry, what, some, who, was in zip(entries, asked, rooms, by, before, strict=True):
+            wrong = []
+            for room, (as_written, faults) in zip(some, islice(told, len(some)), strict=True):
+                unplaced = [(k, MISSING) for k in what.stood if room.furniture[k].center is None]
+                wrong.append(unplaced + new_faults(faults, was) + oddities(as_written, what.wanted))
+            answers.append(Answered(entry, what, some, who, wrong))
+        return answers
 
     def _asked(self, entry: Entry) -> Asked:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
@@ -347,9 +353,10 @@ class Work:
             from layoutrl.figures.drawing import draw  # matplotlib, which takes a second
 
             for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):
-                room_id = re.sub(r"[^\w.-]+", "_", layout.id)[:LONGEST]
+                room_id = re.sub(r"[^\w.-]+", "_", layout.id).encode()[:LONGEST].decode(errors="ignore")
                 choice = f"-{n}" if n > 1 else ""
                 file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
+                self._drawn.append(file)
                 draw(answer.asked.written(layout), wrong, file)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import layoutrl.figures.drawing
 import layoutrl.place
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
@@ -402,6 +403,31 @@ def test_what_finds_no_room_stays_where_it_stood_and_all_that_is_wrong_there_is_
 def many(folder: Path, count: int = 7) -> tuple[Path, list[dict[str, Any]]]:
     documents = [bare(DOCUMENTS[k % 3]) | {"id": f"room {k}", "note": k} for k in range(count)]
     return written(folder, documents), documents
+
+
+def test_a_room_of_a_long_name_is_drawn_and_what_is_stopped_leaves_no_picture_behind(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    documents = [bare(DOCUMENTS[0]) | {"id": "寝室é" * 60}, bare(DOCUMENTS[1]), bare(DOCUMENTS[2])]
+    config = PlaceConfig(by="search", rooms=str(written(tmp_path, documents)), pictures=str(tmp_path / "drawn"))
+    draw, drawn = layoutrl.figures.drawing.draw, list[Path]()
+
+    def stopped(layout: Room, wrong: Sequence[tuple[int, str]], file: Path) -> None:
+        draw(layout, wrong, file)
+        drawn.append(file)
+        if len(drawn) == stop_at:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(layoutrl.figures.drawing, "draw", stopped)
+    for stop_at, left in ((1, 0), (4, 1)):  # in the first block, of one room, and in the second, of two
+        with pytest.raises(KeyboardInterrupt):
+            place(config)
+        assert len(list((tmp_path / "drawn").iterdir())) == left
+    stop_at = 0
+    place(config)
+    names = sorted(file.name for file in (tmp_path / "drawn").iterdir())
+    assert [name.partition("-")[0] for name in names] == ["1", "2", "3"]
+    assert names[0].startswith("1-寝室é")
 
 
 def test_faults_stand_in_the_file_which_is_read_again_and_all_else_is_as_it_was(middle: Middle, tmp_path: Path) -> None:

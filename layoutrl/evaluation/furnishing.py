@@ -151,9 +151,7 @@ class Furnisher:
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
 
-    def _add_another(
-        self, world: _World, known: list[list[Furnished]], made: dict[Order, Furnished | None]
-    ) -> None:
+    def _add_another(self, world: _World, known: list[list[Furnished]], made: dict[Order, Furnished | None]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one.
 
         What was made before of a room, in the same order and unlike the same others, is not made again.
@@ -276,8 +274,10 @@ class Furnisher:
     def _slid(
         self, world: _World, state: State[np.ndarray], chosen: Chosen, b: np.ndarray, ways: Sequence[int]
     ) -> Chosen:
-        """What is chosen, but items b (n,), which have a place, slid the nearest of the ways until they touch, where that
-        is not far, and nothing more is wrong by it. What touches already, on either of two ways, stays.
+        """What is chosen, but items b (n,), which have a place, slid the nearest of the ways until they touch.
+
+        They slide where that is not far, and nothing more is wrong by it. What touches already, on either of two ways,
+        stays.
 
         Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
         """

@@ -123,8 +123,14 @@ def parsed(text: str | bytes) -> Any:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
-        ended = error.pos >= len(error.doc.rstrip())
-        return RoomError("line" if ended else f"column {error.colno}", _not_json(error, ended))
+        several = "\n" in error.doc.rstrip()  # lines: a file, and no line of one
+        if error.pos < len(error.doc.rstrip()):
+            line = f"line {error.lineno}, " * several
+            return RoomError(f"{line}column {error.colno}", f"expected JSON; {error.msg}")
+        if several:
+            return RoomError("file", "expected whole JSON; the text breaks off")
+        said = "expected one whole JSON object; the text breaks off (a room over several lines is a .json file)"
+        return RoomError("line", said)
     except UnicodeDecodeError as error:
         return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
@@ -215,12 +221,6 @@ def _errors(values: Iterable[Any]) -> Iterator[RoomError]:
             yield value
         elif isinstance(value, list):
             yield from _errors(value)
-
-
-def _not_json(error: json.JSONDecodeError, ended: bool) -> str:
-    if ended:
-        return "expected one whole JSON object; the text breaks off (a room over several lines is a .json file)"
-    return f"expected JSON; {error.msg}"
 
 
 def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:

@@ -84,7 +84,9 @@ def answerable(
     elif (width := max(widths(room))) < NARROWEST:
         lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is unit= right?")
     elif width < (least := passage(room.room_type)) - TOLERANCE:
-        lines.append(f"its widest door is {width:.2f} m wide, less than the {least:g} m of a passage: nothing is reached")
+        lines.append(
+            f"its widest door is {width:.2f} m wide, less than the {least:g} m of a passage: nothing is reached"
+        )
     return Answerable(room, frozenset(unseen), lines)
 
 

@@ -137,7 +137,7 @@ def test_a_room_in_which_nothing_stands_and_that_has_no_walls_is_seen_too() -> N
 @pytest.mark.parametrize("environment", [RoomsEnv, partial(RoomsVectorEnv, 2)])
 def test_a_room_with_nothing_to_place_is_refused(environment) -> None:
     empty = replace(BEDROOMS[0], id="hall", furniture=(), target=None)
-    with pytest.raises(InputError, match="^rooms: hall has nothing to place; expected rooms with furniture$"):
+    with pytest.raises(InputError, match=r"^rooms: hall has nothing to place; expected rooms with furniture$"):
         environment([*BEDROOMS, empty])
 
 

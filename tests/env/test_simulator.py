@@ -251,7 +251,9 @@ def test_a_pixel_is_a_120th_of_the_longest_side_of_the_envelope() -> None:
     assert simulator.steps == pytest.approx(np.array([[13.2 / 120, 4.4 / 120], [16.2 / 120, 5.4 / 120]]), abs=3e-6)
 
 
-@pytest.mark.parametrize("steps", [(), (0.0,), (-0.1,), (4e-7,), (0.3, 0.2), (0.32, 0.08, 0.03), (0.1, 0.0), (math.inf,)])
+@pytest.mark.parametrize(
+    "steps", [(), (0.0,), (-0.1,), (4e-7,), (0.3, 0.2), (0.32, 0.08, 0.03), (0.1, 0.0), (math.inf,)]
+)
 def test_steps_that_are_no_multiples_of_the_shortest_are_refused(steps: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="expected"):
         Moves(steps)

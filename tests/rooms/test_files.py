@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -226,6 +227,23 @@ UNREADABLE = {
     "two rooms in a line": ("{} {}", "column 4: expected JSON"),
     "truncated": (json.dumps(document())[:-40], "line: expected one whole JSON object; the text breaks off"),
 }
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            lambda text: text.replace('"room_type":', '"room_type"', 1),
+            r"line 3, column \d+: expected JSON; Expecting ':'",
+        ),
+        (lambda text: text[:-4], "file: expected whole JSON; the text breaks off$"),
+    ],
+)
+def test_a_mistake_in_a_file_of_several_lines_is_named_by_its_line(tmp_path: Path, change, said: str) -> None:
+    path = tmp_path / "room.json"
+    path.write_text(change(json.dumps(document(), indent=1)))
+    ((_, reason),) = read_rooms(path).left_out
+    assert re.match(said, reason)
 
 
 @pytest.mark.parametrize("fault", list(UNREADABLE))
