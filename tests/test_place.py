@@ -419,7 +419,7 @@ def test_a_room_of_a_long_name_is_drawn_and_what_is_stopped_leaves_no_picture_be
             raise KeyboardInterrupt
 
     monkeypatch.setattr(layoutrl.figures.drawing, "draw", stopped)
-    for stop_at, left in ((1, 0), (4, 1)):  # in the first block, of one room, and in the second, of two
+    for stop_at, left in ((1, 0), (4, 1)):  # noqa: B007 - in the first block, of one room, and in the second, of two
         with pytest.raises(KeyboardInterrupt):
             place(config)
         assert len(list((tmp_path / "drawn").iterdir())) == left
