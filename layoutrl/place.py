@@ -32,6 +32,7 @@ from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.units import unit_line
 from layoutrl.runs.answerable import in_no_type
 from layoutrl.runs.asked import Asked, asked_of
 from layoutrl.runs.commands import Incomplete, command
@@ -304,7 +305,7 @@ class Work:
                         continue
                     if entry.unit not in self._units:
                         self._units.add(entry.unit)
-                        self.say(f"lengths are read as {entry.unit}, as rooms are large (unit=m if they are)")
+                        self.say(unit_line(entry.unit, [entry.document]))
                     answered.append(answer := next(answers))
                     self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
                 yield answered

@@ -15,7 +15,7 @@ from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.room import Room, RoomError
-from layoutrl.rooms.units import UNITS, in_metres, unit_of
+from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
 
 SUFFIXES = (".json", ".jsonl")
 PART = ".part"  # the suffix of a folder in which a file grows
@@ -24,7 +24,8 @@ PART = ".part"  # the suffix of a folder in which a file grows
 def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collection:
     """Read one .json or .jsonl file, or every such file below a folder.
 
-    Lengths are in `unit`: m, cm, mm, or auto, which tells a file's by how large its rooms and doors are, and notes it.
+    Lengths are in `unit`: m, cm, mm, in, ft, or auto, which tells the first three by how large a file's rooms and doors
+    are, and notes it.
     A room that cannot be used is left out and named; with `strict` it raises InputError.
     Raises InputError where there is no file to read, or no such unit.
     """
@@ -34,9 +35,10 @@ def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collecti
     seen: set[str] = set()
     for file in room_files(Path(path)):
         read = list(documents_of(file))
-        in_file = unit_of(document for _, document in read) if unit == "auto" else unit
+        documents = [document for _, document in read]
+        in_file = unit_of(documents) if unit == "auto" else unit
         if in_file != unit and in_file != "m":
-            collection.notes.append(f"{file}: lengths are read as {in_file}, as rooms are large (unit=m if they are)")
+            collection.notes.append(f"{file}: {unit_line(in_file, documents)}")
         for where, document in read:
             try:
                 if isinstance(document, RoomError):

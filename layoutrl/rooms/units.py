@@ -24,7 +24,7 @@ def unit_of(documents: Iterable[Any]) -> str:
     return votes.most_common(1)[0][0] if votes else "m"
 
 
-def told(unit: str, documents: Iterable[Any]) -> str:
+def unit_line(unit: str, documents: Iterable[Any]) -> str:
     """The line that says which unit `unit_of` told of documents, and that it may be inches, as doors are narrow."""
     line = f"lengths are read as {unit}, as rooms are large (unit=m if they are)"
     widths = [width for document in documents for width in _door_widths(document)]

@@ -15,7 +15,7 @@ from layoutrl import InputError
 from layoutrl.rooms.documents import room_to_dict, with_layout
 from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.units import told, unit_of
+from layoutrl.rooms.units import unit_line, unit_of
 from tests.builders import opening, rectangular_room, rooms
 from tests.rooms.test_documents import document, polygons
 
@@ -394,9 +394,9 @@ def test_doors_as_narrow_as_inches_have_it_are_said(width: float) -> None:
     assert unit_of(documents) == "cm"
     line = "lengths are read as cm, as rooms are large (unit=m if they are)"
     narrow = f"; doors are {width} cm wide then (unit=in if lengths are inches)"
-    assert told("cm", documents) == line + narrow * (width < 45)
-    assert told("mm", documents) == line.replace("cm", "mm")
-    assert told("cm", documents[1:]) == line
+    assert unit_line("cm", documents) == line + narrow * (width < 45)
+    assert unit_line("mm", documents) == line.replace("cm", "mm")
+    assert unit_line("cm", documents[1:]) == line
 
 
 @given(rooms())
