@@ -29,7 +29,7 @@ from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict, with_layout
 from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
-from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place
+from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place, unread
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
@@ -283,6 +283,8 @@ class Work:
                 self.tally.items += sum(self.config.item in (None, c) for c in self.source.collection.homeless)
             entries = islice(source_entries(self.source), first, None, shards)
         else:
+            for line in unread(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
+                self.say(line)
             entries = json_entries(self.config, first, shards)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
         nobody = True if sys.stderr is None else None  # None: where it is no terminal

@@ -111,7 +111,7 @@ def new_home(room: Room) -> bytes:
     for number, opening in enumerate(room.openings):
         piece = SubElement(home, "doorOrWindow", id=f"opening{number}", catalogId=f"layoutrl#{opening.kind}")
         low, high = (0.0, DOOR_HEIGHT) if opening.kind == "door" else (SILL, WINDOW_HEIGHT)
-        along, through = along_and_through(opening.shape)
+        along, through = along_and_through(opening.shape, room.indoor.boundary)
         center = shapely.minimum_rotated_rectangle(opening.shape).centroid.coords[0]
         angle, width, depth = -math.atan2(along[1], along[0]), np.hypot(*along), np.hypot(*through)
         _set(piece, opening.kind, center, angle, width, depth, high)

@@ -329,27 +329,18 @@ def along_and_through(
     one, other = np.diff(corners[:3], axis=0)
     along, through = (one, other) if np.hypot(*one) >= np.hypot(*other) else (other, one)
     if border is not None:
-        beside = _share(border, corners[:4].mean(0), np.array([along, through]))
+        beside = _share(border, opening, np.array([along, through]))
         if beside[1] > beside[0]:
             return through, along
     return along, through
 
 
-def _share(lines: shapely.Geometry, center: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """How far lines run along each of the two `sides` (2, 2) of a rectangle, inside it and 2 cm around it: metres (2,).
-
-    By arithmetic, since whoever judges layouts asks it of every door: shapely takes several times as long.
-    """
-    size = np.hypot(*sides.T)
-    points, line = shapely.get_coordinates(shapely.get_parts(lines), return_index=True)
-    points = (points - center) @ (sides / size[:, None]).T
-    start, step = points[:-1], np.diff(points, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):  # of what is straight along a side
-        reach = size / 2 + 2 * TOLERANCE
-        one, other = (-reach - start) / step, (reach - start) / step
-    enters, leaves = np.fmin(one, other).max(1, initial=0.0), np.fmax(one, other).min(1, initial=1.0)
-    inside = np.maximum(leaves - enters, 0.0) * (line[1:] == line[:-1])
-    return inside @ np.abs(step)
+def _share(border: shapely.Geometry, opening: shapely.Geometry, sides: np.ndarray) -> np.ndarray:
+    """How far a border runs along each of two `sides` (2, 2) of an opening, in it and 2 cm around it: metres (2,)."""
+    near = shapely.intersection(border, opening.buffer(2 * TOLERANCE, join_style="mitre"))
+    points, line = shapely.get_coordinates(shapely.get_parts(near), return_index=True)
+    steps = np.diff(points, axis=0)[line[1:] == line[:-1]]
+    return np.abs(steps @ (sides / np.hypot(*sides.T)[:, None]).T).sum(0)
 
 
 def wall_thickness(room: Room) -> float:

@@ -399,6 +399,12 @@ def test_doors_as_narrow_as_inches_have_it_are_said(width: float) -> None:
     assert unit_line("cm", documents[1:]) == line
 
 
+def test_a_file_that_may_be_in_inches_is_said_to_be_so(tmp_path: Path) -> None:
+    room = rectangular_room(3.6, 4.2, openings=(opening("door", 1.0, -0.2, 1.9, 0.0),))
+    (note,) = read_rooms(write(tmp_path / "rooms.jsonl", scaled(room_to_dict(room), 1 / 0.0254))).notes
+    assert note.endswith("doors are 35 cm wide then (unit=in if lengths are inches)")
+
+
 @given(rooms())
 def test_metres_are_taken_for_metres(tmp_path_factory: pytest.TempPathFactory, room: Room) -> None:
     path = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
