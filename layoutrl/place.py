@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -34,7 +33,7 @@ from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
 from layoutrl.runs.answerable import in_no_type
-from layoutrl.runs.asked import Asked, asked_of
+from layoutrl.runs.asked import Asked, asked_of, said_to_stay
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
@@ -105,7 +104,8 @@ class Answered:
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
-            yield f"{name}: {placed}; {found}{self._stays(layout)}"
+            stays = f"; {said_to_stay(layout, self.asked.stays)}" if self.asked.stays else ""
+            yield f"{name}: {placed}; {found}{stays}"
 
     def _name(self, item: int) -> str:
         """The category of an item, and which of its kind it is, in the order of the file."""
@@ -118,11 +118,6 @@ class Answered:
         if fault != MISSING:
             return fault
         return STAYS if item in self.asked.stood else CROWDED_OUT
-
-    def _stays(self, layout: Room) -> str:
-        items = Counter(layout.furniture[k].category for k in sorted(self.asked.stays))
-        names = ", ".join(name if n == 1 else f"{name} ({n})" for name, n in items.items())
-        return f"; nobody places these in a {layout.room_type}, and they stay: {names}" if names else ""
 
 
 @dataclass(frozen=True)

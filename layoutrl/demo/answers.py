@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -31,7 +31,7 @@ from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, odditie
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources.sweethome3d import Home
 from layoutrl.runs.answerable import Answerable, answerable
-from layoutrl.runs.asked import put_back, staying
+from layoutrl.runs.asked import put_back, said_to_stay, staying
 from layoutrl.runs.streams import Entry
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
@@ -131,7 +131,7 @@ class Answers:
         entry = Entry(room.id, room, {}, stood=room.furniture)
         stands = {k for k, item in enumerate(room.furniture) if item.center is not None}
         stays = movable & staying(entry, sorted(stands), known)
-        lines = [f"nobody places these in a {room.room_type}, and they stay: {names(room, stays)}"] if stays else []
+        lines = [said_to_stay(room, stays)] if stays else []
         brief = replace(room, furniture=lifted(room.furniture, movable - stays))
         if not missing(brief):
             mend = "expected other furniture" if stays else "expected furniture that is not locked"
@@ -292,12 +292,6 @@ def told(room: Room) -> list[list[Any]]:
     """What is wrong with a room, and what is odd: the item's index, the name, and words."""
     wrong = sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
     return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in wrong]
-
-
-def names(room: Room, those: Iterable[int]) -> str:
-    """The categories of some items, and how many there are of each."""
-    counts = Counter(room.furniture[k].category for k in sorted(those))
-    return ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
 
 
 def choice(held: Answerable, furnished: Furnished) -> Answer:

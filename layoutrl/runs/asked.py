@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -78,6 +79,13 @@ def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> froze
     ]
     under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
     return frozenset(stays | under)
+
+
+def said_to_stay(room: Room, stays: Collection[int]) -> str:
+    """What is said of items that nobody places in a room, and that stay."""
+    counts = Counter(room.furniture[k].category for k in sorted(stays))
+    names = ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
+    return f"nobody places these in a {room.room_type}, and they stay: {names}"
 
 
 def put_back(room: Room, entry: Entry, those: Collection[int]) -> Room:
