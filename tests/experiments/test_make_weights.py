@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import make_weights
@@ -12,9 +13,10 @@ import numpy as np
 import pytest
 import torch
 from cells import IOU, fill, packed
-from make_weights import COLUMN, PACKAGED, page_of
+from make_weights import COLUMN, PACKAGED, command_of, page_of, sweeps
 from table3 import LEARNS
 
+from layoutrl.runs.config import composed
 from layoutrl.runs.pretrained import ABOUT, unpacked
 from tests.experiments.builders import configured, script
 
@@ -92,3 +94,12 @@ def test_a_version_that_is_no_number_is_answered_before_any_training(monkeypatch
     monkeypatch.setattr(make_weights, "multirun", None)
     with pytest.raises(SystemExit, match=r"^error: version: expected a whole number; got x$"):
         make_weights.main(["version=x"])
+
+
+def test_each_agent_in_the_package_is_trained_again_as_its_card_says() -> None:
+    cards = json.loads((make_weights.WEIGHTS / ABOUT).read_text())["agents"]
+    asked = [sweep | {"room": room} for sweep in sweeps([*cards], {}) for room in sweep["room"].split(",")]
+    assert sorted(sweep["room"] for sweep in asked) == sorted(cards)
+    for sweep in asked:
+        config = composed("cell", "table=table3", *(f"{name}={value}" for name, value in sweep.items()))
+        assert command_of(asdict(config)) == cards[sweep["room"]]["command"]
