@@ -20,7 +20,7 @@ from tests.rooms.sources.test_sweethome3d import home_file
 class InTheMiddle:
     """Puts everything into the middle of its room."""
 
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:  # noqa: ARG002
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         middles = [brief.indoor.centroid.coords[0] for brief in briefs]
         return [
             [Furnished(furnished(brief, dict.fromkeys(missing(brief), (middle, 0.0))), 0.0)]
