@@ -58,7 +58,7 @@ FIELDS = {
     "overlap": "share of the item that other furniture covers; of whole rooms, of items that overlap",
     "outside": "share of the item that is not indoors; of whole rooms, of items that stand out",
     "blocked": "share of rooms in which the item blocks a door or window; of whole rooms, of items that do",
-    "reached": "share of items that who enters by the first door reaches",
+    "reached": "share of items that who enters reaches",
     "fronts": "share of items with a front that is free",
     "overlap_area": "share of an item that other furniture covers",
     "outside_area": "share of an item that is not indoors",

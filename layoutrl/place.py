@@ -33,7 +33,7 @@ from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
 from layoutrl.runs.answerable import in_no_type
-from layoutrl.runs.asked import Asked, asked_of, said_to_stay
+from layoutrl.runs.asked import Asked, asked_of, put_back, said_to_stay
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
@@ -57,7 +57,6 @@ JSON = ".jsonl"  # the suffix of files that grow room by room; others are writte
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
 CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
-STAYS = f"{CROWDED_OUT}, and stays where it stood"
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 
@@ -66,18 +65,26 @@ NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
 class Answered:
     """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault).
 
-    In a layout what found no place has no center. Where it stays where it stood, what is wrong tells of it there.
+    What found no place stays where the file has it, if that is in the room; else it has no center.
     """
 
     entry: Entry
     asked: Asked
     layouts: list[Room]
     by: list[str]  # who made each, where that is not who was asked
+    unplaced: list[list[int]]  # of the items that are wanted, those for which each layout has no place
     wrong: list[list[Fault]]
 
-    def placed(self, layout: Room) -> int:
+    def placed(self, choice: int) -> int:
         """How many items a layout places."""
-        return sum(layout.furniture[k].center is not None for k in self.asked.wanted if k not in self.asked.left)
+        return len(self.asked.wanted) - len(self.asked.left) - len(self.unplaced[choice])
+
+    def found(self, choice: int) -> Room:
+        """A layout of what was placed alone, as files are written by: all else in them stays as it was."""
+        layout, asked = self.layouts[choice], self.asked.can.asked
+        items = enumerate(layout.furniture)
+        furniture = (asked.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
+        return replace(layout, furniture=tuple(furniture))
 
     def documents(self) -> Iterator[dict[str, Any]]:
         """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
@@ -85,7 +92,8 @@ class Answered:
             yield self.entry.document
             return
         for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
-            written = with_layout(self.entry.document, self.asked.can.asked, layout, wrong, self.entry.unit)
+            found = self.found(n - 1)
+            written = with_layout(self.entry.document, self.asked.can.asked, found, wrong, self.entry.unit)
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
@@ -97,13 +105,13 @@ class Answered:
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
             said = [
-                f"the {self._name(k)}: {', '.join(self._words(k, fault) for _, fault in some)}"
+                f"the {self._name(k)}: {self._words(k, [fault for _, fault in some])}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.asked.can.lines
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
-            placed = f"{self.placed(layout)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
+            placed = f"{self.placed(n - 1)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
             stays = f"; {said_to_stay(layout, self.asked.stays)}" if self.asked.stays else ""
             yield f"{name}: {placed}; {found}{stays}"
 
@@ -114,10 +122,12 @@ class Answered:
         which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
         return f"{furniture[item].category}{which}"
 
-    def _words(self, item: int, fault: str) -> str:
-        if fault != MISSING:
-            return fault
-        return STAYS if item in self.asked.stood else CROWDED_OUT
+    def _words(self, item: int, faults: Sequence[str]) -> str:
+        there = ", ".join(fault for fault in faults if fault != MISSING)
+        if MISSING not in faults:
+            return there
+        stays = f", and stays where it stood{there and f' ({there})'}"
+        return CROWDED_OUT + stays * (item in self.asked.stood)
 
 
 @dataclass(frozen=True)
@@ -178,22 +188,32 @@ def run(config: PlaceConfig) -> Done:
     if source and files and folder.is_dir() and folder in files[0].resolve().parents:
         raise InputError(f"out: {files[0]} lies in the folder that is read; expected it elsewhere, as out=<file>")
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
-    if suffix == JSON:
-        if piped and sys.stdout is None:
-            raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
-        grown = nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config, source))
-        with grown as sheet:
-            work.tally = sheet.tally
-            for block in work.answers():
-                sheet.add(document for answer in block for document in answer.documents())
-            sheet.wanted = work.asked
-    else:
-        assert source is not None
-        layouts = [answer.layouts for block in work.answers() for answer in block]
-        files = files[: max(map(len, layouts), default=0) if work.asked else 0]
-        for n, file in enumerate(files):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
+    try:
+        if suffix == JSON:
+            if piped and sys.stdout is None:
+                raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
+            grown = (
+                nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config, source))
+            )
+            with grown as sheet:
+                work.tally = sheet.tally
+                for block in work.answers():
+                    sheet.add(document for answer in block for document in answer.documents())
+                    work.drawn.clear()
+                sheet.wanted = work.asked
+        else:
+            assert source is not None
+            layouts = [
+                [answer.found(n) for n in range(len(answer.layouts))] for block in work.answers() for answer in block
+            ]
+            files = files[: max(map(len, layouts), default=0) if work.asked else 0]
+            for n, file in enumerate(files):
+                file.parent.mkdir(parents=True, exist_ok=True)
+                source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
+            work.drawn.clear()
+    finally:  # of rooms that are not written no picture is left, so that the same command can make it
+        for picture in work.drawn:
+            picture.unlink(missing_ok=True)
     work.say_unmet()
     if not work.asked and not work.readable:
         raise InputError(f"rooms: no room of {config.rooms} could be read, as is said above; expected one or more")
@@ -218,7 +238,7 @@ class Work:
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
         self._objects = 0  # entries that are JSON objects, right or wrong
-        self._drawn = list[Path]()  # pictures of rooms that are not written yet
+        self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
     @cached_property
     def who(self) -> Hired:
@@ -250,19 +270,7 @@ class Work:
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
 
     def answers(self) -> Iterator[list[Answered]]:
-        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then.
-
-        Whoever stops between two blocks leaves no picture of the second, which is done again.
-        """
-        try:
-            for block in self._blocks():
-                yield block
-                self._drawn.clear()
-        finally:
-            for picture in self._drawn:
-                picture.unlink(missing_ok=True)
-
-    def _blocks(self) -> Iterator[list[Answered]]:
+        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then."""
         shard, shards = self.config.part
         done = self.tally.entries
         first = shard + done * shards
@@ -313,21 +321,22 @@ class Work:
         asked = [self._asked(entry) for entry in entries]
         briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
-        rooms, by = list[list[Room]](), list[list[str]]()  # of each entry
-        for what in asked:
+        answers, before = [], list[Room]()
+        for entry, what in zip(entries, asked, strict=True):
             found = next(layouts) if missing(what.can.brief) else []
-            rooms.append([what.can.answer(each.layout) for each in found] or [what.can.asked])
-            by.append([each.by for each in found] or [""])
-        before = faults_of_all([what.can.asked for what in asked])
-        written = [what.written(room) for what, some in zip(asked, rooms, strict=True) for room in some]
-        told = zip(written, faults_of_all(written), strict=True)
-        answers = []
-        for entry, what, some, who, was in zip(entries, asked, rooms, by, before, strict=True):
-            wrong = []
-            for room, (as_written, faults) in zip(some, islice(told, len(some)), strict=True):
-                unplaced = [(k, MISSING) for k in what.stood if room.furniture[k].center is None]
-                wrong.append(unplaced + new_faults(faults, was) + oddities(as_written, what.wanted))
-            answers.append(Answered(entry, what, some, who, wrong))
+            rooms = [what.can.answer(each.layout) for each in found] or [what.can.asked]
+            unplaced = [[k for k in what.wanted if room.furniture[k].center is None] for room in rooms]
+            stays = [what.stood.intersection(those) for those in unplaced]
+            written = [put_back(room, entry, those) for room, those in zip(rooms, stays, strict=True)]
+            before += [put_back(what.can.asked, entry, those) for those in stays]
+            answers.append(Answered(entry, what, written, [each.by for each in found] or [""], unplaced, []))
+        was = iter(faults_of_all(before))
+        now = iter(faults_of_all([layout for answer in answers for layout in answer.layouts]))
+        for answer in answers:
+            for layout, those in zip(answer.layouts, answer.unplaced, strict=True):
+                staying = answer.asked.stood.intersection(those)
+                odd = oddities(layout, {*answer.asked.wanted}.difference(staying))
+                answer.wrong.append([(k, MISSING) for k in sorted(staying)] + new_faults(next(now), next(was)) + odd)
         return answers
 
     def _asked(self, entry: Entry) -> Asked:
@@ -342,7 +351,7 @@ class Work:
             return
         self.tally.rooms += 1
         self.tally.items += len(answer.asked.wanted)
-        self.tally.placed += answer.placed(answer.layouts[0])
+        self.tally.placed += answer.placed(0)
         for fault in [fault for _, fault in answer.wrong[0] if fault != MISSING]:
             self.tally.faults[fault] = self.tally.faults.get(fault, 0) + 1
         for line in answer.lines():
@@ -354,8 +363,8 @@ class Work:
                 room_id = re.sub(r"[^\w.-]+", "_", layout.id).encode()[:LONGEST].decode(errors="ignore")
                 choice = f"-{n}" if n > 1 else ""
                 file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
-                self._drawn.append(file)
-                draw(answer.asked.written(layout), wrong, file)
+                self.drawn.append(file)
+                draw(layout, wrong, file)
 
 
 def check_who(config: PlaceConfig) -> None:

@@ -20,6 +20,7 @@ import pytest
 
 import layoutrl.figures.drawing
 import layoutrl.place
+import layoutrl.rooms.sources.sweethome3d
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
@@ -395,9 +396,46 @@ def test_what_finds_no_room_stays_where_it_stood_and_all_that_is_wrong_there_is_
     assert second["faults"][:2] == ["not placed", "overlaps"]
     said = capsys.readouterr().out
     assert "1 of 2 placed; the bed (1 of 2): overlaps, " in said
-    assert "the bed (2 of 2): not placed, as no room is left for it, and stays where it stood, overlaps, " in said
+    assert "the bed (2 of 2): not placed, as no room is left for it, and stays where it stood (overlaps)" in said
     (picture,) = (tmp_path / "drawn").iterdir()
     assert picture.read_text().count(">bed<") == 2
+
+
+def test_where_nothing_finds_room_what_was_wrong_before_is_not_told_as_new(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class PlacesNothing(Middle):
+        def layout(self, brief: Room) -> Room:
+            return brief
+
+    bed, desk = (
+        DOCUMENTS[0]["furniture"][DOCUMENTS[0]["target"]],
+        {"category": "desk", "size": [0.6, 1.2], "rotation": 0},
+    )
+    document = DOCUMENTS[0] | {"furniture": [bed, desk | {"center": bed["center"]}], "target": 0}
+    monkeypatch.setattr(
+        layoutrl.runs.furnishers, "hired", lambda config: Hired(PlacesNothing(), lambda room_type: ["desk"])
+    )
+    (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [document])), move="desk"))
+    assert [item.get("faults") for item in room["furniture"]] == [None, ["not placed"]]
+    assert room["furniture"][1]["center"] == bed["center"]
+    said = capsys.readouterr().out
+    assert "0 of 1 placed; the desk: not placed, as no room is left for it, and stays where it stood\n" in said
+
+
+def test_no_picture_is_left_of_a_home_that_was_not_written(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = home_file(tmp_path / "flat.sh3d")
+    config = PlaceConfig(by="search", rooms=str(home), move="bed", pictures=str(tmp_path / "drawn"))
+    monkeypatch.setattr(layoutrl.rooms.sources.sweethome3d.Home, "write", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        place(config)
+    assert not list((tmp_path / "drawn").iterdir())
+
+
+def interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt
 
 
 def many(folder: Path, count: int = 7) -> tuple[Path, list[dict[str, Any]]]:

@@ -53,7 +53,8 @@ def test_the_rooms_commands_work_one_after_the_other(tmp_path: Path) -> None:
     for options in (first, *others):
         done = layoutrl("place", *options.split(), "device=cpu", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-        assert re.search(r"^b-17(, choice 1)?: 1 of 1 placed", done.stdout, re.MULTILINE)
+        choices = 3 if "choices=3" in options else 1
+        assert len(re.findall(r"^b-17(?:, choice \d)?: 1 of 1 placed", done.stdout, re.MULTILINE)) == choices
         if options == first:
             assert done.stdout.startswith(answer)
             assert "wrote my_rooms-placed.jsonl" in done.stdout.replace(f"{tmp_path}/", "")

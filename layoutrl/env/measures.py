@@ -46,9 +46,9 @@ class Measures:
     outside: np.ndarray  # of items: more than 1 cm outside the indoor area
     outside_area: np.ndarray  # mean over items: how much of it is not indoors
     blocked: np.ndarray  # of items: in a door, in a window, or in the 30 cm before and behind a door: `kept_free`
-    reached: np.ndarray  # of items: who enters by the first door and is as wide as the `passage` comes to touch it
+    reached: np.ndarray  # of items: who enters by the `entrance`, as wide as the `way_width`, comes to touch it
     fronts: np.ndarray  # of items that keep a FRONT_DEPTH: free of walls and of other items
-    walkable: np.ndarray  # of the floor where the middle of the ROBOT can be: connected with the first door
+    walkable: np.ndarray  # of the floor where the middle of the ROBOT can be: connected with the `entrance`
     reach: np.ndarray  # of items: touched from a connected part of that floor; mean over the parts, by their area
     moved: np.ndarray  # metres from the middle of the matched item, mean over those that have one
     missing: np.ndarray  # of the designer's items: without a match

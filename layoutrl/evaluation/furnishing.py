@@ -34,7 +34,7 @@ AFRESH = 3  # times that a room is furnished anew, what was most wrong first, wh
 ELSEWHERE = 2  # times then, with its largest item elsewhere, while a fault is left
 GAP = 0.15  # metres: a narrower one behind an item is closed, and beside one that belongs at a wall
 BETTER = 0.02  # of value: for no less is an item moved that stands
-Order = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, its items in turn, and the layouts to differ from
+Task = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, its items in turn, and the ids of layouts to differ from
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BACK, SIDEWAYS = (1,), (2, 3)  # of WAYS
 BLOCK = 128  # rooms furnished at once: memory, not speed
@@ -89,7 +89,7 @@ class Furnisher:
             upright = [_upright(briefs[k])[0] for k in block]
             world = _World(upright, self._moves, self._categories, self._policy.q.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
-            made = dict[Order, Furnished | None]()
+            made = dict[Task, Furnished | None]()
             for _ in range(choices):
                 self._add_another(world, layouts, made)
             for k, those in zip(block, layouts, strict=True):
@@ -151,7 +151,7 @@ class Furnisher:
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
 
-    def _add_another(self, world: _World, known: list[list[Furnished]], made: dict[Order, Furnished | None]) -> None:
+    def _add_another(self, world: _World, known: list[list[Furnished]], made: dict[Task, Furnished | None]) -> None:
         """Add to the layouts of each brief one that is different from all of them, where there is one.
 
         What was made before of a room, in the same order and unlike the same others, is not made again.
@@ -163,11 +163,12 @@ class Furnisher:
             which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
         ) -> dict[int, Furnished]:
             """Layouts of these rooms, different from the others; the best of a room is kept, the first of equals."""
-            order = {b: (b, tuple(rank[b].argsort(kind="stable").tolist()), tuple(map(id, others[b]))) for b in which}
-            if new := [b for b in which if order[b] not in made]:
+            order = rank.argsort(1, kind="stable")  # `made` keeps the others, and so their ids are their own
+            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b]))) for b in which}
+            if new := [b for b in which if task[b] not in made]:
                 layouts = self._furnished(world, np.array(new), rank, others)
-                made.update(zip((order[b] for b in new), layouts, strict=True))
-            found = {b: layout for b in which if (layout := made[order[b]])}
+                made.update(zip((task[b] for b in new), layouts, strict=True))
+            found = {b: layout for b in which if (layout := made[task[b]])}
             for b, layout in found.items():
                 latest[b] = blame(layout.layout, world.rooms.rooms[b])
                 if b not in best or latest[b].sum() < least[b]:

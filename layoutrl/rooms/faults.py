@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain
+from operator import itemgetter
 
 import numpy as np
 import shapely
@@ -242,12 +243,12 @@ def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius
 
 
 def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether who enters by the `entrance`, as wide as the `passage` but for 1 cm, comes to touch each item: (N,).
+    """Whether who enters by the `entrance`, as wide as the `way_width` but for 1 cm, comes to touch each item: (N,).
 
     Tucked items are moved aside, RAISED ones walked on, and RUGS reached under whatever stands on them. False for what
     is not placed.
     """
-    radius = np.array([passage(layout.room_type) / 2 for layout in layouts])
+    radius = np.array([way_width(layout) / 2 for layout in layouts])
     stands = ~items.tucked & ~np.isin(items.category, list(RAISED))
     floor = free_floor(layouts, items, stands, radius - TOLERANCE / 2)
     entered = unions(floor.part[floor.entered], floor.room[floor.entered], len(layouts))[items.room]
@@ -278,7 +279,20 @@ def kept_free(room: Room) -> shapely.Geometry:
 
 def entrance(room: Room) -> Opening | None:
     """The door by which one enters: the first that is as wide as the `passage` but for 1 cm, or else the widest."""
-    return _entrance(_bare(room))
+    wide = passage(room.room_type) - TOLERANCE
+    doors = list(zip(room.doors, door_widths(room), strict=True))
+    first = next((door for door, width in doors if width >= wide), None)
+    return first or max(doors, key=itemgetter(1), default=(None, 0.0))[0]
+
+
+def way_width(room: Room) -> float:
+    """How wide the way to each item is, in metres: the `passage`, or less where no door is as wide."""
+    return min(passage(room.room_type), max(door_widths(room), default=np.inf))
+
+
+def door_widths(room: Room) -> tuple[float, ...]:
+    """How wide each door is, in metres."""
+    return _door_widths(_bare(room))
 
 
 def _bare(room: Room) -> Room:
@@ -287,11 +301,9 @@ def _bare(room: Room) -> Room:
 
 
 @lru_cache(maxsize=1024)
-def _entrance(room: Room) -> Opening | None:
-    doors, border = room.doors, room.indoor.boundary
-    width = [float(np.hypot(*along_and_through(door.shape, border)[0])) for door in doors]
-    wide = [door for door, metres in zip(doors, width, strict=True) if metres >= passage(room.room_type) - TOLERANCE]
-    return next(iter(wide or sorted(doors, key=lambda door: -width[doors.index(door)])), None)
+def _door_widths(room: Room) -> tuple[float, ...]:
+    border = room.indoor.boundary
+    return tuple(float(np.hypot(*along_and_through(door.shape, border)[0])) for door in room.doors)
 
 
 @lru_cache(maxsize=1024)

@@ -13,7 +13,8 @@ from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
-from layoutrl.rooms.room import TOLERANCE, Item, Room, along_and_through
+from layoutrl.rooms.faults import door_widths
+from layoutrl.rooms.room import TOLERANCE, Item, Room
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place
 NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it
@@ -81,12 +82,10 @@ def answerable(
             )
     if not room.doors:
         lines.append("it has no door: what can be reached is told from the largest free floor")
-    elif (width := max(widths(room))) < NARROWEST:
+    elif (width := max(door_widths(room))) < NARROWEST:
         lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is unit= right?")
-    elif width < (least := passage(room.room_type)) - TOLERANCE:
-        lines.append(
-            f"its widest door is {width:.2f} m wide, less than the {least:g} m of a passage: nothing is reached"
-        )
+    elif width < passage(room.room_type) - TOLERANCE:
+        lines.append(f"its widest door is {width:.2f} m wide: what can be reached is told of who fits through")
     return Answerable(room, frozenset(unseen), lines)
 
 
@@ -105,11 +104,6 @@ def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[
             )
         return f"{agents} of {', '.join(types)} {places} it; that of a {room.room_type} does not"
     return f"who is asked places no {ours} in a {room.room_type}; expected one of {', '.join(sorted(known))}"
-
-
-def widths(room: Room) -> list[float]:
-    """Of its doors, in metres."""
-    return [float(np.hypot(*along_and_through(door.shape, room.indoor.boundary)[0])) for door in room.doors]
 
 
 def unstacked(brief: Room, layout: Room) -> Room:

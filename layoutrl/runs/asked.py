@@ -11,7 +11,7 @@ import shapely
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.room import Room
 from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.streams import Entry
@@ -25,12 +25,7 @@ class Asked:
     wanted: list[int]  # items that are to be placed
     left: frozenset[int]  # of these, what nobody places, and stays
     stays: frozenset[int]  # items that `move=all` could mean, and does not: who is asked does not place them
-    stood: dict[int, Item]  # of what is wanted, what the file has in the room: where no place is found, it stays there
-
-    def written(self, layout: Room) -> Room:
-        """The layout as it is written: what finds no place stays where the file has it, if that is in the room."""
-        items = enumerate(layout.furniture)
-        return replace(layout, furniture=tuple(self.stood.get(k, i) if i.center is None else i for k, i in items))
+    stood: frozenset[int]  # of what is wanted, what the file has in the room: where no place is found, it stays there
 
 
 def asked_of(
@@ -62,7 +57,7 @@ def asked_of(
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
     can = Answerable(put_back(room, entry, left), others | unseen - left, found.lines)
-    return Asked(can, wanted, left, stays, {k: entry.stood[k] for k in wanted if k in stood})
+    return Asked(can, wanted, left, stays, frozenset(stood.intersection(wanted)))
 
 
 def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:

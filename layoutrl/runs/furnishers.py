@@ -42,10 +42,9 @@ from layoutrl.runs.machine import device_of
 from layoutrl.runs.pretrained import Agents
 from layoutrl.runs.trained import trained_network
 
-RESTARTS = (
-    8,
-    64,
-)  # of the search, where something is wrong with an agent's layout, and then where a fault is left in all
+# Of the search, where something is wrong with an agent's layout, and then where each layout has a fault: by seconds,
+# machines would differ.
+RESTARTS = (8, 64)
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: little hangs on the seed
 

@@ -96,7 +96,7 @@ def test_what_a_layout_puts_beyond_the_walls_has_no_place() -> None:
     ("width", "said"),
     [
         (0.45, "its widest door is 0.45 m wide, and nobody fits through: is unit= right?"),
-        (0.55, "its widest door is 0.55 m wide, less than the 0.6 m of a passage: nothing is reached"),
+        (0.55, "its widest door is 0.55 m wide: what can be reached is told of who fits through"),
         (0.6, None),
     ],
 )

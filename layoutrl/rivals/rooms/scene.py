@@ -16,8 +16,8 @@ import shapely
 from shapely.affinity import rotate
 
 from layoutrl.rooms.brief import facings, furnished
-from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before, passage
-from layoutrl.rooms.faults import DOOR_CLEARANCE, entrance
+from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before
+from layoutrl.rooms.faults import DOOR_CLEARANCE, entrance, way_width
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
@@ -81,7 +81,7 @@ class Scene:
 
 def scene_of(brief: Room) -> Scene:
     """The brief as boxes."""
-    base = facings(brief)[0]
+    base, entered = facings(brief)[0], entrance(brief)
     indoor = _rounded(rotate(brief.indoor, -base, origin=(0, 0)))
     items = [_item(item, base) for item in brief.furniture]
     middle = np.array(indoor.representative_point().coords[0])
@@ -97,9 +97,9 @@ def scene_of(brief: Room) -> Scene:
         brief=brief,
         base=base,
         solids=solid_boxes(indoor),
-        doors=tuple(_gate(door, base, indoor) for door in sorted(brief.doors, key=lambda d: d != entrance(brief))),
+        doors=tuple(_gate(door, base, indoor) for door in sorted(brief.doors, key=lambda door: door != entered)),
         windows=tuple(_gate(window, base, indoor) for window in brief.windows),
-        radius=passage(brief.room_type) / 2,
+        radius=way_width(brief) / 2,
         half=half,
         front_half=half * (1 - along) + front / 2 * along,
         front_offset=DIRECTIONS * (half + front / 2),
@@ -213,7 +213,7 @@ def ahead(a: Array, blocks: Array) -> Array:
 
 
 def unreached(scene: Scene, boxes: Array) -> Array:
-    """How many items (C,) of layouts (C, n, 4) who enters by the first door cannot get to.
+    """How many items (C,) of layouts (C, n, 4) who enters by the `entrance`, the first of the doors, cannot get to.
 
     The floor is cut along the sides of what is in the way, grown by half a passage: exact for growth to the sides. An
     item is reached where the floor that is left, from the door, lies straight before one of its sides.

@@ -44,6 +44,7 @@ NEAR = 0.1  # metres from a floor to a wall that is its own
 ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
 MOST_WALLS, MOST_OPENINGS = 40, 30  # that are looked at along one side, and about one room
 MOST_CROSSING = 100  # corners of a border that may cross itself
+LEAST = 0.01  # square metres indoors, of what reaches through a wall: less is in nobody's way
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a room, the largest that fits
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
@@ -290,12 +291,13 @@ def room_of(
 def within(room: Room, item: Item) -> Item | None:
     """The item, where it is to be placed or the room holds it; else what of it lies indoors, as an obstacle.
 
-    People draw furniture a few centimetres through a wall: nothing else may stand there. None where it is all outside.
+    People draw furniture a few centimetres through a wall: nothing else may stand there. None where next to nothing of
+    it is indoors.
     """
     if item.center is None or room.holds(item):
         return item
     indoors = rotate(item.footprint.intersection(room.indoor), -item.degrees, origin=(0, 0))
-    if indoors.area < TOLERANCE:
+    if indoors.area < LEAST:
         return None
     middle = np.array(indoors.representative_point().coords[0])
     low, high = np.array(indoors.bounds).reshape(2, 2)
