@@ -43,6 +43,8 @@ LARGEST_BODY = 200_000  # bytes about one room: as many corners as are worked ou
 WIDEST = 25.0  # metres of a room's sides
 MOST_ITEMS = 40
 MOST_ROOMS = 100  # of a file
+LARGEST_LINE = MOST_ROOMS * LARGEST_BODY  # bytes about the rooms of a home
+LONGEST_NAME = 60  # letters of a room's that are said
 STEPS = (0.05, 1.0)  # metres between the places of a heat map
 
 # What a fault is, to who has not read of it.
@@ -203,33 +205,51 @@ class Answers:
             raise InputError(left_out[0] if left_out else "file: expected rooms; it is empty")
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
-    def home(self, body: bytes) -> bytes:
+    def home(self, body: bytes) -> tuple[bytes, str]:
         """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from.
 
-        `others` of that home's rooms are written back with it, as they are now.
+        `others` of that home's rooms are written back with it, as they are now. Those that cannot be are left as the
+        home has them, and named in the line that is returned, too.
         """
         line, _, content = body.partition(b"\n")
-        asked = question(line)
+        asked = question(line, LARGEST_LINE if content else LARGEST_BODY)
         room, others = room_in(asked), asked.get("others", [])
         if not isinstance(others, list) or len(others) >= MOST_ROOMS:
             raise InputError(f"others: expected a list of rooms of the home, fewer than {MOST_ROOMS}")
-        rooms = [room]
+        if len(line) > LARGEST_BODY * (1 + len(others)):
+            raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB for each room")
+        rooms, unread = [], []
         for k, other in enumerate(others):
             try:
                 rooms.append(room_in({"room": other}))
             except InputError as error:
-                raise InputError(f"others[{k}]: {error}") from None
-        if len({room.id for room in rooms}) < len(rooms):
+                if not isinstance(other, dict) or not isinstance(other.get("id"), str):
+                    raise InputError(f"others[{k}]: {error}") from None
+                unread.append(other["id"])
+        if len({room.id, *unread, *(other.id for other in rooms)}) < 1 + len(others):
             raise InputError("others: expected each room of the home once")
         if others and not content:
             raise InputError("others: expected the home that they were read from, below the line")
-        return written_back(rooms, content) if content else new_home(room)
+        if not content:
+            return new_home(room), ""
+        saved, unlike = written_back(room, content, rooms)
+        return saved, said_of_left(unlike + unread)
 
 
-def question(body: bytes) -> dict[str, Any]:
+def said_of_left(names: Sequence[str]) -> str:
+    """A line on the rooms that a home is written back without, as they are now; empty if there is none."""
+    if not names:
+        return ""
+    return (
+        f"home: saved, but as it was before in {', '.join(repr(name[:LONGEST_NAME]) for name in names)}: "
+        "there is other furniture now, or other walls or doors; undo that there, or save it as JSON"
+    )
+
+
+def question(body: bytes, largest: int = LARGEST_BODY) -> dict[str, Any]:
     """A question about a room, from its JSON. Raises InputError where it is none, or too large to answer soon."""
-    if len(body) > LARGEST_BODY:
-        raise InputError(f"room: expected at most {LARGEST_BODY // 1000} kB; got {len(body) // 1000} kB")
+    if len(body) > largest:
+        raise InputError(f"room: expected at most {largest // 1000} kB; got {len(body) // 1000} kB")
     asked = parsed(body)
     if isinstance(asked, RoomError):
         raise asked

@@ -62,10 +62,11 @@ def _may_move(piece: HomePiece) -> bool:
     return piece.known and piece.element.flag("movable", True)
 
 
-def written_back(rooms: Sequence[Room], content: bytes) -> bytes:
-    """The home that these rooms were read from, whole, with their furniture where it stands now.
+def written_back(room: Room, content: bytes, others: Sequence[Room] = ()) -> tuple[bytes, list[str]]:
+    """The home that a room was read from, whole, with its furniture where it stands now, and that of `others`.
 
-    Raises InputError where a room is not as it was read but for where its furniture stands, or moved what is `fixed`.
+    Raises InputError where the room is not as it was read but for where its furniture stands, or moved what is `fixed`.
+    Such `others` stay as the home has them: their ids are returned, too.
     """
     with TemporaryDirectory(prefix="layoutrl-") as folder:
         path, out = Path(folder) / NAME, Path(folder) / f"out-{NAME}"
@@ -75,13 +76,19 @@ def written_back(rooms: Sequence[Room], content: bytes) -> bytes:
         except InputError as error:  # which names the file, of which the page knows nothing
             raise InputError(str(error).replace(str(path), NAME)) from None
         before = {room.id: room for room in home.rooms}
-        for room in rooms:
-            _check(room, before.get(room.id), home)
-        for k, room in enumerate(home.rooms):  # of these, what has no center is written where it is now
-            moves = {*range(len(room.furniture))} - {*fixed(home, room)}
-            home.rooms[k] = replace(room, furniture=lifted(room.furniture, moves))
+        _check(room, before.get(room.id), home)
+        rooms, left = [room], []
+        for other in others:
+            try:
+                _check(other, before.get(other.id), home)
+                rooms.append(other)
+            except InputError:
+                left.append(other.id)
+        for k, read in enumerate(home.rooms):  # of these, what has no center is written where it is now
+            moves = {*range(len(read.furniture))} - {*fixed(home, read)}
+            home.rooms[k] = replace(read, furniture=lifted(read.furniture, moves))
         home.write(rooms, out)
-        return out.read_bytes()
+        return out.read_bytes(), left
 
 
 def _check(room: Room, before: Room | None, home: Home) -> None:

@@ -26,11 +26,13 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from layoutrl import InputError
-from layoutrl.demo.answers import Answers
+from layoutrl.demo.answers import LARGEST_LINE, Answers
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.runs.config import DemoConfig
 
 LARGEST_BODY = 5_000_000  # bytes
+LARGEST_HOME = LARGEST_BODY + LARGEST_LINE + 1  # a home that can be read, below a line on its rooms
+LEFT = "Layoutrl-Left"  # a header: JSON of a line on what a file is without
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -70,11 +72,11 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         for worker in workers.values():
             worker.shutdown(wait=False, cancel_futures=True)
 
-    async def answered(work: Callable[[bytes], Any], worker: str, request: Request) -> Response:
-        body = await body_of(request)
+    async def answered(work: Callable[[bytes], Any], worker: str, largest: int, request: Request) -> Response:
+        body = await body_of(request, largest)
         return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
 
-    def asking(work: Callable[[bytes], Any], worker: str) -> Callable[[Request], Any]:
+    def asking(work: Callable[[bytes], Any], worker: str, largest: int = LARGEST_BODY) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
             begun = False
 
@@ -84,7 +86,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
                 return work(body)
 
             try:
-                return await asyncio.wait_for(answered(begin_work, worker, request), timeout)
+                return await asyncio.wait_for(answered(begin_work, worker, largest, request), timeout)
             except InputError as error:
                 return refused(400, str(error))
             except TimeoutError:  # a thread that has begun goes on, and the next answer waits for it
@@ -104,8 +106,8 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         worker = worker_of.get(question, "furnishes")
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
-    for name, whole in (("read", answers.read), ("home", answers.home)):
-        routes.append(Route(f"/api/{name}", asking(whole, "files"), methods=["POST"]))
+    routes.append(Route("/api/read", asking(answers.read, "files"), methods=["POST"]))
+    routes.append(Route("/api/home", asking(answers.home, "files", LARGEST_HOME), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
     handlers[Exception] = lambda _, error: broken(error)
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
@@ -134,20 +136,22 @@ def page() -> dict[str, Callable[[Request], Any]]:
     }
 
 
-async def body_of(request: Request) -> bytes:
+async def body_of(request: Request, largest: int) -> bytes:
     """The body. Raises InputError where it is too large, as soon as that is known."""
     body = bytearray()
     async for part in request.stream():
         body += part
-        if len(body) > LARGEST_BODY:
-            raise InputError(f"body: expected at most {LARGEST_BODY // 1_000_000} MB")
+        if len(body) > largest:
+            raise InputError(f"body: expected at most {largest // 1_000_000} MB")
     return bytes(body)
 
 
 def said(answer: Any) -> Response:
-    """An answer as JSON, or a file as it is."""
-    if isinstance(answer, bytes):
-        return Response(answer, media_type="application/octet-stream")
+    """An answer as JSON, or a file as it is with a line on what is left out of it, which a header holds."""
+    if isinstance(answer, tuple):
+        content, left = answer
+        headers = {LEFT: json.dumps(left)} if left else {}
+        return Response(content, headers=headers, media_type="application/octet-stream")
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
 
 

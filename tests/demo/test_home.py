@@ -81,7 +81,8 @@ def test_a_home_is_written_back_whole_with_what_moved(tmp_path):
     with zipfile.ZipFile(content, "a") as archive:
         archive.writestr("picture.png", b"of the user's")
     home = read(tmp_path, content.getvalue())
-    back = written_back([moved(home, 0.05)], content.getvalue())
+    back, left = written_back(moved(home, 0.05), content.getvalue())
+    assert left == []
     assert read(tmp_path, back).furniture == moved(home, 0.05).furniture
     with zipfile.ZipFile(BytesIO(back)) as archive:
         assert archive.read("picture.png") == b"of the user's"
@@ -92,12 +93,12 @@ def test_other_furniture_than_the_homes_is_refused(tmp_path):
     home = read(tmp_path, content)
     for other in (replace(home, id="another"), replace(home, furniture=home.furniture[1:])):
         with pytest.raises(InputError, match="expected the furniture that was read from it"):
-            written_back([other], content)
+            written_back(other, content)
 
 
 def test_a_home_that_cannot_be_read_is_said_without_a_place_of_the_servers():
     with pytest.raises(InputError, match=r"file\.sh3d") as said:
-        written_back([ROOMS[0]], b"PK\x03\x04nonsense")
+        written_back(ROOMS[0], b"PK\x03\x04nonsense")
     assert "/" not in str(said.value)
 
 
@@ -108,17 +109,31 @@ def test_what_a_home_does_not_let_move_stays(tmp_path):
     with zipfile.ZipFile(content, "w") as archive:
         archive.writestr("Home.xml", xml)
     home = read(tmp_path, content.getvalue())
-    assert written_back([home], content.getvalue())
+    assert written_back(home, content.getvalue())
     with pytest.raises(InputError, match=r"expected the \w+ where it was"):
-        written_back([moved(home, 0.05)], content.getvalue())
+        written_back(moved(home, 0.05), content.getvalue())
 
 
 def test_all_rooms_of_a_home_are_written_back_as_they_are_now(tmp_path):
     content = home_file(tmp_path / NAME).read_bytes()
     rooms = [moved(room, -0.3) for room in home_of(tmp_path / NAME).rooms]
     assert [room.id for room in rooms] == ["file/Bedroom", "file/room 2"]
-    (tmp_path / NAME).write_bytes(written_back(rooms, content))
+    back, left = written_back(rooms[0], content, rooms[1:])
+    assert left == []
+    (tmp_path / NAME).write_bytes(back)
     assert home_of(tmp_path / NAME).rooms == rooms
+
+
+def test_another_room_that_cannot_be_written_stays_as_the_home_has_it(tmp_path):
+    content = home_file(tmp_path / NAME).read_bytes()
+    bedroom, bathroom = home_of(tmp_path / NAME).rooms
+    emptied = replace(bedroom, furniture=())
+    back, left = written_back(moved(bathroom, -0.3), content, [emptied])
+    assert left == [bedroom.id]
+    (tmp_path / NAME).write_bytes(back)
+    assert home_of(tmp_path / NAME).rooms == [bedroom, moved(bathroom, -0.3)]
+    with pytest.raises(InputError, match=f"{bedroom.id!r} has other"):
+        written_back(emptied, content, [bathroom])
 
 
 def test_other_openings_or_another_outline_than_the_homes_are_refused(tmp_path):
@@ -132,8 +147,8 @@ def test_other_openings_or_another_outline_than_the_homes_are_refused(tmp_path):
     )
     for other in others:
         with pytest.raises(InputError, match=r"expected the walls, doors and windows .* other: save it as JSON"):
-            written_back([other], content)
-    assert written_back([room], content)
+            written_back(other, content)
+    assert written_back(room, content)
 
 
 def test_what_is_fixed_outside_all_rooms_stays_there_and_the_rest_is_saved(tmp_path):
@@ -149,7 +164,8 @@ def test_what_is_fixed_outside_all_rooms_stays_there_and_the_rest_is_saved(tmp_p
     assert fixed(home, room) == [1, 2]
     assert "the desk outside all rooms stays there: the home does not let it move" in home.collection.notes
     placed = replace(room.furniture[3], center=(3.5, -1.5), rotation=180.0)
-    (tmp_path / NAME).write_bytes(written_back([replace(room, furniture=(*room.furniture[:3], placed))], content))
+    back, _ = written_back(replace(room, furniture=(*room.furniture[:3], placed)), content)
+    (tmp_path / NAME).write_bytes(back)
     assert home_of(tmp_path / NAME).rooms[0].furniture[3].center == (3.5, -1.5)
     with zipfile.ZipFile(tmp_path / NAME) as archive:
         assert b"id='d' movable='false'" in archive.read("Home.xml")

@@ -6,7 +6,7 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,7 +19,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.rooms.room import MAIN_ITEM, Room
 from tests.demo.conftest import served
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
@@ -581,6 +581,46 @@ def test_a_home_is_saved_with_all_its_rooms_as_they_are_now(page, tmp_path):
     settled(page)
     assert room_of(page) == bedroom
     expect(page.locator("#plan .item.locked")).to_have_count(1)
+
+
+def test_a_room_with_other_furniture_keeps_no_other_room_from_being_saved(page, tmp_path):
+    (tmp_path / "saved.sh3d").write_bytes(content := home_file(tmp_path / "home.sh3d").read_bytes())
+    before = opened(tmp_path / "saved.sh3d").collection.rooms[0]
+    openly(page, content, "file/Bedroom")
+    item(page, "bed").focus()
+    page.keyboard.press("Delete")
+    settled(page)
+    take(page, "bathroom")
+    item(page, "toilet").focus()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    (tmp_path / "saved.sh3d").write_bytes(saved(page, "sh3d"))
+    expect(page.locator("#verdict")).to_contain_text("home: saved, but as it was before in 'file/Bedroom'")
+    bedroom, bathroom = opened(tmp_path / "saved.sh3d").collection.rooms
+    assert bedroom.furniture == before.furniture
+    assert bathroom.furniture == room_from_dict(room_of(page)).furniture
+
+
+def test_only_rooms_that_were_changed_are_sent_with_the_one_that_is_saved(page, tmp_path, monkeypatch):
+    from layoutrl.demo import answers, home
+
+    def written(room: Room, content: bytes, others: Sequence[Room]) -> tuple[bytes, list[str]]:
+        sent.append([other.id for other in others])
+        return home.written_back(room, content, others)
+
+    sent: list[list[str]] = []
+    monkeypatch.setattr(answers, "written_back", written)
+    openly(page, home_file(tmp_path / "home.sh3d").read_bytes(), "file/Bedroom")
+    take(page, "bathroom")
+    saved(page, "sh3d")
+    item(page, "toilet").focus()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    page.locator("#gallery").get_by_title("file/Bedroom").click()
+    expect(page.locator("#title")).to_have_attribute("data-room", "file/Bedroom")
+    settled(page)
+    saved(page, "sh3d")
+    assert sent == [[], ["file/room 2"]]
 
 
 def test_a_link_holds_the_room_and_what_is_locked(page, browser):

@@ -125,6 +125,17 @@ def test_large_bodies_are_refused_before_they_are_read(answers):
     assert sent < 50
 
 
+def test_a_home_that_can_be_read_is_taken_below_a_line_on_its_rooms(answers):
+    rooms = json.dumps({"room": ROOMS[0], "others": []}).encode()
+
+    async def talk(client: Any) -> list[Any]:
+        return [await client.post("/api/home", content=rooms + b"\n" + size * b"P") for size in (5_000_000, 25_000_000)]
+
+    largest, larger = (response.json()["error"] for response in talked(answers, talk))
+    assert "body" not in largest
+    assert larger == "body: expected at most 25 MB"
+
+
 def test_an_answer_that_takes_long_is_given_up_and_others_go_on(answers, monkeypatch):
     release = threading.Event()
     monkeypatch.setitem(answers.questions, "furnish", lambda _: release.wait(10))

@@ -25,5 +25,9 @@ export const ask = (question, body) =>
 export const read = (file) => json("/api/read", { method: "POST", body: file });
 
 // A home of Sweet Home 3D: a new one of the room; or the one that it was read from, with others of its rooms.
-export const home = async (room, others, file) =>
-  (await answer("/api/home", { method: "POST", body: new Blob([`${JSON.stringify({ room, others })}\n`, file ?? ""]) })).blob();
+// `left` is a line on the others that it is saved without.
+export async function home(room, others, file) {
+  const body = new Blob([`${JSON.stringify({ room, others })}\n`, file ?? ""]);
+  const response = await answer("/api/home", { method: "POST", body });
+  return { content: await response.blob(), left: JSON.parse(response.headers.get("Layoutrl-Left") ?? '""') };
+}

@@ -45,7 +45,7 @@ async function opened(file) {
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const { rooms, left_out, home: whole } = await read(content);
-    const home = whole ? { file: content, rooms: new Map() } : null; // its own, however alike the rooms of others
+    const home = whole ? { file: content, rooms: new Map(), read: new Map() } : null; // its own, however alike the rooms of others
     offer(rooms, true, home);
     await shown(rooms[0], home);
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
@@ -54,11 +54,17 @@ async function opened(file) {
   }
 }
 
-// The home with this room and all others of it that were shown, as they are now; or a new home.
+// The home with this room and all others of it that were changed, as they are now; or a new home.
 function wholeHome() {
   const { room, home: of } = state;
-  const kept = [...(of?.rooms.values() ?? [])].map((text) => JSON.parse(text).room);
-  return home(room, kept.filter(({ id }) => id !== room.id), of?.file);
+  const changed = [...(of?.rooms ?? [])].filter(([id, text]) => id !== room.id && text !== of.read.get(id));
+  return home(room, changed.map(([, text]) => JSON.parse(text).room), of?.file);
+}
+
+async function saveHome() {
+  const { content, left } = await wholeHome();
+  download(content, "application/zip", "sh3d");
+  if (left) say(left);
 }
 
 $("file").onchange = () => opened($("file").files[0]);
@@ -83,7 +89,7 @@ const svg = async () => (await ask("svg", { room: state.room })).svg;
 
 saving("save-json", () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json"));
 saving("save-svg", async () => download(await svg(), "image/svg+xml", "svg"));
-saving("save-sh3d", async () => download(await wholeHome(), "application/zip", "sh3d"));
+saving("save-sh3d", saveHome);
 saving("save-png", async () => {
   const picture = new Image();
   picture.src = URL.createObjectURL(new Blob([await svg()], { type: "image/svg+xml" }));

@@ -3,7 +3,7 @@
 export const state = {
   room: null, // as in its JSON
   locked: [], // of each piece of furniture
-  home: null, // that the room is of: {file, rooms: by their ids, snapshots of those that were shown}
+  home: null, // that the room is of: {file, rooms: by their ids, snapshots of those that were shown; read: their first ones}
   look: null, // what the server last said of the room
   problem: "", // why the server refuses the room as it is
   notice: "", // what else is to be said, until something changes
@@ -23,7 +23,13 @@ let present = null;
 export const snapshot = () => JSON.stringify({ room: state.room, locked: state.locked });
 
 // A home is saved with all its rooms as they are now, whichever of them is shown.
-const keep = () => present.home?.rooms.set(state.room.id, present.text);
+function keep() {
+  const { home, text } = present;
+  const { id } = state.room;
+  if (!home) return;
+  if (!home.read.has(id)) home.read.set(id, text);
+  home.rooms.set(id, text);
+}
 
 // Keep how things are now, so that undo comes back here.
 export function commit() {
