@@ -6,7 +6,7 @@ import difflib
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache
 from importlib.resources import files
 from itertools import chain
@@ -20,7 +20,15 @@ from layoutrl.rooms.room import MAIN_ITEM
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
 NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
-SIGNS = re.compile(r"[/&+,;|]")  # between the names of a room that is several in one
+LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
+SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
+WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room has, too
+ENSUITE = {"ensuite", "en suite"}  # a bathroom where no other word says what a room is
+SIZES = {  # words that may follow an English name, with numbers or without
+    *("cm", "mm", "m", "inch", "inches", "ft", "feet", "wide", "high", "deep", "long"),
+    *("seats", "seater", "sitzer", "persons", "personen", "people", "places", "plazas", "posti"),
+    *("small", "medium", "large", "big", "xl", "xxl", "king", "queen", "twin", "single", "double", "size", "sized"),
+}
 ALL = "all"  # of `move`: whatever who places can place
 
 # What tells the type of a room without a name, in this order; and what may be put into a room of each type: what
@@ -63,10 +71,15 @@ class Names:
     def __init__(self, table: Mapping[str, Iterable[str]]):
         self._furniture: dict[str, str] = {}
         self._rooms: dict[str, str] = {}
+        self._first: set[str] = set()  # furniture with a star
+        self._winning: set[str] = set()  # rooms with a star
         for ours, theirs in table.items():
             rooms = ours in MAIN_ITEM or ours == NO_ROOM
             for name in (ours, *theirs):
                 (self._rooms if rooms else self._furniture)[plain(name)] = ours
+            starred = {plain(name) for name in theirs if name.endswith("*")}
+            (self._winning if rooms else self._first).update(starred)
+        self._rooms = dict(sorted(self._rooms.items(), key=lambda entry: entry[0] in ENSUITE))
         self.unknown: Counter[tuple[str, str]] = Counter()  # (name, what it is called as an obstacle), how often
 
     @property
@@ -95,30 +108,45 @@ class Names:
 
     def _known(self, names: list[str]) -> str | None:
         """The first part of these names that the table has; else the longest words of it that one ends with; else those
-        that one begins with.
+        that one begins with, where a beginning counts.
 
-        In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none. In Romance
-        languages the first do: a "lit double" is a bed, too. What begins as decor may be anything: a window seat.
+        In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
         """
         parts = [*chain.from_iterable(map(_parts, names))]
         words = [part.split() for part in parts]
         ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
-        begins = (" ".join(each[:last]) for each in words for last in range(len(each) - 1, 0, -1))
-        standing = (begin for begin in begins if self._furniture.get(begin) != DECOR)
-        return next((p for p in chain(parts, ends, standing) if p in self._furniture), None)
+        begins = chain.from_iterable(map(self._begins, words))
+        return next((p for p in chain(parts, ends, begins) if p in self._furniture), None)
+
+    def _begins(self, words: list[str]) -> Iterator[str]:
+        """The beginnings of a name that say what it is, the longest first.
+
+        In Romance languages the first words do, which have a star in the table: a "lit double" is a bed. Others do
+        where nothing but a size follows: a "sofa 3 seater" is a sofa.
+        """
+        for last in range(len(words) - 1, 0, -1):
+            begin = " ".join(words[:last])
+            if begin in self._first or SIZES.issuperset(words[last:]):
+                yield begin
 
     def room_type(self, name: str | None, furniture: Iterable[str]) -> str | None:
         """The type of a room by its name, else by what stands in it; NO_ROOM for one that nobody furnishes.
 
-        Of several names that it holds the first of the table counts, but of those within a longer one the longer.
+        Of a room that is several in one the first of the table counts; of one with something, what it is itself.
         """
-        words = f" {' / '.join(map(plain, SIGNS.split((name or '')[:200])))} "
-        found = [named for named in self._rooms if f" {named} " in words]
-        for named in found:
-            if not any(f" {named} " in f" {longer} " for longer in found if longer != named):
-                return self._rooms[named]
+        parts = [WITH.split(plain(part))[0] for part in SIGNS.split((name or "")[:LONGEST])]
+        found = {self._room(part) for part in parts}
+        for named, ours in self._rooms.items():
+            if named in found:
+                return ours
         held = set(furniture)
         return next((room_type for room_type, telling in TELLING.items() if telling & held), None)
+
+    def _room(self, part: str) -> str | None:
+        """The name of the table that says what room this is: one with a star, else the first; none within a longer."""
+        held = [named for named in self._rooms if f" {named} " in f" {part} "]
+        whole = [named for named in held if not any(f" {named} " in f" {other} " for other in held if other != named)]
+        return next((named for named in whole if named in self._winning), whole[0] if whole else None)
 
     def notes(self) -> list[str]:
         """A line for each name that was not known."""
@@ -154,7 +182,7 @@ def names_in(move: str | None) -> set[str]:
 
 def plain(name: str) -> str:
     """A name in small letters, without its catalogue, accents, numbers and signs: eTeks#bed140x190 is "bed"."""
-    name = re.sub(r"^.*#(?=[^\W\d_])", "", name[:200])  # but of "Bedroom #2" all is a name
+    name = re.sub(r"^.*#(?=[^\W\d_])", "", name[:LONGEST])  # but of "Bedroom #2" all is a name
     name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     decomposed = unicodedata.normalize("NFKD", name).casefold()
     letters = "".join(c for c in decomposed if not unicodedata.combining(c))
@@ -163,7 +191,7 @@ def plain(name: str) -> str:
 
 def _parts(name: str) -> list[str]:
     """A name, and its parts at slashes without what follows a dash, the last first: "table/coffee table - round"."""
-    parts = [part.partition(" - ")[0] for part in reversed(name[:200].split("/"))]
+    parts = [part.partition(" - ")[0] for part in reversed(name[:LONGEST].split("/"))]
     return [plain(part) for part in (name, *parts)]
 
 

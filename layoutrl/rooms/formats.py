@@ -139,9 +139,9 @@ def format_of(path: Path) -> str:
         with gzip.open(file) if packed else file.open("rb") as text:
             told = _told(text.read(LOOK))
     except (OSError, EOFError, zlib.error) as error:
-        if packed:  # its reader says what is wrong
-            return "procthor"
-        raise InputError(f"{file}: cannot be read ({getattr(error, 'strerror', None)})") from None
+        if not packed and isinstance(error, OSError):
+            raise InputError(f"{file}: cannot be read ({error.strerror})") from None
+        return "procthor"  # its reader says what is wrong
     if packed and told in ("json", "front3d"):
         what = "rooms in JSON" if told == "json" else "a house of 3D-FRONT"
         raise InputError(f"{file}: {what} cannot be read from a packed file; unpack it, as with gunzip {file.name}")
@@ -151,7 +151,8 @@ def format_of(path: Path) -> str:
 def _told(start: bytes) -> str | None:
     """The format that the start of a file tells, if it does.
 
-    Rooms in JSON may have fields of other names, such as "jid"; and houses of 3D-FRONT may have an "outline".
+    Rooms in JSON may have fields of other names, such as "jid" and "mesh": they are told by a "room_type" in this start
+    alone. Houses of 3D-FRONT may have an "outline".
     """
     if b'"room_type"' in start:
         return "json"
