@@ -11,9 +11,8 @@ from shapely.geometry import box
 
 from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.faults import BLOCKS, faults, kept_free
+from layoutrl.rooms.faults import BLOCKS, door_widths, faults, kept_free
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, along_and_through, wall_band
-from layoutrl.runs.answerable import widths
 from tests.builders import L_OUTLINE, opening, rectangular_room
 
 THICK = 1.0  # metres, of a wall that is thicker than its door is wide
@@ -39,7 +38,7 @@ def test_a_door_in_a_thick_wall_is_as_wide_as_its_side_along_the_wall(width: flo
     room = replace(bare, walls=wall_band(bare.outline, (), (door,), THICK)).rotated(degrees)
     along, through = along_and_through(room.doors[0].shape, room.indoor.boundary)
     assert (np.hypot(*along), np.hypot(*through)) == pytest.approx((width, THICK))
-    assert widths(room) == pytest.approx([width])
+    assert door_widths(room) == pytest.approx([width])
     expected = replace(bare, openings=(opening("door", 2.0, -THICK - 0.3, 2.0 + width, 0.3),)).rotated(degrees)
     assert shapely.symmetric_difference(kept_free(room), expected.doors[0].shape).area < 1e-6
     (gate,) = scene_of(room).doors
