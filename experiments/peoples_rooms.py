@@ -14,32 +14,21 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cell_config import RESULTS
 
-from layoutrl import InputError
-from layoutrl.place import furnish
+from layoutrl.place import Answered, furnish
 from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults
-from layoutrl.rooms.files import files_below
-from layoutrl.rooms.formats import Source, opened
+from layoutrl.rooms.formats import opened
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
 
 WHO = {"by the agents alone": "agents", "by the search alone": "search", "by both": None}
 KEPT = RESULTS / "peoples_rooms"
-
-
-def sources(folder: Path) -> Iterator[Source]:
-    """The homes of a folder, file by file, or its houses; says which cannot be read."""
-    for path in files_below(folder, (".sh3d",)) or [folder]:
-        try:
-            yield opened(path, move="all")
-        except InputError as error:
-            print(error)
 
 
 def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
@@ -50,6 +39,16 @@ def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
     }
 
 
+def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
+    """What was wrong with the same items where they stood."""
+    asked = [answer.asked.can.asked for answer in answers]
+    stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(asked, answers, strict=True)]
+    return [
+        [fault for fault in new_faults(faults, was) if fault[0] in answer.asked.wanted]
+        for faults, was, answer in zip(faults_of_all(stood), faults_of_all(asked), answers, strict=True)
+    ]
+
+
 @answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -57,24 +56,17 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--results", type=Path, default=KEPT, help="folder of the file that is written")
     said = parser.parse_args()
-    read = list(sources(said.folder))
-    rooms = [room for source in read for room in source.collection.rooms]
-    stood = [items for source in read for items in source.stood]
+    source = opened(said.folder, move="all")
+    rooms = source.collection.rooms
+    print(source.collection)
     result: dict[str, Any] = {"read": len(rooms)}
     for name, by in WHO.items():
-        answers = [answer for answer in furnish(rooms, stood=stood, move="all", by=by) if answer.asked.wanted]
-        if "as they were drawn" not in result:
-            drawn = [replace(answer.asked.can.asked, furniture=answer.entry.stood) for answer in answers]
-            before = faults_of_all([answer.asked.can.asked for answer in answers])
-            now = [
-                [fault for fault in new_faults(faults, was) if fault[0] in answer.asked.wanted]
-                for faults, was, answer in zip(faults_of_all(drawn), before, answers, strict=True)
-            ]
-            result |= {"rooms": len(answers), "items": sum(len(answer.asked.wanted) for answer in answers)}
-            result["as they were drawn"] = counted(now)
-            print(f"{said.name}, as they were drawn: {json.dumps(result['as they were drawn'])}", flush=True)
+        answers = [answer for answer in furnish(rooms, stood=source.stood, move="all", by=by) if answer.asked.wanted]
         result[name] = counted([answer.wrong[0] for answer in answers])
         print(f"{said.name}, {name}: {json.dumps(result[name])}", flush=True)
+    result |= {"rooms": len(answers), "items": sum(len(answer.asked.wanted) for answer in answers)}
+    result["as they were drawn"] = counted(drawn(answers))
+    print(f"{said.name}, as they were drawn: {json.dumps(result['as they were drawn'])}", flush=True)
     said.results.mkdir(parents=True, exist_ok=True)
     write_json(said.results / f"{said.name}.json", result)
 

@@ -325,15 +325,19 @@ class Furnisher:
         parts = np.split(np.arange(starts.value.shape[1]), QUARTERS) if all_ways else [np.arange(starts.value.shape[1])]
         best = [part[np.argsort(-starts.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
         tried = np.concatenate(best, 1)
-        b, k = np.nonzero(np.take_along_axis(starts.value, tried, 1) > -np.inf)
+        started = np.take_along_axis(starts.value, tried, 1) > -np.inf
         # A way that does not fit has no start: the best of all stands in for it, and counts for nothing.
+        tried = np.where(started, tried, starts.value.argmax(1)[:, None])
         every = np.arange(len(tried))[:, None]
-        stand_in = every, np.broadcast_to(starts.value.argmax(1)[:, None], tried.shape)
-        center, quarter, value = starts.center[stand_in], starts.quarter[stand_in], np.full(tried.shape, -np.inf)
+        center, quarter, value = (
+            starts.center[every, tried],
+            starts.quarter[every, tried],
+            np.full(tried.shape, -np.inf),
+        )
         ways = [[place[None] for place in places] for places in center]
-        quarter[b, k] = starts.quarter[b, tried[b, k]]
+        b, k = np.nonzero(started)
         scene = world.scenes_of(state, b, quarter[b, k])
-        run = self._policy.rollout(world.scenes, world.observe, scene, starts.center[b, tried[b, k]])
+        run = self._policy.rollout(world.scenes, world.observe, scene, center[b, k])
         center[b, k], value[b, k] = run.final, self._value(world, state, b, quarter[b, k], run.final)
         for n, (row, column) in enumerate(zip(b, k, strict=True)):
             ways[row][column] = run.way(n)
