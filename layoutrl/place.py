@@ -32,7 +32,6 @@ from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place,
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
-from layoutrl.runs.answerable import in_no_type
 from layoutrl.runs.asked import Asked, asked_of, put_back, said_to_stay
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
@@ -342,9 +341,10 @@ class Work:
     def _asked(self, entry: Entry) -> Asked:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
+        what = entry, self.config.item, ALL in names_in(self.config.move)
         if not missing(entry.room):
-            return asked_of(entry, self.config, (), in_no_type)
-        return asked_of(entry, self.config, self.who.known(entry.room.room_type), self.who.elsewhere)
+            return asked_of(*what, ())
+        return asked_of(*what, self.who.known(entry.room.room_type), self.who.elsewhere)
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:

@@ -136,7 +136,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
         class Best(GreedyPolicy):
             def rollout(self, *args: Any) -> Rollout:
                 found = super().rollout(*args)
-                way, start = np.divmod(np.arange(len(found.room)), STARTS)
+                way, start = np.divmod(np.arange(len(found.final)), STARTS)
                 assert way.max() == 4  # four ways, and the one that is given
                 found.value[found.best, np.arange(len(way))] = (way == facing) + (start == 2) / 2
                 chosen.append(found.final[STARTS * facing + 2])

@@ -31,7 +31,7 @@ from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, odditie
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources.sweethome3d import Home
 from layoutrl.runs.answerable import Answerable, answerable
-from layoutrl.runs.asked import put_back, said_to_stay, staying
+from layoutrl.runs.asked import asked_of, said_to_stay
 from layoutrl.runs.streams import Entry
 
 SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
@@ -129,22 +129,17 @@ class Answers:
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
-        known = self.staff.known(room.room_type)
-        entry = Entry(room.id, room, {}, stood=room.furniture)
-        stands = {k for k, item in enumerate(room.furniture) if item.center is not None}
-        stays = movable & staying(entry, sorted(stands), known)
-        lines = [said_to_stay(room, stays)] if stays else []
-        brief = replace(room, furniture=lifted(room.furniture, movable - stays))
-        if not missing(brief):
-            mend = "expected other furniture" if stays else "expected furniture that is not locked"
+        entry = Entry(room.id, replace(room, furniture=lifted(room.furniture, movable)), {}, stood=room.furniture)
+        told = asked_of(entry, None, True, self.staff.known(room.room_type))
+        lines = [said_to_stay(room, told.stays)] if told.stays else []
+        if not told.wanted:
+            mend = "expected other furniture" if told.stays else "expected furniture that is not locked"
             raise InputError("; ".join(["movable: there is nothing to furnish", *lines, mend]))
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
         choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
-        held = answerable(brief, known)
-        left = held.unseen & movable & stands  # what fits into the room in no way
-        held = Answerable(put_back(brief, entry, left), held.unseen - left, lines + held.lines)
+        held = told.can
         (found,) = self.staff.furnisher().furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
-        return {"lines": held.lines, "choices": [choice(held, furnished) for furnished in found]}
+        return {"lines": lines + held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
     def values(self, asked: Any) -> Answer:
         """What the furnisher thinks of all places of an `item`, a `step` apart."""

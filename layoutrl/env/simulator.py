@@ -95,49 +95,13 @@ class Simulator:
         shapely.prepare(self.legal)
         self._legal_bounds = shapely.bounds(self.legal)
         self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
-        indoor = np.array([room.indoor for room in rooms])
-
-        # Of each room: its indoor area, the designer's footprint, and all elements, items last.
-        bands = [[*room.walls, *(opening.polygon for opening in room.openings)] for room in rooms]
-        others = [room.others for room in rooms]
-        corners, of = shapely.get_coordinates([item.template for item in chain(*others)], return_index=True)
-        centers = np.array([item.center for item in chain(*others)]).reshape(-1, 2)
-        shapes = [
-            indoor,
-            np.array([room.moving.footprint for room in rooms]),
-            polygons(list(chain(*bands))),
-            shapely.polygons(shapely.linearrings(centers[of] + corners, indices=of)),
-        ]
-        every = np.arange(len(rooms))
-        room_of = np.concatenate(
-            [every, every, np.repeat(every, list(map(len, bands))), np.repeat(every, list(map(len, others)))]
-        )
-        is_other = np.arange(len(room_of)) >= len(room_of) - len(shapes[-1])
-        is_circle = np.zeros(len(room_of), dtype=bool)
-        is_circle[is_other] = [item.form == "circle" for item in chain(*others)]
-        # The borders to slide to: where a side of the item touches the outline from within, or the box around it
-        # that of another item.
-        inner = fitting_positions(indoor, templates, CONTACT)
-        x0, y0, x1, y1 = shapely.bounds(shapes[-1]).T
-        left, below, right, up = self.item_bounds[room_of[is_other]].T
-        around = shapely.box(x0 - right, y0 - up, x1 - left, y1 - below)
-        contacts, region = edges(np.concatenate([inner, around]))
-        # What leans by no more than GRID is level. The tensors take this, and the nanometres, from here: where a wall
-        # leans by micrometres, one nanometre moves the end of a slide by millimetres.
-        contacts = contacts.round(9)
-        start, end = contacts[:, :2], contacts[:, 2:]
-        contacts[:, 2:] = np.where(np.abs(end - start) > GRID, end, start)
-        of_room = np.concatenate([every, room_of[is_other]])[region]
-        by_room = np.argsort(of_room, kind="stable")
-        self.contacts = padded(contacts[by_room], of_room[by_room], len(rooms))  # (rooms, borders, 4)
-
-        by_room = np.argsort(room_of, kind="stable")
-        self.room_of_shape, self.is_circle = room_of[by_room], is_circle[by_room]
-        self.shapes = np.concatenate(shapes)[by_room]
-        self._first = np.searchsorted(self.room_of_shape, every)
+        self.shapes, self.room_of_shape, self.is_circle, is_other = _shapes_of(rooms)
+        indoor, others = np.array([room.indoor for room in rooms]), self.shapes[is_other]
+        self.contacts = _contacts_of(indoor, templates, others, self.room_of_shape[is_other])  # (rooms, borders, 4)
+        self._first = np.searchsorted(self.room_of_shape, np.arange(len(rooms)))
         self._bounds = padded(shapely.bounds(self.shapes), self.room_of_shape, len(rooms))
         self._areas = padded(shapely.area(self.shapes), self.room_of_shape, len(rooms))
-        self._is_other = np.nan_to_num(padded(is_other[by_room], self.room_of_shape, len(rooms)))
+        self._is_other = np.nan_to_num(padded(is_other, self.room_of_shape, len(rooms)))
 
     def starts(self, room: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
@@ -249,3 +213,51 @@ class Simulator:
         ways = shapely.linestrings(np.stack([position[b], destinations[b, k]], 1))
         legal[b, k] = shapely.covers(self.legal[room[b]], ways)
         return np.where(legal[..., None], snap(destinations), position[:, None]), legal
+
+
+def _shapes_of(rooms: Sequence[Room]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The shapes (n,) of rooms, of one after another: indoor area, designer's footprint, and elements, items last.
+
+    Beside them the room (n,) of each, whether it is a disc (n,), and whether it is an item that does not move (n,).
+    """
+    bands = [[*room.walls, *(opening.polygon for opening in room.openings)] for room in rooms]
+    others = [room.others for room in rooms]
+    corners, of = shapely.get_coordinates([item.template for item in chain(*others)], return_index=True)
+    centers = np.array([item.center for item in chain(*others)]).reshape(-1, 2)
+    items = shapely.polygons(shapely.linearrings(centers[of] + corners, indices=of))
+    shapes = [
+        np.array([room.indoor for room in rooms]),
+        np.array([room.moving.footprint for room in rooms]),
+        polygons(list(chain(*bands))),
+        items,
+    ]
+    every = np.arange(len(rooms))
+    room = np.concatenate([every, every, *(np.repeat(every, list(map(len, lists))) for lists in (bands, others))])
+    is_other = np.arange(len(room)) >= len(room) - len(items)
+    is_circle = np.zeros(len(room), dtype=bool)
+    is_circle[is_other] = [item.form == "circle" for item in chain(*others)]
+    by_room = np.argsort(room, kind="stable")
+    return np.concatenate(shapes)[by_room], room[by_room], is_circle[by_room], is_other[by_room]
+
+
+def _contacts_of(
+    indoor: np.ndarray, templates: np.ndarray, others: np.ndarray, room_of_other: np.ndarray
+) -> np.ndarray:
+    """The borders to slide to, where the middle of the item is then: (rooms, borders, 4), metres.
+
+    There a side of the item, `templates` (rooms,), touches the outline `indoor` (rooms,) from within, or the box around
+    it that of another item, `others` (n,).
+    """
+    inner = fitting_positions(indoor, templates, CONTACT)
+    x0, y0, x1, y1 = shapely.bounds(others).T
+    left, below, right, up = shapely.bounds(templates)[room_of_other].T
+    around = shapely.box(x0 - right, y0 - up, x1 - left, y1 - below)
+    contacts, region = edges(np.concatenate([inner, around]))
+    # What leans by no more than GRID is level. The tensors take this, and the nanometres, from here: where a wall
+    # leans by micrometres, one nanometre moves the end of a slide by millimetres.
+    contacts = contacts.round(9)
+    start, end = contacts[:, :2], contacts[:, 2:]
+    contacts[:, 2:] = np.where(np.abs(end - start) > GRID, end, start)
+    room = np.concatenate([np.arange(len(indoor)), room_of_other])[region]
+    by_room = np.argsort(room, kind="stable")
+    return padded(contacts[by_room], room[by_room], len(indoor))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import product
+from threading import RLock
 
 import numpy as np
 import torch
@@ -38,22 +38,24 @@ Task = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, its items in turn
 WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
 BACK, SIDEWAYS = (1,), (2, 3)  # of WAYS
 BLOCK = 128  # rooms furnished at once: memory, not speed
+ALONE = RLock()  # held by who furnishes
 GOLDEN = 1.2207440846057596  # of three dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch work on one core inside, in the calling thread.
+    """Let torch work on one core inside, and one caller at a time: how many it works on is the whole process's.
 
     Who furnishes makes many small operations. On an idle machine a second thread saves a tenth of their time; on a busy
     one, where threads wait for each other, they take up to sixty times as long.
     """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
+    with ALONE:
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
 
 
 class Furnisher:
@@ -137,7 +139,7 @@ class Furnisher:
         every = scene.expand(len(action), -1), here.expand(len(action), -1)
         reached = (world.scenes.moved(*every, action, length[0, action]).cpu().numpy() @ turn.T).tolist()
         value = self._policy.q(world.observe, scene, here)[0, action].tolist()
-        names = [f"{100 * s:g} cm {way}" for s in self._moves.lengths(room) for way in WAYS]
+        names = [f"{100 * s:g} cm {way}" for s in self._moves.lengths(world.rooms.rooms[0]) for way in WAYS]
         names += [f"slide {way}" for way in WAYS]
         found = [(names[a], (x, y), q) for a, (x, y), q in zip(action.tolist(), reached, value, strict=True)]
         return sorted(found, key=lambda move: -move[2])
@@ -205,36 +207,38 @@ class Furnisher:
         rooms, paths = world.rooms, [list[Placement]() for _ in which]
         order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
         largest = rooms.sequence()[which].argmin(1)
-        others_known = np.array([bool(known[r]) for r in which])
+        to_differ = np.array([bool(known[r]) for r in which])  # rooms in which the largest item is to stand elsewhere
         state = rooms.empty(which)
-        left = count  # items of each room that this sweep places
+
+        def place(b: np.ndarray, item: np.ndarray, uniform: np.ndarray, others: Sequence[Sequence[Furnished]]) -> None:
+            """Lift items (n,) of rooms b (n,), and put each where it is chosen to be."""
+            now, every = rows(state, b)._replace(moving=item), np.arange(len(b))
+            stood = now.stands[every, item]
+            now.stands[every, item] = False
+            chosen = self._chosen(world, now, stood, uniform, others)
+            found = np.isfinite(chosen.value)
+            put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
+            for values, those in zip(state, put, strict=True):
+                values[b[found]] = those
+            for n, r in zip(np.flatnonzero(found), b[found], strict=True):
+                k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
+                paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
+
         for sweep in range(1 + SWEEPS + REPAIRS):
             uniform = spread(sweep * QUARTERS * STARTS, QUARTERS * STARTS)  # each sweep looks elsewhere
+            goes_on = count > 0
             if sweep > SWEEPS:
-                left = np.where(wrong([rooms.layout(state, b) for b in range(len(which))]) > 0, count, 0)
-            # What is to stand elsewhere looks in more places: apart, so that no room hangs on who is asked beside it.
-            for step, elsewhere in product(range(order.shape[1]), (True, False)):
-                is_largest = order[:, step] == largest
-                # The largest item is not lifted again: layouts would become alike.
-                moves = (left > step) & ~(is_largest & (sweep > 0))
-                b = np.flatnonzero(moves & ((is_largest & others_known) == elsewhere))
-                if not len(b):
-                    continue
-                item, every = order[b, step], np.arange(len(b))
-                now = rows(state, b)._replace(moving=item)
-                stood = now.stands[every, item]
-                now.stands[every, item] = False
-                others = [known[r] for r in which[b]] if elsewhere else [()] * len(b)
-                chosen = self._chosen(world, now, stood, uniform, others)
-                found = np.isfinite(chosen.value)
-                if elsewhere:
-                    count[b[~found]] = left[b[~found]] = 0
-                put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
-                for values, those in zip(state, put, strict=True):
-                    values[b[found]] = those
-                for n, r in zip(np.flatnonzero(found), b[found], strict=True):
-                    k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
-                    paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
+                goes_on &= wrong([rooms.layout(state, b) for b in range(len(which))]) > 0
+            for step in range(order.shape[1]):
+                item, moves = order[:, step], goes_on & (step < count)
+                is_largest = item == largest
+                # The largest item is lifted no more, or layouts would become alike. Where it is to stand elsewhere, it
+                # looks in more places: apart, so that no room hangs on who is asked beside it.
+                if not sweep and len(b := np.flatnonzero(moves & is_largest & to_differ)):
+                    place(b, item[b], uniform, [known[r] for r in which[b]])
+                    count[b[~state.stands[b, item[b]]]] = 0
+                if len(b := np.flatnonzero(moves & ~(is_largest & (to_differ | (sweep > 0))))):
+                    place(b, item[b], uniform, [()] * len(b))
         value = self._mean_value(world, state)
         return [Furnished(rooms.layout(state, r), value[r], paths[r]) if count[r] else None for r in range(len(which))]
 

@@ -17,7 +17,7 @@ from layoutrl.env.observation import out_of_line
 from layoutrl.env.scenes import Scenes, destinations, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.gains_policy import GainsPolicy
-from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun
+from layoutrl.evaluation.rollout import MeanQ, Remembered, Rollout, been, begun
 
 SHORTLIST = 8  # places of an episode that may be the stopping place
 
@@ -46,16 +46,17 @@ class GreedyPolicy:
     def rollout(
         self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
     ) -> Rollout:
-        """Follow the policy in rooms (B,) from starts (B, 2)."""
+        """Follow the policy in rooms or scenes (B, ...) from starts (B, 2)."""
         began = time.perf_counter()
         rooms, path, value = begun(simulator, room, starts, self.max_moves)
         active = every = torch.arange(len(rooms), device=rooms.device)
+        q_of = Remembered(self.q, observe)
         for t in range(self.max_moves):
             here = path[t, active]
             reached, legal = destinations(simulator, rooms[active], here)
             been_there = been(path[: t + 1, active], reached)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
-            q = self.q(observe, rooms[active], here)
+            q = q_of(rooms[active], here)
             highest, action = q.masked_fill(closed, -torch.inf).max(1)
             goes_on = legal.gather(1, action[:, None]).squeeze(1) & highest.isfinite()
             active, action = active[goes_on], action[goes_on]
@@ -63,13 +64,13 @@ class GreedyPolicy:
                 break
             path[t + 1 :, active] = reached[goes_on, action]
             value[t + 1, active] = highest[goes_on]
-        best, promise = self._most_promising(simulator, observe, rooms, path, value)
-        climb = self._climb(simulator, observe, rooms, path[best, every], promise)
+        best, promise = self._most_promising(simulator, q_of, rooms, path, value)
+        climb = self._climb(simulator, q_of, rooms, path[best, every], promise)
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
-        return Rollout.of(began, rooms, path, value, best, torch.cat([climb, in_line[None]]))
+        return Rollout.of(began, path, value, best, torch.cat([climb, in_line[None]]))
 
     def _most_promising(
-        self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, path: Tensor, value: Tensor
+        self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, path: Tensor, value: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Which position of the path (T + 1, B, 2) of each episode promises most, of the SHORTLIST, and how much.
 
@@ -78,13 +79,13 @@ class GreedyPolicy:
         raw, which = value.topk(min(SHORTLIST, len(value)), 0)
         which = which.where(raw.isfinite(), 0)
         place = path.gather(0, which[..., None].expand(-1, -1, 2)).flatten(0, 1)
-        promise = self._promise(simulator, observe, torch.cat([rooms] * len(which)), place).view_as(which)
+        promise = self._promise(simulator, q_of, torch.cat([rooms] * len(which)), place).view_as(which)
         ranked = promise.where(promise.isfinite(), raw).where(raw.isfinite(), -torch.inf)
         best = ranked.argmax(0, keepdim=True)
         return which.gather(0, best).squeeze(0), promise.gather(0, best).squeeze(0)
 
     def _climb(
-        self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor, promise: Tensor
+        self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor, promise: Tensor
     ) -> Tensor:
         """Where episodes climb from places (B, 2) that promise so much (B,): (climbs + 1, B, 2), metres."""
         climb = place.repeat(self.climbs + 1, 1, 1)
@@ -92,7 +93,7 @@ class GreedyPolicy:
         for t in range(self.climbs):
             beside, legal = _beside(simulator, rooms[active], climb[t, active])
             whose = rooms[active].repeat_interleave(4, 0)
-            promised = self._promise(simulator, observe, whose, beside.flatten(0, 1)).view_as(legal)
+            promised = self._promise(simulator, q_of, whose, beside.flatten(0, 1)).view_as(legal)
             highest, way = promised.masked_fill(~legal, -torch.inf).max(1)
             higher = (highest > promise[active]).nonzero().squeeze(1)
             if not len(higher):
@@ -113,16 +114,14 @@ class GreedyPolicy:
             place = there.where((near & simulator.is_legal(rooms, there))[:, None], place)
         return place
 
-    def _promise(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
+    def _promise(self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor) -> Tensor:
         """What the shortest moves into places (B, 2) are worth, on average of all around: (B,), -inf where none is."""
         around, legal = _beside(simulator, rooms, place)
         if not legal.any():
             return torch.full((len(place),), -torch.inf, device=place.device)
         b, way = legal.nonzero().unbind(1)
-        # What is around one place is around others, too: each is looked at once.
-        seen, which = torch.column_stack([rooms[b], around[b, way]]).unique(dim=0, return_inverse=True)
-        seen_room, seen_from = seen[:, :-2].to(rooms.dtype).view(len(seen), *rooms.shape[1:]), seen[:, -2:]
-        q = self.q(observe, seen_room, seen_from)[which, _shortest(simulator.moves) + (way ^ 1)]  # the move back
+        back = _shortest(simulator.moves) + (way ^ 1)
+        q = q_of(rooms[b], around[b, way]).gather(1, back[:, None]).squeeze(1)
         total = q.new_zeros(len(place)).index_add_(0, b, q)
         return (total / legal.sum(1)).where(legal.any(1), -torch.inf)
 

@@ -26,7 +26,6 @@ BLOCK = 500  # observations shown to the network at once: on a CPU, a larger blo
 class Rollout:
     """B greedy episodes: the way of each, and where it ends."""
 
-    room: np.ndarray  # (B,) index
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
     value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf after the end
     best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
@@ -36,8 +35,8 @@ class Rollout:
     @classmethod
     def of(cls, began: float, *found: Tensor) -> Self:
         """Of all but the seconds as tensors, and when it began on the clock of `time.perf_counter`."""
-        room, path, value, best, settling = (each.cpu().numpy() for each in found)
-        return cls(room, path, value, best, settling, time.perf_counter() - began)
+        path, value, best, settling = (each.cpu().numpy() for each in found)
+        return cls(path, value, best, settling, time.perf_counter() - began)
 
     @property
     def final(self) -> np.ndarray:
@@ -115,6 +114,26 @@ class MeanQ:
         seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
         views = zip(self.network(seen).tensor_split(len(self.symmetries)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
+
+
+class Remembered:
+    """Q of poses, asked of the network once for each: episodes come to where others, or they themselves, have been."""
+
+    def __init__(self, q: MeanQ, observe: Observe):
+        self._q, self._observe = q, observe
+        self._row = dict[bytes, int]()  # of a room and a position, in what is known
+        self._known: Tensor | None = None  # Q (poses, A)
+
+    def __call__(self, rooms: Tensor, positions: Tensor) -> Tensor:
+        """Q(s, a), (B, A), of positions (B, 2) in rooms or scenes (B, ...)."""
+        poses = torch.column_stack([rooms, positions]).cpu().numpy()
+        rows = np.array([self._row.setdefault(pose.tobytes(), len(self._row)) for pose in poses], dtype=int)
+        fresh, first = np.unique(rows, return_index=True)
+        if self._known is None:
+            self._known = self._q(self._observe, rooms[first], positions[first])
+        elif len(first := first[fresh >= len(self._known)]):
+            self._known = torch.cat([self._known, self._q(self._observe, rooms[first], positions[first])])
+        return self._known[rows]
 
 
 def begun(

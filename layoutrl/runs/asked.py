@@ -9,11 +9,9 @@ from dataclasses import dataclass, replace
 import shapely
 
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.room import Room
-from layoutrl.runs.answerable import Answerable, answerable
-from layoutrl.runs.config import PlaceConfig
+from layoutrl.rooms.room import Item, Room
+from layoutrl.runs.answerable import Answerable, answerable, in_no_type
 from layoutrl.runs.streams import Entry
 
 
@@ -29,25 +27,27 @@ class Asked:
 
 
 def asked_of(
-    entry: Entry, config: PlaceConfig, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]
+    entry: Entry,
+    category: str | None,
+    moves_all: bool,
+    known: Collection[str],
+    elsewhere: Callable[[str], Sequence[str]] = in_no_type,
 ) -> Asked:
-    """What is asked of a room: to place the items of `item=`, or all that have no center, of categories that are known.
+    """What is asked of a room: to place all that has no center, or what of it is of a category.
 
-    What the file has in the room, and who is asked cannot place, stays there, and is in the way.
+    What the file has in the room, and who is asked cannot place, stays there, and is in the way. Where a file is to
+    move all (`moves_all`), what nobody knows was not meant.
     """
     assert entry.room is not None
     room = entry.room
     inside = {
-        k
-        for k, item in enumerate(entry.stood)
-        if room.furniture[k].center is None and item.center and room.envelope.covers(shapely.Point(item.center))
+        k for k, item in enumerate(entry.stood) if item.center and room.envelope.covers(shapely.Point(item.center))
     }
-    stood = {k for k in inside if room.holds(entry.stood[k])}  # what reaches beyond the walls is in nobody's way
-    wanted = [k for k in missing(room) if config.item in (None, room.furniture[k].category)]
-    stays = frozenset[int]()
-    if ALL in names_in(config.move):
-        stays = staying(entry, [k for k in wanted if k in inside], known)
-        wanted = [k for k in wanted if k not in stays]
+    # What reaches beyond the walls is in nobody's way.
+    stood = {k for k in inside.intersection(missing(room)) if room.holds(entry.stood[k])}
+    wanted = [k for k in missing(room) if category in (None, room.furniture[k].category)]
+    stays = staying(entry.stood, inside, known).intersection(wanted) if moves_all else frozenset[int]()
+    wanted = [k for k in wanted if k not in stays]
     others = frozenset(missing(room)) - {*wanted}
     room = put_back(room, entry, others & stood)
     others -= stood
@@ -60,18 +60,10 @@ def asked_of(
     return Asked(can, wanted, left, stays, frozenset(stood.intersection(wanted)))
 
 
-def staying(entry: Entry, those: Sequence[int], known: Collection[str]) -> frozenset[int]:
-    """Which of `those` items that the file has in the room stay, where all is to move that is known.
-
-    What nobody knows stays, and chairs that stand under it.
-    """
-    items = entry.stood
+def staying(items: Sequence[Item], those: Collection[int], known: Collection[str]) -> frozenset[int]:
+    """Which of `those` items, which stand, stay where all is to move: what nobody knows, and chairs under that."""
     stays = {k for k in those if items[k].category not in known}
-    hosts = [
-        item.footprint
-        for k, item in enumerate(items)
-        if item.category in HOSTS and item.center and (k in stays or k not in those)
-    ]
+    hosts = [items[k].footprint for k in stays if items[k].category in HOSTS]
     under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
     return frozenset(stays | under)
 

@@ -11,7 +11,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.env.symmetry import symmetries
-from layoutrl.evaluation.rollout import BLOCK, MeanQ, Rollout
+from layoutrl.evaluation.rollout import BLOCK, MeanQ, Remembered, Rollout
 from tests.evaluation.builders import BELOW, LEFT, RIGHT, STEPS, UP, Place, Scripted, nearing, unturned, wide_room
 
 
@@ -19,7 +19,7 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
     x = np.array([0.0, 1.0, 1.5, 1.9, 3.0, 2.95, 5.0, 2.96, 5.5])
     path = np.stack([x, np.zeros(9)], 1)[:, None]
     value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0, 2.0, 1.5, 1.7])[:, None]
-    run = Rollout(np.array([0]), path, value, np.array([2]), path[[2]], 0.0)
+    run = Rollout(path, value, np.array([2]), path[[2]], 0.0)
     # 1.0 is on the way to 1.5, 1.9 and 2.96 on that to others; the start was not chosen.
     assert run.choices(4)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5]
     assert run.choices(5)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5, 1.5]
@@ -30,7 +30,7 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
 
 def test_who_never_moved_has_one_choice():
     stayed = np.ones((4, 1, 2))
-    run = Rollout(np.array([0]), stayed, np.full((4, 1), -np.inf), np.array([0]), stayed[:1], 0.0)
+    run = Rollout(stayed, np.full((4, 1), -np.inf), np.array([0]), stayed[:1], 0.0)
     assert run.choices(3).tolist() == [[[1, 1]] * 3]
 
 
@@ -69,3 +69,21 @@ def test_the_best_move_is_legal_and_leads_to_where_the_agent_wants_to_be():
     assert values.tolist() == [-0.5, -0.5, -0.5, -0.5]
     beyond = MeanQ(nearing((9.0, 1.5)), unturned(STEPS))
     assert beyond.best_moves(simulator, Place(), np.zeros(1, int), np.array([(3.5, 1.5)]))[0] != RIGHT
+
+
+def test_a_place_is_looked_at_once_whoever_comes_to_it_and_in_whichever_room():
+    asked = []
+
+    def network(block: torch.Tensor) -> torch.Tensor:
+        asked.extend(map(tuple, block.tolist()))
+        return Scripted(lambda x, y: [-x, x, y, -y])(block).view(-1, 4)
+
+    q, rng = MeanQ(network, unturned(STEPS)), np.random.default_rng(0)
+    known, seen = Remembered(q, Place()), set()
+    assert known(torch.zeros(0, dtype=torch.int64), torch.zeros(0, 2, dtype=torch.float64)).shape[0] == 0
+    for _ in range(5):
+        rooms = torch.as_tensor(rng.integers(0, 2, 12))
+        places = torch.as_tensor(rng.integers(0, 3, (12, 2)), dtype=torch.float64)
+        seen |= {(room, *place) for room, place in zip(rooms.tolist(), places.tolist(), strict=True)}
+        np.testing.assert_array_equal(known(rooms, places), Scripted(lambda x, y: [-x, x, y, -y])(places))
+    assert len(asked) == len(seen)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +13,7 @@ import torch
 
 from layoutrl.agents.learner import q_network
 from layoutrl.env.observation import categories_of
-from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.furnishing import Furnisher, one_thread
 from layoutrl.rooms.brief import brief_of, furnished
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
@@ -159,6 +161,33 @@ def test_who_furnishes_waits_for_no_other_core(scope: str) -> None:
     finally:
         torch.set_num_threads(before)
     assert threads == {1}
+
+
+def test_two_who_furnish_at_once_leave_the_threads_as_they_were() -> None:
+    before = torch.get_num_threads()
+    first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
+    torch.set_num_threads(2)
+
+    def first() -> None:
+        with one_thread():
+            first_is_in.set()
+            second_is_in.wait(0.2)
+        first_is_out.set()
+
+    def second() -> None:
+        first_is_in.wait(60)
+        with one_thread():
+            second_is_in.set()
+            first_is_out.wait(60)
+            assert torch.get_num_threads() == 1
+
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            for done in [pool.submit(first), pool.submit(second)]:
+                done.result()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatch) -> None:

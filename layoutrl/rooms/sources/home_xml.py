@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
+from html import unescape
 from pathlib import Path
 from typing import IO
 from xml.parsers import expat
@@ -154,7 +155,7 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
             digits = 7 if name == "angle" else 4
             text = f"{value:.{digits}f}".rstrip("0").rstrip(".").encode()
             attribute = found.get(name)
-            if _same(float(attribute[2][1:-1]) if attribute else 0.0, value, name):
+            if _same(float(unescape(attribute[2][1:-1].decode())) if attribute else 0.0, value, name):
                 continue
             if attribute:
                 edits.append((attribute.start(2) + 1, attribute.end(2) - 1, text))

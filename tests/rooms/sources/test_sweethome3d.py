@@ -390,6 +390,16 @@ def test_a_chair_that_is_lifted_may_stand_under_a_table_and_what_stood_is_known(
     assert not any(item.tucked for item in alone.furniture)
 
 
+def test_numbers_written_as_references_are_read_and_written_over(tmp_path: Path) -> None:
+    home = flat(tmp_path, FLAT.replace("x='100'", "x='1&#48;0'"), move="bed")
+    home.write(flat(tmp_path, FLAT.replace("x='100'", "x='1&#48;0'")).rooms, tmp_path / "same.sh3d")
+    assert (tmp_path / "same.sh3d").read_bytes() == home.path.read_bytes()
+    (bed,), *_ = home.stood
+    moved = replace(bed, center=(bed.center[0] + 0.5, bed.center[1]))
+    home.write([replace(home.rooms[0], furniture=(moved,))], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["bed"])
+
+
 def test_a_home_in_which_nothing_moved_is_written_byte_for_byte(tmp_path: Path) -> None:
     read_whole = flat(tmp_path, move="")
     home = flat(tmp_path, move="all")

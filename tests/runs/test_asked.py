@@ -1,0 +1,76 @@
+"""What is asked of a room: each item that was lifted is placed, stays, or is nowhere, and nobody is told otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.room import Item, Room
+from layoutrl.runs.asked import Asked, asked_of
+from layoutrl.runs.streams import Entry
+from tests.builders import rectangular_room
+
+TABLE, DESK = "table", "desk"
+CHAIR = Item("chair", (0.45, 0.45), (2.0, 2.0), 0.0, tucked=True)
+
+
+def under(host: str) -> Room:
+    """A room with a chair tucked under a host, and a bed aside."""
+    furniture = (
+        Item(host, (1.6, 0.8), (2.0, 2.2), 0.0),
+        CHAIR,
+        Item("bed", (2.0, 1.4), (5.0, 1.2), 0.0),
+    )
+    return replace(rectangular_room(), furniture=furniture, target=None)
+
+
+def asked(room: Room, lifts: set[int], known: set[str], category: str | None = None, moves_all: bool = True) -> Asked:
+    brief = replace(room, furniture=lifted(room.furniture, lifts))
+    entry = Entry(room.id, brief, room_to_dict(room), stood=room.furniture)
+    return asked_of(entry, category, moves_all, known)
+
+
+def test_a_chair_stays_under_a_table_that_nobody_knows_and_goes_from_one_that_is_not_asked_for() -> None:
+    room = under(TABLE)
+    assert asked(room, {0, 1, 2}, {"chair", "bed"}).stays == {0, 1}
+    assert asked(room, {1, 2}, {"chair", "bed"}).stays == {1}  # though the table was not lifted
+    assert asked(under("harp"), {0, 1, 2}, {"chair", "bed"}).stays == {0}  # which one does not sit at
+    for only in (None, "chair"):
+        found = asked(room, {0, 1, 2}, {TABLE, "chair", "bed"}, only)
+        assert not found.stays
+        assert 1 in found.wanted
+    assert asked(room, {0, 1, 2}, {TABLE, "chair", "bed"}, "chair").can.asked.furniture[0] == room.furniture[0]
+
+
+@given(
+    lifts=st.sets(st.integers(0, 3)),
+    known=st.sets(st.sampled_from([DESK, "chair", "bed", "sofa"])),
+    category=st.sampled_from([None, "chair", DESK, "bed"]),
+    moves_all=st.booleans(),
+    beyond=st.booleans(),
+)
+def test_every_lifted_item_is_placed_or_stays_or_is_nowhere(
+    lifts: set[int], known: set[str], category: str | None, moves_all: bool, beyond: bool
+) -> None:
+    room = under(DESK)
+    parked = Item("sofa", (0.8, 1.8), (-9.0 if beyond else 4.5, 3.0), 0.0)
+    room = replace(room, furniture=(*room.furniture, parked))
+    found = asked(room, lifts, known, category, moves_all)
+    placed = {*found.wanted} - found.left - found.can.unseen
+    items = found.can.asked.furniture
+    assert {*found.wanted} | found.stays <= lifts
+    assert not {*found.wanted} & found.stays
+    for k, item in enumerate(items):
+        if k in placed:
+            assert item.center is None
+            assert item.category in known
+        elif k not in lifts or k in found.stood | found.stays or (category and item.category != category):
+            assert item == room.furniture[k] or (item.center is None and not room.holds(room.furniture[k]))
+    assert {items[k].category for k in found.stays} <= {DESK, "chair", "bed", "sofa"} - known | {"chair"}
+    assert [item.category for item in found.can.brief.furniture if item.center is None] == [
+        items[k].category for k in sorted(placed)
+    ]
