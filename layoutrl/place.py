@@ -11,7 +11,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
@@ -186,41 +186,20 @@ def run(config: PlaceConfig) -> Done:
     folder = Path(config.rooms).resolve()
     if source and files and folder.is_dir() and folder in files[0].resolve().parents:
         raise InputError(f"out: {files[0]} lies in the folder that is read; expected it elsewhere, as out=<file>")
+    if piped and sys.stdout is None:
+        raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
     try:
         if suffix == JSON:
-            if piped and sys.stdout is None:
-                raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
-            grown = (
-                nullcontext(Growing(sys.stdout.buffer, Tally())) if piped else growing(files[0], about(config, source))
-            )
-            with grown as sheet:
-                work.tally = sheet.tally
-                for block in work.answers():
-                    sheet.add(document for answer in block for document in answer.documents())
-                    work.drawn.clear()
-                sheet.wanted = work.asked
+            work.write_each(files[0] if files else None)
         else:
-            assert source is not None
-            layouts = [
-                [answer.found(n) for n in range(len(answer.layouts))] for block in work.answers() for answer in block
-            ]
-            files = files[: max(map(len, layouts), default=0) if work.asked else 0]
-            for n, file in enumerate(files):
-                file.parent.mkdir(parents=True, exist_ok=True)
-                source.write([choices[min(n, len(choices) - 1)] for choices in layouts], file)
-            work.drawn.clear()
+            files = work.write_whole(files)
     finally:  # of rooms that are not written no picture is left, so that the same command can make it
         for picture in work.drawn:
             picture.unlink(missing_ok=True)
     work.say_unmet()
-    if not work.asked and not work.readable:
-        raise InputError(f"rooms: no room of {config.rooms} could be read, as is said above; expected one or more")
-    if not work.asked and not work.tally.entries:
-        raise InputError(f"rooms: {config.rooms} is empty; expected one room or more")
     if not work.asked:
-        what = f"a {config.item}" if config.item else "an item"
-        raise InputError(f"rooms: {config.rooms} has no room with {what} without a center; expected one or more")
+        raise InputError(f"rooms: {work.nothing}")
     work.say(str(work.tally))
     for file in files:
         work.say(f"wrote {file}")
@@ -258,10 +237,41 @@ class Work:
         return self.tally.rooms > 0 or self.config.part != (0, 1)
 
     @property
-    def readable(self) -> bool:
-        """Whether a room could be read, or there was none to read."""
-        empty = self.source is not None and not self.source.collection.rooms
-        return not (empty or 0 < self.tally.left_out == self.tally.entries)
+    def nothing(self) -> str:
+        """Why nothing was to be placed."""
+        rooms, item = self.config.rooms, self.config.item
+        if (self.source and not self.source.collection.rooms) or 0 < self.tally.left_out == self.tally.entries:
+            return f"no room of {rooms} could be read, as is said above; expected one or more"
+        if not self.tally.entries:
+            return f"{rooms} is empty; expected one room or more"
+        return f"{rooms} has no room with {f'a {item}' if item else 'an item'} without a center; expected one or more"
+
+    def write_each(self, file: Path | None) -> None:
+        """Write the rooms as they are done, to a new file or one that is gone on with, or to standard output."""
+        if file is None:
+            grown: AbstractContextManager[Growing] = nullcontext(Growing(sys.stdout.buffer, Tally()))
+        else:
+            grown = growing(file, about(self.config, self.source))
+        with grown as sheet:
+            self.tally = sheet.tally
+            for block in self.answers():
+                sheet.add(document for answer in block for document in answer.documents())
+                self.drawn.clear()
+            sheet.wanted = self.asked
+
+    def write_whole(self, files: Sequence[Path]) -> list[Path]:
+        """Write the source anew, once with each choice, when all rooms are done; which of the files are written.
+
+        A room of fewer layouts has its last one in the others.
+        """
+        assert self.source is not None
+        rooms = [[answer.found(n) for n in range(len(answer.layouts))] for block in self.answers() for answer in block]
+        made = [*files[: max(map(len, rooms), default=0) if self.asked else 0]]
+        for n, file in enumerate(made):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            self.source.write([choices[min(n, len(choices) - 1)] for choices in rooms], file)
+        self.drawn.clear()
+        return made
 
     def say_unmet(self) -> None:
         """Say what is to move, and is in no room."""

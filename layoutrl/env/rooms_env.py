@@ -102,7 +102,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def action_masks(self) -> np.ndarray:
         """The actions that are legal now: bool (A,)."""
-        self._check_begun()
+        _ = self._running  # raises before the first reset
         return self._legal.copy()
 
     def render(self) -> np.ndarray | None:
@@ -110,14 +110,10 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         state = self._running
         return None if self.render_mode is None else picture(self.simulator, state, 0)
 
-    def _check_begun(self) -> None:
-        if self._state is None:
-            raise ResetNeeded("expected a call of reset before step, render and action_masks")
-
     @property
     def _running(self) -> State[np.ndarray]:
-        self._check_begun()
-        assert self._state is not None
+        if self._state is None:
+            raise ResetNeeded("expected a call of reset before step, render and action_masks")
         return self._state
 
     def _arrive(self) -> dict[str, Any]:

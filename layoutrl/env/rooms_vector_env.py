@@ -21,7 +21,7 @@ from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, picture, simulator_of
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.simulator import Moves
-from layoutrl.env.vector_env import array, checked, masked, seeded
+from layoutrl.env.vector_env import array, checked, masked, reseeded
 from layoutrl.rooms.room import Room
 
 
@@ -73,12 +73,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         if options:
             raise ValueError(f"options: expected none; got {options}")
-        if isinstance(seed, Sequence):
-            self._streams = seeded(seed, self.num_envs, self._streams, self.np_random)
-        else:
-            super().reset(seed=seed)
-            if seed is not None:
-                self._streams = None
+        self._streams = reseeded(self, seed, self._streams)
         self._generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
         return self._begun()
 
@@ -106,7 +101,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def action_masks(self) -> np.ndarray:
         """The actions that are legal now: bool (num_envs, A)."""
-        self._check_begun()
+        _ = self._running  # raises before the first reset
         return array(self._legal)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -116,14 +111,10 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             return None
         return tuple(picture(self._reference, state, b) for b in range(self.num_envs))
 
-    def _check_begun(self) -> None:
-        if self._state is None:
-            raise ResetNeeded("expected a call of reset before step, render and action_masks")
-
     @property
     def _running(self) -> State[Tensor]:
-        self._check_begun()
-        assert self._state is not None
+        if self._state is None:
+            raise ResetNeeded("expected a call of reset before step, render and action_masks")
         return self._state
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:

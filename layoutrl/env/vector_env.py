@@ -80,12 +80,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         if options:
             raise ValueError(f"options: expected none; got {options}")
-        if isinstance(seed, Sequence):
-            self._streams = seeded(seed, self.num_envs, self._streams, self.np_random)
-        else:
-            super().reset(seed=seed)
-            if seed is not None:
-                self._streams = None
+        self._streams = reseeded(self, seed, self._streams)
         generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
         self._episodes = Episodes(self.simulator, np.zeros(self.num_envs, dtype=int), self.max_moves, generator)
         return self._begun()
@@ -147,18 +142,22 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return masked(rewards | {name: array(values) for name, values in info.items()}, self.num_envs)
 
 
-def seeded(
-    seed: Sequence[int | None], num_envs: int, going_on: Sequence[np.random.Generator] | None, rng: np.random.Generator
-) -> list[np.random.Generator]:
-    """A stream of random numbers for each environment: of its seed, or the one that goes on, or that begins from `rng`.
+def reseeded(
+    env: VectorEnv[Any, Any, Any], seed: int | Sequence[int | None] | None, streams: list[np.random.Generator] | None
+) -> list[np.random.Generator] | None:
+    """The stream of random numbers of each environment after a reset with these seeds; None where one draws for all.
 
+    Of a list each environment has the stream of its seed, or where that is None the one that it had, or a new one.
     Raises ValueError for another number of seeds.
     """
-    if len(seed) != num_envs:
-        raise ValueError(f"seed: expected {num_envs} seeds, one an environment; got {len(seed)}")
+    if not isinstance(seed, Sequence):
+        VectorEnv.reset(env, seed=seed)
+        return streams if seed is None else None
+    if len(seed) != env.num_envs:
+        raise ValueError(f"seed: expected {env.num_envs} seeds, one an environment; got {len(seed)}")
     begun = [None if one is None else np_random(one)[0] for one in seed]
-    going_on = going_on or rng.spawn(num_envs)
-    return [old if new is None else new for new, old in zip(begun, going_on, strict=True)]
+    streams = streams or env.np_random.spawn(env.num_envs)
+    return [old if new is None else new for new, old in zip(begun, streams, strict=True)]
 
 
 def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:

@@ -95,19 +95,20 @@ class TrainedRun:
         return f"{rooms}-{digest(self.rooms)[:6]}-{self.method.on_illegal}{best}"
 
 
-def trained_run(config: RunConfig) -> TrainedRun:
-    """What a run left behind, and the rooms that were asked for; says how many these are.
+def parts_as_in(trained: TrainConfig, data: Data) -> tuple[list[Room], list[Room]]:
+    """Rooms of such data, (training, held-out), as a run has them."""
+    if trained.method.scope == "room":
+        return whole_parts(trained.room.type, data, trained.fold)
+    return read_parts(trained.room.type, trained.room.item, data, trained.fold)
 
-    Of rooms that are not the run's own, those that it was trained on are left out. Raises InputError where none
-    is left.
+
+def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
+    """Which rooms are meant by what is given of them, of a run with its own; and whether these are of the same source.
+
+    What is not given is as in the run.
     """
-    folder = Path(config.run)
-    trained = load_config(folder, TrainConfig)
-    own, data = trained.data, located(config.data)
-    device = device_of(config.device)
-    network, categories, rooms = trained_network(folder, trained, device, config.checkpoint)
-
-    if data.source is None:  # the run's own, but for what is given
+    data = given
+    if data.source is None:
         unset = asdict(AS_IN_THE_RUN)
         data = replace(own, **{name: value for name, value in asdict(data).items() if value != unset[name]})
     designed = data.source == own.source == "designer"  # wherever their cache lies
@@ -116,19 +117,25 @@ def trained_run(config: RunConfig) -> TrainedRun:
         # It was trained on no more of them, and on these.
         few = [count for count in (data.train_rooms, own.train_rooms) if count is not None]
         data = replace(data, train_rooms=min(few), disturbed=own.disturbed)
-    whole = trained.method.scope == "room"
+    return data, same
 
-    def parts_of(data: Data) -> tuple[list[Room], list[Room]]:
-        if whole:
-            return whole_parts(trained.room.type, data, trained.fold)
-        return read_parts(trained.room.type, trained.room.item, data, trained.fold)
 
-    parts = parts_of(own)
-    training = parts[0]
+def trained_run(config: RunConfig) -> TrainedRun:
+    """What a run left behind, and the rooms that were asked for; says how many these are.
+
+    Of rooms that are not the run's own, those that it was trained on are left out. Raises InputError where none
+    is left.
+    """
+    folder = Path(config.run)
+    trained = load_config(folder, TrainConfig)
+    device = device_of(config.device)
+    network, categories, rooms = trained_network(folder, trained, device, config.checkpoint)
+    training, held_out = parts_as_in(trained, trained.data)
     if digest(training) != rooms:
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
-    if data != own:
-        parts = parts_of(data)
+
+    data, same = asked_data(trained.data, located(config.data))
+    parts = (training, held_out) if data == trained.data else parts_as_in(trained, data)
     part = config.part or ("held_out" if same or data.source == "designer" else "all")
     chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
     if not same:
