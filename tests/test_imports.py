@@ -24,10 +24,12 @@ def test_nothing_imports_what_stands_above_it() -> None:
         if len(path.parts) == 1:
             continue
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("layoutrl."):
-                imported = str(node.module).split(".")[1]
+            modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            modules += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            for module in [module for module in modules if module.startswith("layoutrl.")]:
+                imported = module.split(".")[1]
                 if imported != path.parts[0] and len(ORDER) > height(path.parts[0]) <= height(imported):
-                    wrong.append(f"{path} imports {node.module}")
+                    wrong.append(f"{path} imports {module}")
     assert not wrong
 
 

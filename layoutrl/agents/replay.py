@@ -16,7 +16,7 @@ REWARD_SCALE = 100.0  # rewards are learned divided by this, so that the Huber l
 class Transitions(NamedTuple):
     """B transitions (S, A, R, S'), with states as poses; section 4.4 of Di & Yu 2021."""
 
-    room: Tensor  # int64 (B,), or scenes, int64 (B, columns)
+    room: Tensor  # int64 (B,), or scenes, integers (B, columns)
     position: Tensor  # float64 (B, 2), metres, before the move
     action: Tensor  # uint8 (B,)
     reward: Tensor  # float32 (B,), divided by the reward scale
@@ -30,7 +30,7 @@ class Replay:
 
     Positions are kept exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
     of one integer: 33 bytes a transition, against 98,304 for two pictures. Where a room is a scene, `scene` is its
-    shape.
+    shape, (columns,), and takes the place of four of them with as many for each column.
     """
 
     def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu", scene: tuple[int, ...] = ()):

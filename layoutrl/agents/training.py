@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import DQN, Observe, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
@@ -142,24 +142,32 @@ class Training:
         with self._watch("sample"):
             sampled = self.replay.sample(self._batch, self._replay_rng)
             observation = self._observe(sampled.room, sampled.position)
-            if self._every_move is None:
-                next_observation = self._observe(sampled.room, sampled.next_position)
-                turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
-            else:
-                legal, moves = self._every_move.transitions(
-                    sampled.room, sampled.position, self.updates, self._replay_rng
-                )
-                next_observation = self._observe(moves.room, moves.next_position)
-        with self._watch("learn"):
-            if self._every_move is None:
-                stats = self.agent.update(*turned)
-            else:
-                target = self._every_move.target(self.agent.target, legal, moves, observation, next_observation)
-                legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
-                observation = in_every_view(self._observe, self._symmetries, observation)
-                stats = self.agent.update_every_move(legal, target, observation)
+        if self._every_move is None:
+            stats = self._learn_made(sampled, observation)
+        else:
+            stats = self._learn_every(self._every_move, sampled, observation)
         for column, value in zip((self._recent.losses, self._recent.mean_qs, self._recent.max_qs), stats, strict=True):
             column.append(value[None])
+
+    def _learn_made(self, sampled: Transitions, observation: Tensor) -> UpdateStats:
+        """An update from the moves that were made."""
+        with self._watch("sample"):
+            next_observation = self._observe(sampled.room, sampled.next_position)
+            turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
+        with self._watch("learn"):
+            return self.agent.update(*turned)
+
+    def _learn_every(self, every_move: EveryMove, sampled: Transitions, observation: Tensor) -> UpdateStats:
+        """An update from every move that could have been made instead."""
+        with self._watch("sample"):
+            legal, moves = every_move.transitions(sampled.room, sampled.position, self.updates, self._replay_rng)
+            next_observation = self._observe(moves.room, moves.next_position)
+        with self._watch("learn"):
+            target = every_move.target(self.agent.target, legal, moves, observation, next_observation)
+            legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
+            return self.agent.update_every_move(
+                legal, target, in_every_view(self._observe, self._symmetries, observation)
+            )
 
     def _report(self) -> Progress:
         recent, self._recent = self._recent, Recent()

@@ -19,7 +19,7 @@ NEAR = (0.1, 0.3, 1.0)  # metres, standard deviations, each as likely: how near 
 class Step(NamedTuple):
     """One move of each of B episodes, before any of them began anew."""
 
-    room: Tensor  # int64 (B,)
+    room: Tensor  # int64 (B,), or scenes, int32 (B, columns)
     position: Tensor  # float64 (B, 2), before the move
     action: Tensor  # int64 (B,)
     legal: Tensor  # bool (B,): whether the move was; one that was not is dropped, and changes nothing
@@ -31,7 +31,7 @@ class Step(NamedTuple):
 
 
 class Episodes:
-    """B parallel episodes in rooms drawn at random; `room` (B,), `position` (B, 2) and `legal` (B, A) are their state.
+    """B parallel episodes in rooms drawn at random. Their state is `room`, `position` and `legal`, as in Step.
 
     An episode is truncated after `max_moves` moves and, with `goal_iou`, terminates at that IoU with the
     designer's footprint. `near` is the share of them that begin near the designer's places, and these (rooms, 2).

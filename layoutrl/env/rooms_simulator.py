@@ -181,7 +181,7 @@ class RoomsSimulator:
         entry = np.take_along_axis(entry, quarter[..., None], 2)[..., 0]
         center = np.zeros((*entry.shape, 2))
         center[entry >= 0] = self.simulator.starts(entry[entry >= 0], rng)
-        return State(np.array(room), center, quarter, np.zeros(entry.shape, dtype=bool), np.zeros(len(room), dtype=int))
+        return self.empty(room)._replace(center=center, quarter=quarter)
 
     def put(
         self, state: State[np.ndarray], item: np.ndarray, center: np.ndarray, quarter: np.ndarray

@@ -44,7 +44,7 @@ class Chosen(NamedTuple):
     quarter: np.ndarray  # (B,)
     value: np.ndarray  # (B,), -inf where there is none
     way: np.ndarray  # (B,) of arrays: to each, centers (moves + 1, 2)
-    harm: np.ndarray  # (B,): how much more is `wrong` than without this one
+    harm: np.ndarray  # (B,): how much more is `wrong` with it than without, less than 0 where it helps; most for none
 
     def of(self, b: np.ndarray) -> Chosen:
         """Those of some of the items."""

@@ -85,7 +85,7 @@ def all_standing(collection: Collection) -> Collection:
 
 def _after(collection: Collection, chosen: str) -> Collection:
     """An empty collection that knows what was left out before."""
-    return Collection(f"{collection.source}, {chosen}", left_out=list(collection.left_out), notes=collection.notes)
+    return Collection(f"{collection.source}, {chosen}", left_out=[*collection.left_out], notes=[*collection.notes])
 
 
 def split(rooms: Sequence[Room], fold: int = 0) -> tuple[list[Room], list[Room]]:

@@ -33,16 +33,11 @@ def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> 
     room, view = training.nearest(brief)
     model = room.turned(*SYMMETRIES[view])
     poses: dict[int, Pose] = {}
-    free = [item for item in model.furniture if item.center is not None]
-    for k in missing(brief):
-        item = brief.furniture[k]
-        alike = [other for other in free if other.category == item.category]
-        pose = None
-        if alike:
-            other = min(alike, key=lambda other: math.dist(item.size, other.size))
-            free.remove(other)
-            pose = _pushed(brief, item, model, other)
-        if pose := pose or _drawn(brief, k, rng):
+    asked = missing(brief)
+    items = [brief.furniture[k] for k in asked]
+    others = _counterparts(items, [item for item in model.furniture if item.center is not None])
+    for k, item, other in zip(asked, items, others, strict=True):
+        if pose := (other and _pushed(brief, item, model, other)) or _drawn(brief, k, rng):
             poses[k] = pose
     return furnished(brief, poses)
 
@@ -133,16 +128,21 @@ def _set_distance(a: np.ndarray, b: np.ndarray) -> float:
 
 def _list_distance(ours: Sequence[Item], theirs: Sequence[Item]) -> float:
     """What the sizes of counterparts differ by, and OTHER_CATEGORY for each item without one."""
-    total, free = 0.0, list(theirs)
+    pairs = zip(ours, _counterparts(ours, theirs), strict=True)
+    differences = [math.dist(item.size, other.size) for item, other in pairs if other]
+    return sum(differences) + OTHER_CATEGORY * (len(ours) + len(theirs) - 2 * len(differences))
+
+
+def _counterparts(ours: Sequence[Item], theirs: Sequence[Item]) -> list[Item | None]:
+    """Of each item in turn that of its category which is nearest in size, of those that are left; None for none."""
+    left, found = list(theirs), list[Item | None]()
     for item in ours:
-        alike = [other for other in free if other.category == item.category]
-        if alike:
-            other = min(alike, key=lambda other: math.dist(item.size, other.size))
-            free.remove(other)
-            total += math.dist(item.size, other.size)
-        else:
-            total += OTHER_CATEGORY
-    return total + OTHER_CATEGORY * len(free)
+        alike = [other for other in left if other.category == item.category]
+        other = min(alike, key=lambda other: math.dist(item.size, other.size), default=None)
+        if other:
+            left.remove(other)
+        found.append(other)
+    return found
 
 
 def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:

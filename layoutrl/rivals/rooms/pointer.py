@@ -152,8 +152,8 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
     views = symmetries(simulator.moves, device)
     order = simulator.sequence().argsort(1, kind="stable")
     can_face, stays_off = simulator.entry >= 0, _stays_off(simulator, observe.space.shape[0])
-    every, begun = np.arange(len(briefs)), np.zeros(simulator.ways.shape, dtype=int)
-    state = State(every, np.zeros((*begun.shape, 2)), begun, begun > 0, 0 * every)
+    every = np.arange(len(briefs))
+    state = simulator.empty(every)
     for n in range(order.shape[1]):
         rooms = every[simulator.count > n]
         for room in np.array_split(rooms, -(-len(rooms) // BLOCK)):
