@@ -64,10 +64,11 @@ class Furnisher:
     The largest item comes first. Of each, places are spread for every way that it can face; from those that the agent
     values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
     (`choosing`, geometry alone). Where there is none, it is put where one move more leads, or else at one of the
-    places that were spread. What ends just before a wall or an item slides back to it, and what belongs at a wall
-    slides sideways to a neighbour that is near. When all stand, each but the largest is lifted once more, and moved if
-    another pose is better; and again where something is still wrong. Where that does not help, the room is furnished
-    anew, what was most wrong first; and where a fault is left, with its largest item elsewhere.
+    places that were spread; what has no legal move anywhere is left out. What ends just before a wall or an item slides
+    back to it, and what belongs at a wall slides sideways to a neighbour that is near. When all stand, each but the
+    largest is lifted once more, and moved if another pose is better; and again where something is still wrong. Where
+    that does not help, the room is furnished anew, what was most wrong first; and where a fault is left, with its
+    largest item elsewhere.
     A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back. The designer's
     layout is not known here. Nothing is left to chance: the same brief always gets the same layouts.
     """

@@ -32,7 +32,7 @@ BAR = {  # what the progress bar says, beside losses
     "iou/held_out": "held_out",
     "lattice_ceiling/held_out": "ceiling",
 }
-Policy = TypeVar("Policy")  # what a probe is run with: of one item a policy, of whole rooms Furnisher
+Probed = TypeVar("Probed")  # what a probe is run with: of one item a policy, of whole rooms Furnisher
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 LONGEST = 10_000  # characters in a line of metrics.csv
 FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
@@ -60,8 +60,8 @@ class Reporting(Protocol):
 
 def watched(
     training: Training,
-    policy: Policy,
-    probes: dict[str, Callable[[Policy], tuple[dict[str, float], list[np.ndarray]]]],
+    policy: Probed,
+    probes: dict[str, Callable[[Probed], tuple[dict[str, float], list[np.ndarray]]]],
     folder: Path,
     updates: int,
     evaluate_every: int,

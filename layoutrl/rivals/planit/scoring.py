@@ -221,24 +221,24 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
         for kind in GRAPHS:
             for choice, whose in _variants(kind):
                 search = Search(rng, noise) if choice == "sampled" else Search()
-                layout, _ = _fullest(placer, room, kind, whose, rng, search)
+                layout = _fullest(placer, room, kind, whose, rng, search)
                 found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
     return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
 
 
 def _fullest(
     placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search
-) -> tuple[Layout, list[int]]:
-    """A room's layout that lacks least, of TRIES graphs; and which of the standing items each node stands for."""
+) -> Layout:
+    """A room's layout that lacks least, of TRIES graphs."""
     standing = [item for item in placer.rooms[room].furniture if item.center is not None]
-    made: list[tuple[Layout, list[int]]] = []
+    made: list[Layout] = []
     for _ in range(_tries(kind)):
         names, graph, stands_for = room_graph(placer, room, kind, rng)
         sizes = [standing[k] for k in stands_for] if whose == "true size" else None
-        made.append((placer.furnish(room, names, graph, search, sizes), stands_for))
-        if not made[-1][0].missing:
+        made.append(placer.furnish(room, names, graph, search, sizes))
+        if not made[-1].missing:
             break
-    return min(made, key=lambda one: len(one[0].missing))
+    return min(made, key=lambda layout: len(layout.missing))
 
 
 def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
