@@ -226,9 +226,7 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
     return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
 
 
-def _fullest(
-    placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search
-) -> Layout:
+def _fullest(placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search) -> Layout:
     """A room's layout that lacks least, of TRIES graphs."""
     standing = [item for item in placer.rooms[room].furniture if item.center is not None]
     made: list[Layout] = []
