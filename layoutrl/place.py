@@ -351,10 +351,10 @@ class Work:
     def _asked(self, entry: Entry) -> Asked:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
-        what = entry, self.config.item, ALL in names_in(self.config.move)
+        category, moves_all = self.config.item, ALL in names_in(self.config.move)
         if not missing(entry.room):
-            return asked_of(*what, ())
-        return asked_of(*what, self.who.known(entry.room.room_type), self.who.elsewhere)
+            return asked_of(entry, category, moves_all, ())
+        return asked_of(entry, category, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:

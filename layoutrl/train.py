@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from layoutrl.rooms.sources.parts import both, two_parts, whole_parts
+from layoutrl.rooms.sources.parts import both, parts_of
 from layoutrl.runs.commands import Stopped, command
 from layoutrl.runs.config import TrainCommand, TrainConfig, part
 
@@ -23,10 +23,8 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # said before the rooms are made, which takes a while
-    if config.method.scope == "room":
-        training, held_out = both(*whole_parts(config.room.type, config.data, config.fold))
-    else:
-        training, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
+    scope, room = config.method.scope, config.room
+    training, held_out = both(*parts_of(scope, room.type, room.item, config.data, config.fold))
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if learner.agent.updates < learner.updates:

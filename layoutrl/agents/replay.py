@@ -29,8 +29,8 @@ class Replay:
     """The last `capacity` transitions, drawn uniformly with replacement.
 
     Positions are kept exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
-    of one integer: 33 bytes a transition, against 98,304 for two pictures. Where a room is a scene, `scene` is its
-    shape, (columns,), and takes the place of four of them with as many for each column.
+    of one integer: 33 bytes a transition, against 98,304 for two pictures. A scene, whose shape is
+    `scene`, (columns,), takes four of them for each column, where the index of a room takes four.
     """
 
     def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu", scene: tuple[int, ...] = ()):

@@ -96,9 +96,9 @@ class Simulator:
         self._legal_bounds = shapely.bounds(self.legal)
         self.steps = np.array([moves.lengths(room) for room in rooms])  # (rooms, steps), metres
         self.shapes, self.room_of_shape, self.is_circle, is_other = _shapes_of(rooms)
-        indoor, others = np.array([room.indoor for room in rooms]), self.shapes[is_other]
-        self.contacts = _contacts_of(indoor, templates, others, self.room_of_shape[is_other])  # (rooms, borders, 4)
         self._first = np.searchsorted(self.room_of_shape, np.arange(len(rooms)))
+        indoor, others = self.shapes[self._first], self.shapes[is_other]
+        self.contacts = _contacts_of(indoor, templates, others, self.room_of_shape[is_other])  # (rooms, borders, 4)
         self._bounds = padded(shapely.bounds(self.shapes), self.room_of_shape, len(rooms))
         self._areas = padded(shapely.area(self.shapes), self.room_of_shape, len(rooms))
         self._is_other = np.nan_to_num(padded(is_other, self.room_of_shape, len(rooms)))

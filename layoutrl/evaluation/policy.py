@@ -117,8 +117,6 @@ class GreedyPolicy:
     def _promise(self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor) -> Tensor:
         """What the shortest moves into places (B, 2) are worth, on average of all around: (B,), -inf where none is."""
         around, legal = _beside(simulator, rooms, place)
-        if not legal.any():
-            return torch.full((len(place),), -torch.inf, device=place.device)
         b, way = legal.nonzero().unbind(1)
         back = _shortest(simulator.moves) + (way ^ 1)
         q = q_of(rooms[b], around[b, way]).gather(1, back[:, None]).squeeze(1)

@@ -20,7 +20,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
+from layoutrl.rooms.sources.parts import Data, parts_of
 from layoutrl.runs.checkpoints import load_checkpoint, taken
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
 from layoutrl.runs.folder import load_config, located
@@ -95,13 +95,6 @@ class TrainedRun:
         return f"{rooms}-{digest(self.rooms)[:6]}-{self.method.on_illegal}{best}"
 
 
-def parts_as_in(trained: TrainConfig, data: Data) -> tuple[list[Room], list[Room]]:
-    """Rooms of such data, (training, held-out), as a run has them."""
-    if trained.method.scope == "room":
-        return whole_parts(trained.room.type, data, trained.fold)
-    return read_parts(trained.room.type, trained.room.item, data, trained.fold)
-
-
 def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
     """Which rooms are meant by what is given of them, of a run with its own; and whether these are of the same source.
 
@@ -130,12 +123,13 @@ def trained_run(config: RunConfig) -> TrainedRun:
     trained = load_config(folder, TrainConfig)
     device = device_of(config.device)
     network, categories, rooms = trained_network(folder, trained, device, config.checkpoint)
-    training, held_out = parts_as_in(trained, trained.data)
+    learns = trained.method.scope, trained.room.type, trained.room.item
+    training, held_out = parts_of(*learns, trained.data, trained.fold)
     if digest(training) != rooms:
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
 
     data, same = asked_data(trained.data, located(config.data))
-    parts = (training, held_out) if data == trained.data else parts_as_in(trained, data)
+    parts = (training, held_out) if data == trained.data else parts_of(*learns, data, trained.fold)
     part = config.part or ("held_out" if same or data.source == "designer" else "all")
     chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
     if not same:

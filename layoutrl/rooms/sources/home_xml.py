@@ -13,7 +13,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
-from html import unescape
 from pathlib import Path
 from typing import IO
 from xml.parsers import expat
@@ -55,6 +54,13 @@ class Element:
             found = "nothing" if text is None else repr(text[:40])
             raise RoomError(f"{self.called}: {name}", f"expected a number of at most {LARGEST:g}; got {found}")
         return value
+
+    def has(self, name: str, value: float) -> bool:
+        """Whether a number has this value already, but for the rounding of what is read; one that is not there is 0."""
+        off = self.number(name, 0.0) - value
+        if name == "angle":
+            return abs((off + math.pi) % math.tau - math.pi) < SAME_ANGLE
+        return abs(off) < SAME_PLACE
 
     def flag(self, name: str, otherwise: bool) -> bool:
         """A true or false."""
@@ -154,10 +160,7 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
         for name, value in values.items():
             digits = 7 if name == "angle" else 4
             text = f"{value:.{digits}f}".rstrip("0").rstrip(".").encode()
-            attribute = found.get(name)
-            if _same(float(unescape(attribute[2][1:-1].decode())) if attribute else 0.0, value, name):
-                continue
-            if attribute:
+            if attribute := found.get(name):
                 edits.append((attribute.start(2) + 1, attribute.end(2) - 1, text))
             else:
                 after = found["y"].end()
@@ -166,13 +169,6 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
             parts += [xml[done:first], text]
             done = last
     return b"".join((*parts, xml[done:]))
-
-
-def _same(old: float, new: float, name: str) -> bool:
-    """Whether a value is what it was, but for the rounding of what is read: it stays as it is written."""
-    if name == "angle":
-        return abs((old - new + math.pi) % math.tau - math.pi) < SAME_ANGLE
-    return abs(old - new) < SAME_PLACE
 
 
 def write_home(path: Path, out: Path, xml: bytes) -> None:

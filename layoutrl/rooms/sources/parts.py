@@ -43,6 +43,11 @@ class Data:
         return read_files(self.source, room_type, self.path, self.labels, self.strict, self.unit, categories)
 
 
+def parts_of(scope: str, room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
+    """(training, held-out) rooms of a scope: whole ones with `room`, those in which `item` moves with `item`."""
+    return whole_parts(room_type, data, fold) if scope == "room" else read_parts(room_type, item, data, fold)
+
+
 def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms in which `item` moves; prints how many were read, kept and left out, and why.
 

@@ -342,7 +342,8 @@ def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> 
 
 
 def _moved(element: Element, item: Item) -> dict[int, dict[str, float]]:
-    """The x, y and angle of an element, and of all in it, by where their tags begin, with its item where it is now."""
+    """Which x, y and angle of an element, and of all in it, are others with its item where it is now, by where their
+    tags begin."""
     assert item.center is not None
     old = complex(element.number("x"), element.number("y"))
     new = complex(item.center[0], -item.center[1]) * 100
@@ -354,5 +355,6 @@ def _moved(element: Element, item: Item) -> dict[int, dict[str, float]]:
     for each in (element, *inner):
         place = new + (complex(each.number("x"), each.number("y")) - old) * cmath.rect(1, turn)
         angle = (each.number("angle", 0.0) + turn) % math.tau
-        changes[each.start] = {"x": place.real, "y": place.imag, "angle": angle}
+        values = {"x": place.real, "y": place.imag, "angle": angle}
+        changes[each.start] = {name: value for name, value in values.items() if not each.has(name, value)}
     return changes
