@@ -27,7 +27,7 @@ from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, OFF_ITS_WALL, oddities
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources.sweethome3d import Home
 from layoutrl.runs.answerable import Answerable, answerable
@@ -58,6 +58,7 @@ WORDS = {
     OFF_ITS_WALL: "stands off its wall",
     ASTRAY: "does not stand at its table, facing it",
     BEFORE_WINDOW: "stands before a window",
+    IN_SWING: "stands where a door opens",
 }
 
 Answer = dict[str, Any]

@@ -7,19 +7,17 @@ count, and a passage may be a centimetre too narrow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
-from operator import itemgetter
 
 import numpy as np
 import shapely
-from shapely.affinity import translate
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, may_stand_before, passage
-from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Opening, Room, along_and_through
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, may_stand_before
+from layoutrl.rooms.doors import entrance, kept_free, way_width
+from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
-DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 ROUNDING = 1e-9  # square metres: no area
 MISSING = "not placed"  # the fault that leaves no room for others
 OVERLAPS, OUTSIDE, BLOCKS = "overlaps", "outside", "blocks an opening"
@@ -270,48 +268,3 @@ def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     owned = np.full(count, None)
     shapely.geometrycollections(shapes[order], indices=owner[order], out=owned)
     return shapely.union_all(owned[:, None], axis=1)
-
-
-def kept_free(room: Room) -> shapely.Geometry:
-    """Doors and windows, and the floor before and behind each door."""
-    return _kept_free(_bare(room))
-
-
-def entrance(room: Room) -> Opening | None:
-    """The door by which one enters: the first that is as wide as the `passage` but for 1 cm, or else the widest."""
-    wide = passage(room.room_type) - TOLERANCE
-    doors = list(zip(room.doors, door_widths(room), strict=True))
-    first = next((door for door, width in doors if width >= wide), None)
-    return first or max(doors, key=itemgetter(1), default=(None, 0.0))[0]
-
-
-def way_width(room: Room) -> float:
-    """How wide the way to each item is, in metres: the `passage`, or less where no door is as wide."""
-    return min(passage(room.room_type), max(door_widths(room), default=np.inf))
-
-
-def door_widths(room: Room) -> tuple[float, ...]:
-    """How wide each door is, in metres."""
-    return _door_widths(_bare(room))
-
-
-def _bare(room: Room) -> Room:
-    """The room without furniture: many layouts have the same."""
-    return replace(room, furniture=(), target=None)
-
-
-@lru_cache(maxsize=1024)
-def _door_widths(room: Room) -> tuple[float, ...]:
-    border = room.indoor.boundary
-    return tuple(float(np.hypot(*along_and_through(door.shape, border)[0])) for door in room.doors)
-
-
-@lru_cache(maxsize=1024)
-def _kept_free(room: Room) -> shapely.Geometry:
-    zones = [window.shape for window in room.windows]
-    border = room.indoor.boundary
-    for door in room.doors:
-        _, through = along_and_through(door.shape, border)
-        x, y = DOOR_CLEARANCE * through / np.hypot(*through)
-        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
-    return shapely.union_all(zones)

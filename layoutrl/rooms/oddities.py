@@ -7,10 +7,13 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import shapely
 
+from layoutrl.rooms.clearances import RAISED
+from layoutrl.rooms.doors import leaves
 from layoutrl.rooms.faults import Fault, Items, pairs, unions
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
+IN_SWING = "in a door's swing"
 NEAR = 0.05  # metres: no farther from its wall or window is at it
 CLOSED = 0.2  # metres of a window
 BACK = 1  # of the sides of an item, in the order of their corners
@@ -38,6 +41,7 @@ def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray
         OFF_ITS_WALL: off_their_walls(layouts, items),
         ASTRAY: astray(layouts, items),
         BEFORE_WINDOW: before_windows(layouts, items),
+        IN_SWING: in_swings(layouts, items),
     }
 
 
@@ -90,4 +94,22 @@ def before_windows(layouts: Sequence[Room], items: Items) -> np.ndarray:
     reaches = np.maximum(NEAR - shapely.distance(item, window), 0)  # metres into what is NEAR the window
     closes = shapely.area(shapely.intersection(item, shapely.buffer(window, NEAR))) > reaches * CLOSED
     result[tall[a[closes]]] = True
+    return result
+
+
+def in_swings(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether an item is why a door's leaf does not open, at whichever end it is hung: (N,).
+
+    What is tucked is moved aside, and what is RAISED is floor. A centimetre is none.
+    """
+    hung = [(room, both) for room, layout in enumerate(layouts) for both in leaves(layout) if both]
+    of = np.array([room for room, _ in hung], dtype=int)
+    swept = np.array([[leaf.swept for leaf in both] for _, both in hung], dtype=object).reshape(-1, 2)
+    stands = np.flatnonzero(items.placed & ~items.tucked & ~np.isin(items.category, list(RAISED)))
+    a, door = pairs(items.room[stands], of)
+    cut = shapely.intersects(items.grown(-TOLERANCE)[stands[a], None], swept[door])
+    shut = np.zeros((len(hung), 2), dtype=bool)
+    np.logical_or.at(shut, door, cut)
+    result = np.zeros(len(items.room), dtype=bool)
+    result[stands[a[np.any(cut, 1) & np.all(shut, 1)[door]]]] = True
     return result

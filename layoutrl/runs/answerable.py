@@ -13,7 +13,7 @@ from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
-from layoutrl.rooms.faults import door_widths
+from layoutrl.rooms.doors import door_widths
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place

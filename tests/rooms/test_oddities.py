@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.faults import faults
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, NEAR, OFF_ITS_WALL, oddities
+from layoutrl.rooms.faults import Items, faults
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, NEAR, OFF_ITS_WALL, item_oddities, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 from tests.builders import rectangular_room
 
@@ -105,6 +105,35 @@ def test_a_wardrobe_closes_a_window_and_a_bed_does_not() -> None:
     for off, wide, odd in ((0.04, 0.25, True), (0.04, 0.15, False), (0.06, 1.0, False)):  # metres before the window
         room = furnished(Item("wardrobe", (0.6, wide), (1.7, 2.7 - off), 270), openings=(window,))
         assert (BEFORE_WINDOW in [what for _, what in oddities(room)]) == odd
+
+
+DOOR = Opening("door", ((1.0, -0.2), (1.8, -0.2), (1.8, 0.0), (1.0, 0.0)))
+
+
+@pytest.mark.parametrize(("x", "y", "odd"), [
+    (1.4, 0.5, [0]),  # before the middle of it
+    (0.85, 0.45, []),  # hung at the other end it opens
+    (1.95, 0.45, []),
+    (1.0, 0.45, [0]),  # in the way of both, though at one side
+    (1.4, 0.95, [0]),  # at arm's length
+    (1.4, 1.05, []),
+])  # fmt: skip
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+def test_a_door_opens_to_one_side_at_least(x: float, y: float, odd: list[int], turned: int) -> None:
+    table = Item("side_table", (0.4, 0.4), (x, y), 0)
+    room = furnished(table, openings=(DOOR,)).turned(turned, False)
+    assert oddities(room) == [(k, IN_SWING) for k in odd]
+    for floor in ("rug", "platform"):
+        assert not oddities(replace(room, furniture=(replace(room.furniture[0], category=floor),)))
+
+
+def test_two_items_may_keep_a_door_shut_that_one_alone_does_not() -> None:
+    left, right = (Item("side_table", (0.4, 0.4), (x, 0.45), 0) for x in (0.85, 1.95))
+    assert oddities(furnished(left, right, openings=(DOOR,))) == [(0, IN_SWING), (1, IN_SWING)]
+    elsewhere = furnished(left, openings=(DOOR,)), furnished(right, openings=(DOOR,))
+    assert not item_oddities(elsewhere, Items.of(elsewhere))[IN_SWING].any()
+    wide = replace(DOOR, polygon=((0.5, -0.2), (2.3, -0.2), (2.3, 0.0), (0.5, 0.0)))
+    assert not oddities(furnished(left, right, openings=(wide,)))  # it slides
 
 
 def test_what_is_not_placed_is_not_odd() -> None:

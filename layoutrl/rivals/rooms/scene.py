@@ -17,7 +17,7 @@ from shapely.affinity import rotate
 
 from layoutrl.rooms.brief import facings, furnished
 from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before
-from layoutrl.rooms.faults import DOOR_CLEARANCE, entrance, way_width
+from layoutrl.rooms.doors import DOOR_CLEARANCE, entrance, way_width
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time

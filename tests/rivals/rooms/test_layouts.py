@@ -18,7 +18,8 @@ from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rivals.rooms.search import Finder, Searching, search
 from layoutrl.rooms.brief import brief_of, facings
 from layoutrl.rooms.clearances import may_share_floor
-from layoutrl.rooms.faults import FRONT_NOT_FREE, faults, kept_free
+from layoutrl.rooms.doors import kept_free
+from layoutrl.rooms.faults import FRONT_NOT_FREE, faults
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from tests.builders import opening, random_room, rectangular_room
 from tests.rivals.rooms.builders import configured, designed

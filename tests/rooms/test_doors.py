@@ -1,4 +1,4 @@
-"""Doors and windows that are less wide than their wall is thick, which others are not."""
+"""Doors and windows less wide than their wall is thick, which others are not; and what leaves of doors sweep."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from shapely.geometry import box
 
 from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.faults import BLOCKS, door_widths, faults, kept_free
+from layoutrl.rooms.doors import WIDEST_LEAF, door_widths, kept_free, leaves
+from layoutrl.rooms.faults import BLOCKS, faults
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, along_and_through, wall_band
 from tests.builders import L_OUTLINE, opening, rectangular_room
 
@@ -69,3 +70,28 @@ def test_an_opening_by_an_inner_corner_or_off_the_outline_runs_along_the_side_th
         assert (np.abs(along), np.abs(through)) == (pytest.approx((0.9, 0)), pytest.approx((0, 0.2)))
     along, _ = along_and_through(box(1, -0.2 - 5, 1.4, -5), border)
     assert np.hypot(*along) == pytest.approx(0.4)  # no border is near: its longer side
+
+
+@pytest.mark.parametrize("width", [0.7, 0.9, WIDEST_LEAF])
+@pytest.mark.parametrize("depth", [0.1, THICK])
+@pytest.mark.parametrize("degrees", [0, 90, 180, 33.3])
+def test_a_leaf_sweeps_a_quarter_of_a_disc_into_the_room(width: float, depth: float, degrees: float) -> None:
+    door = opening("door", 2.0, -depth, 2.0 + width, 0.0)
+    bare = rectangular_room(4.0, 3.0, openings=(door,))
+    room = replace(bare, walls=wall_band(bare.outline, (), (door,), max(depth, 0.2))).rotated(degrees)
+    ((one, other),) = leaves(room)
+    hinges = [shapely.Point(*leaf.hinge) for leaf in (one, other)]
+    assert hinges[0].distance(hinges[1]) == pytest.approx(width)
+    for leaf, hinge in zip((one, other), hinges, strict=True):
+        assert hinge.distance(room.doors[0].shape.boundary) < 1e-6
+        assert hinge.distance(room.indoor.boundary) < 1e-6
+        assert room.indoor.buffer(1e-6).covers(leaf.swept)
+        assert hinge.hausdorff_distance(leaf.swept) < width + 1e-6
+        assert leaf.swept.area == pytest.approx(np.pi / 4 * width**2, rel=0.01)
+
+
+def test_a_wide_door_has_no_leaf() -> None:
+    doors = opening("door", 0.5, -0.2, 0.5 + WIDEST_LEAF + 0.1, 0.0), opening("door", 2.5, -0.2, 3.3, 0.0)
+    slides, swings = leaves(rectangular_room(4.0, 3.0, openings=doors))
+    assert slides is None
+    assert swings is not None

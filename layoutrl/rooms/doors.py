@@ -1,0 +1,100 @@
+"""Doors: what floor they need, which is the entrance, how wide they are, and what their leaves sweep. Metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from operator import itemgetter
+
+import numpy as np
+import shapely
+from shapely.affinity import translate
+
+from layoutrl.rooms.clearances import passage
+from layoutrl.rooms.room import TOLERANCE, Opening, Room, along_and_through
+
+DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
+WIDEST_LEAF = 1.2  # metres: wider doors slide, or have two leaves
+STEPS = 9  # straight lines for the arc of a leaf
+
+
+@dataclass(frozen=True, eq=False)
+class Leaf:
+    """How a door's leaf can be hung: where its hinge is, and its other end, shut and open; points (2,)."""
+
+    hinge: np.ndarray
+    shut: np.ndarray
+    open: np.ndarray
+
+    @cached_property
+    def swept(self) -> shapely.Polygon:
+        """The floor over which it swings into the room."""
+        angle = np.linspace(0, np.pi / 2, STEPS + 1)[:, None]
+        arc = self.hinge + np.cos(angle) * (self.shut - self.hinge) + np.sin(angle) * (self.open - self.hinge)
+        return shapely.Polygon([self.hinge, *arc])
+
+
+def kept_free(room: Room) -> shapely.Geometry:
+    """Doors and windows, and the floor before and behind each door."""
+    return _kept_free(_bare(room))
+
+
+def entrance(room: Room) -> Opening | None:
+    """The door by which one enters: the first that is as wide as the `passage` but for 1 cm, or else the widest."""
+    wide = passage(room.room_type) - TOLERANCE
+    doors = list(zip(room.doors, door_widths(room), strict=True))
+    first = next((door for door, width in doors if width >= wide), None)
+    return first or max(doors, key=itemgetter(1), default=(None, 0.0))[0]
+
+
+def way_width(room: Room) -> float:
+    """How wide the way to each item is, in metres: the `passage`, or less where no door is as wide."""
+    return min(passage(room.room_type), max(door_widths(room), default=np.inf))
+
+
+def door_widths(room: Room) -> tuple[float, ...]:
+    """How wide each door is, in metres."""
+    return _door_widths(_bare(room))
+
+
+def leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
+    """Of each door its leaf, hung at either end; None of a door that is wider than WIDEST_LEAF."""
+    return _leaves(_bare(room))
+
+
+def _bare(room: Room) -> Room:
+    """The room without furniture: many layouts have the same."""
+    return replace(room, furniture=(), target=None)
+
+
+@lru_cache(maxsize=1024)
+def _door_widths(room: Room) -> tuple[float, ...]:
+    border = room.indoor.boundary
+    return tuple(float(np.hypot(*along_and_through(door.shape, border)[0])) for door in room.doors)
+
+
+@lru_cache(maxsize=1024)
+def _kept_free(room: Room) -> shapely.Geometry:
+    zones = [window.shape for window in room.windows]
+    border = room.indoor.boundary
+    for door in room.doors:
+        _, through = along_and_through(door.shape, border)
+        x, y = DOOR_CLEARANCE * through / np.hypot(*through)
+        zones.append(shapely.union(translate(door.shape, x, y), translate(door.shape, -x, -y)).convex_hull)
+    return shapely.union_all(zones)
+
+
+@lru_cache(maxsize=1024)
+def _leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
+    border, hung = room.indoor.boundary, list[tuple[Leaf, Leaf] | None]()
+    for door, width in zip(room.doors, door_widths(room), strict=True):
+        along, through = along_and_through(door.shape, border)
+        middle = np.array(door.shape.minimum_rotated_rectangle.centroid.coords[0])
+        beyond = through * (0.5 + TOLERANCE / np.hypot(*through))
+        off = shapely.distance(room.indoor, shapely.points([middle + beyond, middle - beyond]))
+        inward = through / np.hypot(*through) * (1 if off[0] <= off[1] else -1)
+        one, other = (middle + abs(through @ inward) / 2 * inward + side * along / 2 for side in (-1, 1))
+        ahead = width * inward
+        both = Leaf(one, other, one + ahead), Leaf(other, one, other + ahead)
+        hung.append(both if width < WIDEST_LEAF + TOLERANCE else None)
+    return tuple(hung)
