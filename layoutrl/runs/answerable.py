@@ -15,6 +15,7 @@ from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
 from layoutrl.rooms.room import TOLERANCE, Item, Room
+from layoutrl.rooms.sizes import doubt
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place
 NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it
@@ -58,7 +59,8 @@ def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
 def answerable(
     room: Room, known: Collection[str], elsewhere: Callable[[str], Sequence[str]] = in_no_type
 ) -> Answerable:
-    """Hold a room against what can be furnished: `known` categories, items that fit, one place each, a door.
+    """Hold a room against what can be furnished: `known` categories, items that fit and are as large as such are, one
+    place each, a door.
 
     `elsewhere` tells the room types whose agents place a category.
     """
@@ -72,6 +74,8 @@ def answerable(
             size = " by ".join(f"{side:g}" for side in item.size)
             lines.append(f"the {item.category} of {size} m is not placed: it fits into the room in no way")
             unseen.add(k)
+        if item.category in known and (asks := doubt(item)):
+            lines.append(asks)
     unseen |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
     standing = [item for item in room.furniture if item.center is not None]
     for one, other in combinations(standing, 2):
