@@ -489,6 +489,20 @@ def test_what_moves_is_placed_anew(middle: Middle, tmp_path: Path) -> None:
         assert (item["center"] != before["center"]) == (k in moved)
 
 
+def test_everyday_names_are_those_of_categories_and_stay_in_the_file(middle: Middle, tmp_path: Path) -> None:
+    (plain,) = run(
+        PlaceConfig(by="search", rooms=str(written(tmp_path, [bare(DOCUMENTS[0])])), out=f"{tmp_path}/a.jsonl")
+    )
+    everyday = {"bed": "Bett", "wardrobe": "Kleiderschrank", "nightstand": "bedside cabinet"}
+    named = bare(DOCUMENTS[0])
+    for item in named["furniture"]:
+        item["category"] = everyday.get(item["category"], item["category"])
+    (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [named])), out=f"{tmp_path}/b.jsonl"))
+    assert [item["category"] for item in room["furniture"]] == [item["category"] for item in named["furniture"]]
+    for item, before in zip(room["furniture"], plain["furniture"], strict=True):
+        assert (item["center"], item["rotation"]) == (before["center"], before["rotation"])
+
+
 def furnished_room(**changed: Any) -> dict[str, Any]:
     """A bedroom of 6 m by 5 m: a bed, a table with a chair under it and one beside, and two plants at one place."""
     items = [

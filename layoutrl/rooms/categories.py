@@ -7,10 +7,11 @@ import re
 import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -82,7 +83,7 @@ class Names:
         self._rooms = dict(sorted(self._rooms.items(), key=lambda entry: entry[0] in ENSUITE))
         self.unknown: Counter[tuple[str, str]] = Counter()  # (name, what it is called as an obstacle), how often
 
-    @property
+    @cached_property
     def categories(self) -> list[str]:
         """The categories that furniture is known by."""
         return sorted(set(self._furniture.values()) - {OBSTACLE, DECOR})
@@ -105,6 +106,18 @@ class Names:
         """Whether a name is that of a category."""
         part = self._known([name for name in names if name])
         return part is not None and self._furniture[part] not in (OBSTACLE, DECOR)
+
+    def ours(self, document: Any) -> Any:
+        """A room's document, its furniture by the categories that its names are known by; all else is as it was."""
+        if not isinstance(document, dict) or not isinstance(document.get("furniture"), list):
+            return document
+        return document | {"furniture": [self._named(entry) for entry in document["furniture"]]}
+
+    def _named(self, entry: Any) -> Any:
+        name = entry.get("category") if isinstance(entry, dict) else None
+        if not isinstance(name, str) or name in self.categories or not self.knows(name):
+            return entry
+        return entry | {"category": self._furniture[self._known([name]) or name]}
 
     def _known(self, names: list[str]) -> str | None:
         """The first part of these names that the table has; else the longest words of it that one ends with; else those

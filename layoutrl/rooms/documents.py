@@ -15,7 +15,8 @@ degrees go counter-clockwise.
 May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
 item that stands it is 0; of one to be placed it is to be chosen), `shape`, `tucked` (whether the item may stand under
 another: of one that stands it is false; of a chair to be placed it is true where the room has a desk or a table),
-`target` where the type's main item is there once, and `group`.
+`locked` (whether an item that stands stays there, whatever is to move), `target` where the type's main item is there
+once, and `group`.
 What is called a `rug`, a `carpet` or a `mat` is floor: furniture may stand on it.
 Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
 that is spelled much like a field of ours is refused.
@@ -45,7 +46,7 @@ LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infin
 SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
-ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked")
+ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
 EXPECTED = {  # of each field that must be there
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
@@ -75,6 +76,8 @@ def room_to_dict(room: Room) -> dict[str, Any]:
             entry["rotation"] = item.rotation
         if item.tucked or (item.center is None and may_tuck(item, room.furniture)):
             entry["tucked"] = item.tucked
+        if item.locked:
+            entry["locked"] = True
         furniture.append(entry)
     document: dict[str, Any] = {"id": room.id, "room_type": room.room_type, "outline": _lists(room.outline)}
     if room.holes:
@@ -261,10 +264,10 @@ def _item(entry: Any, field: str) -> Item:
         raise RoomError(f"{field}.shape", f"expected rectangle or circle; got {_show(form)}")
     if form == "circle" and depth != width:
         raise RoomError(f"{field}.size", f"expected the diameter twice for a circle; got {_show(entry['size'])}")
-    tucked = entry.get("tucked", False)
-    if not isinstance(tucked, bool):
-        raise RoomError(f"{field}.tucked", f"expected true or false; got {_show(tucked)}")
+    tucked, locked = (_flag(entry.get(name, False), f"{field}.{name}") for name in ("tucked", "locked"))
     center, rotation = entry.get("center"), entry.get("rotation")
+    if locked and center is None:
+        raise RoomError(f"{field}.locked", "expected a center, too: what has none is to be placed")
     if center is not None and rotation is None:
         rotation = 0.0
     return Item(
@@ -274,6 +277,7 @@ def _item(entry: Any, field: str) -> Item:
         rotation=None if rotation is None else _number(rotation, f"{field}.rotation"),
         form=form,
         tucked=tucked,
+        locked=locked,
     )
 
 
@@ -308,6 +312,12 @@ def _polygons(value: Any, field: str) -> tuple[Ring, ...]:
         _check_fields(entry, f"{field}[{k}]", ("polygon",), ())
         rings.append(_ring(entry["polygon"], f"{field}[{k}].polygon"))
     return tuple(rings)
+
+
+def _flag(value: Any, field: str) -> bool:
+    if not isinstance(value, bool):
+        raise RoomError(field, f"expected true or false; got {_show(value)}")
+    return value
 
 
 def _pair(value: Any, field: str) -> tuple[float, float]:

@@ -166,9 +166,13 @@ def _told(start: bytes) -> str | None:
 
 
 def to_place(room: Room, move: str | None) -> Room:
-    """The room in which what `move` names, all or categories with commas between them, has no center or rotation."""
+    """The room in which what `move` names, all or categories with commas between them, has no center or rotation.
+
+    What is locked stays.
+    """
     if move is None:
         return room
     named = names_in(move)
-    those = {k for k, item in enumerate(room.furniture) if item.category in named or ALL in named}
+    free = [(k, item.category) for k, item in enumerate(room.furniture) if not item.locked]
+    those = {k for k, category in free if category in named or ALL in named}
     return replace(room, furniture=lifted(room.furniture, those))

@@ -74,7 +74,7 @@ class Item:
     axes, in degrees counter-clockwise. It faces along its x axis. `center` is None for an item that is still to be
     placed, `rotation` too for one whose facing is then to be chosen.
     A circle's depth and width are both its diameter. A `tucked` item (a chair) stands partly under
-    another by intent.
+    another by intent. One that is `locked` stays where it stands, whatever is to move.
     """
 
     category: str
@@ -83,6 +83,7 @@ class Item:
     rotation: float | None = 0.0
     form: Literal["rectangle", "circle"] = "rectangle"
     tucked: bool = False
+    locked: bool = False
 
     def footprint_at(self, center: Point) -> Polygon:
         """The item's outline when its centre stands at `center`."""

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from layoutrl import InputError
+from layoutrl.rooms.categories import Names, names_of
 from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.files import PART, documents_of, room_files
 from layoutrl.rooms.formats import Source, to_place
@@ -52,21 +53,22 @@ def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator
 
     None where who writes to standard input may wait for an answer.
     """
-    seen = 0
+    seen, names = 0, None if config.run else names_of()  # an agent of the user's own has words of its own
     for given in _documents(config):
         if given is None:
             yield None
             continue
         if seen >= first and (seen - first) % step == 0:
-            yield _entry(*given, config.move)
+            yield _entry(*given, config.move, names)
         seen += 1
 
 
-def _entry(where: str, document: Any, unit: str, move: str | None) -> Entry:
+def _entry(where: str, document: Any, unit: str, move: str | None, names: Names | None) -> Entry:
     try:
         if isinstance(document, RoomError):
             raise document
-        room = room_from_dict(in_metres(document, UNITS[unit]))
+        known = names.ours(document) if names else document
+        room = room_from_dict(in_metres(known, UNITS[unit]))
         return Entry(where, to_place(room, move), document, unit=unit, stood=room.furniture)
     except RoomError as error:
         return Entry(where, None, document if isinstance(document, dict) else {}, f"{name_in(document)}{error}")

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -197,3 +198,20 @@ def test_the_page_lists_the_known_categories() -> None:
     assert sorted(name.strip("`") for name in listed.split(", ")) == names_of().categories
     for word in (OBSTACLE, DECOR, NO_ROOM):
         assert f"`{word}`" in page
+
+
+@pytest.mark.parametrize("document", [
+    None, 1, [], {}, {"furniture": None}, {"furniture": {"category": "Bett"}},
+    {"furniture": [None, 1, {}, {"category": None}, {"category": ["Bett"]}, {"category": "treadmill"}]},
+    {"furniture": [{"category": "sofa_bed"}, {"category": "Lampe"}], "category": "Bett"},
+])  # fmt: skip
+def test_a_document_is_as_it_was_but_for_names_of_categories(document: Any) -> None:
+    assert names_of().ours(document) == document
+
+
+def test_a_documents_furniture_is_called_by_its_categories() -> None:
+    given = {"id": "Bett", "furniture": [{"category": "Bett", "size": [2, 1]}, {"category": "Couch"}]}
+    assert names_of().ours(given) == {
+        "id": "Bett", "furniture": [{"category": "bed", "size": [2, 1]}, {"category": "sofa"}]
+    }  # fmt: skip
+    assert given["furniture"][0]["category"] == "Bett"

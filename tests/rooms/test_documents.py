@@ -241,3 +241,20 @@ def test_a_window_through_a_thick_wall_is_read_where_walls_are_given_and_said_so
         room_from_dict(document(windows=window))
     wall = polygons([[0, 3], [1, 3], [1, 3.36], [0, 3.36]])
     assert len(room_from_dict(document(windows=window, walls=wall)).windows) == 1
+
+
+def test_a_locked_item_survives_and_stands_somewhere() -> None:
+    bed = Item("bed", (2.0, 1.6), (1.0, 1.5), 0.0, locked=True)
+    room = rectangular_room(4, 3, bed)
+    document = room_to_dict(room)
+    assert document["furniture"][0]["locked"] is True
+    assert room_from_dict(document) == room
+    assert "locked" not in room_to_dict(rectangular_room(4, 3, replace(bed, locked=False)))["furniture"][0]
+    for wrong, expected in ((1, "true or false"), ("yes", "true or false")):
+        document["furniture"][0]["locked"] = wrong
+        with pytest.raises(RoomError, match=rf"furniture\[0\].locked: expected {expected}"):
+            room_from_dict(document)
+    del document["furniture"][0]["center"]
+    document["furniture"][0]["locked"] = True
+    with pytest.raises(RoomError, match=r"furniture\[0\].locked: expected a center"):
+        room_from_dict(document)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
+from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.files import read_rooms, write_rooms
-from layoutrl.rooms.formats import format_of, opened
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.formats import format_of, opened, to_place
+from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room, rooms
 
 
@@ -39,6 +41,13 @@ def test_what_is_to_move_has_no_pose(tmp_path_factory: pytest.TempPathFactory, r
             taken = move == "all" or before.category == category
             assert (item.center, item.rotation) == ((None, None) if taken else (before.center, before.rotation))
             assert (item.category, item.size, item.form) == (before.category, before.size, before.form)
+
+
+def test_what_is_locked_stays_whatever_is_to_move() -> None:
+    bed, desk = Item("bed", (2.0, 1.6), (1.0, 1.5), locked=True), Item("desk", (0.6, 1.2), (3.6, 1.5), 180.0)
+    for move in ("bed,desk", "all"):
+        room = replace(rectangular_room(5, 3), furniture=(bed, desk))
+        assert to_place(room, move).furniture == (bed, *lifted([desk], {0}))
 
 
 @pytest.mark.parametrize("field", ["jid", "floorPolygon", "mesh", "scene"])
