@@ -379,17 +379,24 @@ def corner(page: Page, x: float, y: float) -> tuple[float, float]:
     )
 
 
+def drawn(page: Page, corners: Sequence[tuple[float, float]]) -> None:
+    """Draw an outline, and close it."""
+    page.locator("#building").evaluate("node => { node.open = true }")
+    page.locator("#draw").click()
+    for x, y in corners:
+        page.mouse.click(*corner(page, x, y))
+    expect(page.locator("#plan .corner")).to_have_count(len(corners))
+    page.mouse.click(*corner(page, *corners[0]))
+    expect(page.locator("#plan .corner")).to_have_count(0)
+    settled(page)
+
+
 def test_a_room_is_drawn_gets_doors_and_windows_and_is_furnished(still):
     page = still
     page.locator("#building summary").click()
     page.locator("#kind").select_option("study")
     settled(page)
-    page.locator("#draw").click()
-    for x, y in ((1, 1), (4.02, 1), (4, 4.03), (1, 4)):
-        page.mouse.click(*corner(page, x, y))
-    expect(page.locator("#plan .corner")).to_have_count(4)
-    page.mouse.click(*corner(page, 1, 1))
-    settled(page)
+    drawn(page, ((1, 1), (4.02, 1), (4, 4.03), (1, 4)))
     room = room_of(page)
     assert (room["room_type"], room["outline"]) == ("study", [[1, 1], [4, 1], [4, 4], [1, 4]])
     page.locator("#door").click()
@@ -474,6 +481,29 @@ def test_files_are_opened_and_dropped(page, tmp_path):
     page.evaluate(DROP, "no room")
     expect(page.locator("#verdict")).to_contain_text("room.json: line:1: column 1: expected JSON")
     expect(page.locator("#title")).to_have_attribute("data-room", "dropped")
+
+
+def test_rooms_of_the_gallery_of_a_file_and_drawn_ones_are_taken_up_as_they_were_left(page):
+    page.evaluate(DROP, json.dumps([OWN, SQUARE]))
+    expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
+    take(page, "bedroom")  # the first that is shown, of the gallery
+    dragged(page, item(page, "bed"), -0.3, 0)
+    edited = {room_of(page)["id"]: room_of(page)["furniture"]}
+    page.locator("#gallery").get_by_title(SQUARE["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    settled(page)
+    dragged(page, item(page, "stool"), 0.5, 0)
+    edited[SQUARE["id"]] = room_of(page)["furniture"]
+    drawn(page, ((1, 1), (4, 1), (4, 4), (1, 4)))
+    page.locator("#palette").get_by_role("button").first.click()
+    settled(page)
+    edited[room_of(page)["id"]] = room_of(page)["furniture"]
+    assert len(edited) == 3
+    for name, furniture in edited.items():
+        page.locator("#gallery").get_by_title(name, exact=True).click()
+        expect(page.locator("#title")).to_have_attribute("data-room", name)
+        settled(page)
+        assert room_of(page)["furniture"] == furniture
 
 
 def test_what_stands_in_a_room_of_a_file_stays_where_the_rest_is_placed(still, tmp_path):

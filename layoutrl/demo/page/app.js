@@ -5,8 +5,9 @@ import "./building.js";
 import { offerKinds } from "./building.js";
 import "./edit.js";
 import "./furnish.js";
-import { known, open, render, say } from "./page.js";
-import { fromLink, offer } from "./saving.js";
+import { known, render, say } from "./page.js";
+import { fromLink, offer, shown } from "./saving.js";
+import { sourceOf } from "./store.js";
 
 const FIRST = "bedroom";
 
@@ -14,10 +15,11 @@ try {
   const said = await begin();
   Object.assign(known, said, { fronts: new Set(said.fronts), raised: new Set(said.raised) });
   offerKinds();
-  offer(known.gallery);
+  const gallery = sourceOf(known.gallery);
+  offer(gallery);
   const first = known.gallery.find(({ room }) => room.room_type === FIRST);
   const wrong = location.hash && !(await fromLink()) ? document.getElementById("verdict").textContent : "";
-  if (!location.hash || wrong) await open(structuredClone(first.room));
+  if (!location.hash || wrong) await shown(first, gallery);
   if (wrong) say(wrong);
 } catch (error) {
   say(error.message);

@@ -2,6 +2,7 @@
 
 import { $, DRAFT_SIZE, answered, changed, known, open, plan, render, say } from "./page.js";
 import { metres, snapped } from "./plan.js";
+import { offer } from "./saving.js";
 import { state, words } from "./store.js";
 
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -42,8 +43,9 @@ async function put() {
 async function close() {
   const kind = $("kind").value;
   const room = { id: `my ${words(kind)}`, room_type: kind, outline: state.draft, doors: [], windows: [], furniture: [] };
-  const taken = await open(room);
-  if (!taken) return;
+  if (!(await open(room))) return;
+  state.source.rooms.push(state.look);
+  offer(state.source, true);
   $("adding").open = true;
 }
 

@@ -2,7 +2,7 @@
 
 import { ask } from "./api.js";
 import { draw, drawDraft, thumbnail } from "./plan.js";
-import { canTravel, commit, item, openings, state, words } from "./store.js";
+import { canTravel, commit, item, openings, sourceOf, state, words } from "./store.js";
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
@@ -67,12 +67,12 @@ export async function answered(question, body) {
   }
 }
 
-// Take another room, of a home or of none. It is shown as soon as the server has read it.
-export async function open(room, locked = [], home = null) {
+// Take another room. It is shown as soon as the server has read it.
+export async function open(room, locked = [], source = sourceOf()) {
   if (!["idle", "loading"].includes(document.body.dataset.state)) return false;
   try {
     const said = await answered("look", { room });
-    Object.assign(state, { room: said.room, home, look: said, problem: "", notice: "", mode: "edit" });
+    Object.assign(state, { room: said.room, source, look: said, problem: "", notice: "", mode: "edit" });
     Object.assign(state, { selected: null, choices: [], thoughts: null });
     state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
     commit();

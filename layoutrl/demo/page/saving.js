@@ -3,7 +3,7 @@
 import { ask, home, read } from "./api.js";
 import { $, element, known, open, say } from "./page.js";
 import { thumbnail } from "./plan.js";
-import { packed, snapshot, state, unpacked, words } from "./store.js";
+import { packed, snapshot, sourceOf, state, unpacked, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
@@ -21,17 +21,17 @@ function locks({ furniture }, fixed) {
   return furniture.map(({ center }, k) => fixed.includes(k) || (waits && Boolean(center)));
 }
 
-// A room of the gallery; one of a home is taken up as it was left.
-function shown({ room, fixed = [] }, home) {
-  const left = home?.rooms.get(room.id);
+// Take up a room of the strip as it was left.
+export function shown({ room, fixed = [] }, source) {
+  const left = source.now.get(room.id);
   const now = left ? JSON.parse(left) : { room: structuredClone(room), locked: locks(room, fixed) };
-  return open(now.room, now.locked, home);
+  return open(now.room, now.locked, source);
 }
 
-export function offer(rooms, before = false, home = null) {
-  const entries = rooms.map((entry) => {
+export function offer(source, before = false) {
+  const entries = source.rooms.map((entry) => {
     const { room, box } = entry;
-    const node = element("button", { type: "button", title: room.id, onclick: () => shown(entry, home) });
+    const node = element("button", { type: "button", title: room.id, onclick: () => shown(entry, source) });
     node.append(thumbnail(room, box, known), element("span", { textContent: words(room.room_type) }));
     return element("li", {}, node);
   });
@@ -45,9 +45,9 @@ async function opened(file) {
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const { rooms, left_out, home: whole } = await read(content);
-    const home = whole ? { file: content, rooms: new Map(), read: new Map() } : null; // its own, however alike the rooms of others
-    offer(rooms, true, home);
-    await shown(rooms[0], home);
+    const source = sourceOf(rooms, whole ? content : null);
+    offer(source, true);
+    await shown(rooms[0], source);
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
   } catch (error) {
     say(`${file.name}: ${error.message}`);
@@ -56,9 +56,10 @@ async function opened(file) {
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.
 function wholeHome() {
-  const { room, home: of } = state;
-  const changed = [...(of?.rooms ?? [])].filter(([id, text]) => id !== room.id && text !== of.read.get(id));
-  return home(room, changed.map(([, text]) => JSON.parse(text).room), of?.file);
+  const { room, source } = state;
+  if (!source.home) return home(room, []);
+  const changed = [...source.now].filter(([id, text]) => id !== room.id && text !== source.first.get(id));
+  return home(room, changed.map(([, text]) => JSON.parse(text).room), source.home);
 }
 
 async function saveHome() {

@@ -3,7 +3,7 @@
 export const state = {
   room: null, // as in its JSON
   locked: [], // of each piece of furniture
-  home: null, // that the room is of: {file, rooms: by their ids, snapshots of those that were shown; read: their first ones}
+  source: null, // that the room is from, made by sourceOf
   look: null, // what the server last said of the room
   problem: "", // why the server refuses the room as it is
   notice: "", // what else is to be said, until something changes
@@ -16,25 +16,28 @@ export const state = {
   thoughts: null, // {values, moves} of the chosen item
 };
 
-const past = []; // each {text: a snapshot, home}
+// Where rooms are from: the gallery, a file, a drawing. Of those that were shown it has snapshots, by their ids: as they
+// are now, and as they were first. `home` is the file where that is a home.
+export const sourceOf = (rooms = [], home = null) => ({ rooms, home, now: new Map(), first: new Map() });
+
+const past = []; // each {text: a snapshot, source}
 const future = [];
 let present = null;
 
 export const snapshot = () => JSON.stringify({ room: state.room, locked: state.locked });
 
-// A home is saved with all its rooms as they are now, whichever of them is shown.
+// A room is taken up, and saved with others, as it was left.
 function keep() {
-  const { home, text } = present;
+  const { source, text } = present;
   const { id } = state.room;
-  if (!home) return;
-  if (!home.read.has(id)) home.read.set(id, text);
-  home.rooms.set(id, text);
+  if (!source.first.has(id)) source.first.set(id, text);
+  source.now.set(id, text);
 }
 
 // Keep how things are now, so that undo comes back here.
 export function commit() {
-  const now = { text: snapshot(), home: state.home };
-  if (now.text === present?.text && now.home === present.home) return;
+  const now = { text: snapshot(), source: state.source };
+  if (now.text === present?.text && now.source === present.source) return;
   if (present) past.push(present);
   present = now;
   future.length = 0;
@@ -47,7 +50,7 @@ export function travel(back) {
   if (!from.length) return false;
   to.push(present);
   present = from.pop();
-  Object.assign(state, JSON.parse(present.text), { home: present.home });
+  Object.assign(state, JSON.parse(present.text), { source: present.source });
   keep();
   const { selected, room } = state;
   if (selected?.kind === "item" && selected.index >= room.furniture.length) state.selected = null;
