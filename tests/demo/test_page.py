@@ -93,8 +93,11 @@ def settled(page: Page) -> None:
 
 
 def room_of(page: Page) -> dict[str, Any]:
-    """The room that the page holds, as it saves it."""
-    return json.loads(saved(page, "json"))
+    """The room that the page shows, as it saves it."""
+    document = json.loads(saved(page, "json"))
+    rooms = document if isinstance(document, list) else [document]
+    shown = page.locator("#title").get_attribute("data-room")
+    return next(room for room in rooms if room["id"] == shown)
 
 
 def saved(page: Page, kind: str) -> bytes:
@@ -527,6 +530,25 @@ def test_what_stands_in_a_room_of_a_file_stays_where_the_rest_is_placed(still, t
 def test_a_room_is_saved_as_it_is_read(page):
     document = room_of(page)
     assert room_to_dict(room_from_dict(json.loads(json.dumps(document)))) == document
+
+
+def test_a_file_of_several_rooms_is_saved_with_all_of_them_as_they_are_now(page, tmp_path):
+    kitchen = room_to_dict(design_rooms("kitchen", "test", 8, 1).rooms[0])
+    page.evaluate(DROP, json.dumps([OWN, SQUARE, kitchen]))
+    expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
+    page.locator("#gallery").get_by_title(SQUARE["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    dragged(page, item(page, "stool"), 0.5, 0)
+    page.locator("#gallery").get_by_title(OWN["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
+    settled(page)
+    file = tmp_path / "rooms.json"
+    file.write_bytes(saved(page, "json"))
+    collection = opened(file).collection
+    assert collection.left_out == []
+    own, square, last = collection.rooms
+    assert [own, last] == [room_from_dict(OWN), room_from_dict(kitchen)]
+    assert square.furniture[0].center == (pytest.approx(2, abs=0.03), pytest.approx(1.5, abs=0.03))
 
 
 def test_a_room_is_saved_as_drawings(page):

@@ -8,9 +8,9 @@ import { packed, snapshot, sourceOf, state, unpacked, words } from "./store.js";
 const LARGEST = 5e6; // bytes that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
 
-function download(content, kind, ending) {
-  const name = state.room.id.replace(/[^\w-]+/g, "_");
-  const link = element("a", { href: URL.createObjectURL(new Blob([content], { type: kind })), download: `${name}.${ending}` });
+function download(content, kind, ending, name = state.room.id) {
+  const file = `${name.replace(/[^\w-]+/g, "_")}.${ending}`;
+  const link = element("a", { href: URL.createObjectURL(new Blob([content], { type: kind })), download: file });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
@@ -45,13 +45,21 @@ async function opened(file) {
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const { rooms, left_out, home: whole } = await read(content);
-    const source = sourceOf(rooms, whole ? content : null);
+    const source = sourceOf(rooms, file.name.replace(/(?<=.)\.\w+$/, ""), whole ? content : null);
     offer(source, true);
     await shown(rooms[0], source);
     $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
   } catch (error) {
     say(`${file.name}: ${error.message}`);
   }
+}
+
+// All rooms of the file that the room is from, as they are now; a room by itself where there is no other.
+function saveJSON() {
+  const { room, source: { name, rooms, now } } = state;
+  const whole = name && rooms.length > 1;
+  const content = whole ? rooms.map((read) => (now.has(read.room.id) ? JSON.parse(now.get(read.room.id)).room : read.room)) : room;
+  download(`${JSON.stringify(content)}\n`, "application/json", "json", whole ? name : room.id);
 }
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.
@@ -64,7 +72,7 @@ function wholeHome() {
 
 async function saveHome() {
   const { content, left } = await wholeHome();
-  download(content, "application/zip", "sh3d");
+  download(content, "application/zip", "sh3d", state.source.home ? state.source.name : state.room.id);
   if (left) say(left);
 }
 
@@ -88,7 +96,7 @@ function saving(id, save) {
 
 const svg = async () => (await ask("svg", { room: state.room })).svg;
 
-saving("save-json", () => download(`${JSON.stringify(state.room)}\n`, "application/json", "json"));
+saving("save-json", saveJSON);
 saving("save-svg", async () => download(await svg(), "image/svg+xml", "svg"));
 saving("save-sh3d", saveHome);
 saving("save-png", async () => {

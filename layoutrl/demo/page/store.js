@@ -17,8 +17,8 @@ export const state = {
 };
 
 // Where rooms are from: the gallery, a file, a drawing. Of those that were shown it has snapshots, by their ids: as they
-// are now, and as they were first. `home` is the file where that is a home.
-export const sourceOf = (rooms = [], home = null) => ({ rooms, home, now: new Map(), first: new Map() });
+// are now, and as they were first. `name` is that of a file, `home` its bytes where that is a home.
+export const sourceOf = (rooms = [], name = "", home = null) => ({ rooms, name, home, now: new Map(), first: new Map() });
 
 const past = []; // each {text: a snapshot, source}
 const future = [];
