@@ -551,6 +551,32 @@ def test_a_file_of_several_rooms_is_saved_with_all_of_them_as_they_are_now(page,
     assert square.furniture[0].center == (pytest.approx(2, abs=0.03), pytest.approx(1.5, abs=0.03))
 
 
+def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):
+    def is_left() -> bool:
+        return page.evaluate("dispatchEvent(new Event('beforeunload', { cancelable: true }))")
+
+    page.evaluate(DROP, json.dumps([OWN, SQUARE]))
+    expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
+    assert is_left()
+    page.locator("#gallery").get_by_title(SQUARE["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    dragged(page, item(page, "stool"), 0.5, 0)
+    assert not is_left()
+    page.locator("#undo").click()
+    settled(page)
+    assert is_left()
+    page.locator("#redo").click()
+    settled(page)
+    take(page, "bedroom", 0)
+    assert not is_left()
+    saved(page, "json")  # of another room
+    assert not is_left()
+    page.locator("#gallery").get_by_title(OWN["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
+    saved(page, "json")
+    assert is_left()
+
+
 def test_a_room_is_saved_as_drawings(page):
     drawing = ElementTree.fromstring(saved(page, "svg"))
     items = [node for node in drawing.iter() if "data-id" in node.attrib]

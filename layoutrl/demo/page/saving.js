@@ -3,7 +3,7 @@
 import { ask, home, read } from "./api.js";
 import { $, element, known, open, say } from "./page.js";
 import { thumbnail } from "./plan.js";
-import { packed, snapshot, sourceOf, state, unpacked, words } from "./store.js";
+import { anyUnsaved, markSaved, packed, snapshot, sourceOf, state, unpacked, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
@@ -56,10 +56,12 @@ async function opened(file) {
 
 // All rooms of the file that the room is from, as they are now; a room by itself where there is no other.
 function saveJSON() {
-  const { room, source: { name, rooms, now } } = state;
+  const { room, source } = state;
+  const { name, rooms, now } = source;
   const whole = name && rooms.length > 1;
   const content = whole ? rooms.map((read) => (now.has(read.room.id) ? JSON.parse(now.get(read.room.id)).room : read.room)) : room;
   download(`${JSON.stringify(content)}\n`, "application/json", "json", whole ? name : room.id);
+  markSaved(source, whole ? [...now.keys()] : [room.id]);
 }
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.
@@ -71,9 +73,11 @@ function wholeHome() {
 }
 
 async function saveHome() {
+  const { room, source } = state;
   const { content, left } = await wholeHome();
-  download(content, "application/zip", "sh3d", state.source.home ? state.source.name : state.room.id);
+  download(content, "application/zip", "sh3d", source.home ? source.name : room.id);
   if (left) say(left);
+  else markSaved(source, source.home ? [...source.now.keys()] : [room.id]);
 }
 
 $("file").onchange = () => opened($("file").files[0]);
@@ -113,6 +117,7 @@ saving("save-png", async () => {
 
 $("share").onclick = async () => {
   history.replaceState(null, "", `#room=${await packed(snapshot())}`);
+  markSaved(state.source, [state.room.id]);
   $("link-label").hidden = false;
   $("link").value = location.href;
   $("link").select();
@@ -131,3 +136,6 @@ export async function fromLink() {
 }
 
 addEventListener("hashchange", fromLink);
+addEventListener("beforeunload", (event) => {
+  if (anyUnsaved()) event.preventDefault();
+});

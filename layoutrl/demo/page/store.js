@@ -17,9 +17,11 @@ export const state = {
 };
 
 // Where rooms are from: the gallery, a file, a drawing. Of those that were shown it has snapshots, by their ids: as they
-// are now, and as they were first. `name` is that of a file, `home` its bytes where that is a home.
-export const sourceOf = (rooms = [], name = "", home = null) => ({ rooms, name, home, now: new Map(), first: new Map() });
+// are now, as they were first, and as they were last saved. `name` is that of a file, `home` its bytes where that is a home.
+export const sourceOf = (rooms = [], name = "", home = null) =>
+  ({ rooms, name, home, now: new Map(), first: new Map(), saved: new Map() });
 
+const sources = new Set(); // of rooms that were shown
 const past = []; // each {text: a snapshot, source}
 const future = [];
 let present = null;
@@ -30,9 +32,15 @@ export const snapshot = () => JSON.stringify({ room: state.room, locked: state.l
 function keep() {
   const { source, text } = present;
   const { id } = state.room;
-  if (!source.first.has(id)) source.first.set(id, text);
+  sources.add(source);
+  if (!source.first.has(id)) for (const texts of [source.first, source.saved]) texts.set(id, text);
   source.now.set(id, text);
 }
+
+export const markSaved = (source, ids) => ids.forEach((id) => source.saved.set(id, source.now.get(id)));
+
+export const anyUnsaved = () =>
+  [...sources].some(({ now, saved }) => [...now].some(([id, text]) => text !== saved.get(id)));
 
 // Keep how things are now, so that undo comes back here.
 export function commit() {
