@@ -252,11 +252,16 @@ def test_the_keyboard_moves_turns_locks_and_deletes(page):
     page.locator("#plan [data-item='0']").focus()
     page.keyboard.press("l")
     expect(page.locator("#lock")).to_have_attribute("aria-pressed", "true")
-    for key in ("ArrowLeft", "r"):
+    expect(page.locator("#delete")).to_be_disabled()
+    for key in ("ArrowLeft", "r", "Delete", "Backspace"):
         page.keyboard.press(key)
+        expect(page.locator("#verdict")).to_have_text("The bed is locked. Unlock it first.")
+        page.keyboard.press("Escape")
+        expect(page.locator("#verdict")).not_to_contain_text("locked")
     settled(page)
     assert room_of(page)["furniture"] == after
     page.locator("#plan [data-item='0']").focus()
+    page.keyboard.press("l")
     page.keyboard.press("Delete")
     settled(page)
     assert room_of(page)["furniture"] == after[1:]

@@ -2,7 +2,7 @@
 
 import { $, answered, changed, known, look, plan, render, select } from "./page.js";
 import { metres } from "./plan.js";
-import { commit, item, state, travel } from "./store.js";
+import { commit, item, state, travel, words } from "./store.js";
 
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const idle = () => document.body.dataset.state === "idle";
@@ -63,9 +63,17 @@ async function settled(index, before) {
   document.dispatchEvent(new Event("choose"));
 }
 
+// Whether the chosen item is locked, which is said then.
+function held() {
+  if (!item() || !state.locked[state.selected.index]) return false;
+  state.notice = `The ${words(item().category)} is locked. Unlock it first.`;
+  render();
+  return true;
+}
+
 function change(fields) {
   const chosen = item();
-  if (!chosen || !idle() || state.locked[state.selected.index]) return;
+  if (!chosen || !idle() || held()) return;
   const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
   Object.assign(chosen, fields);
   state.notice = "";
@@ -84,7 +92,7 @@ function lock() {
 
 function remove() {
   const { selected, room } = state;
-  if (!selected || !idle()) return;
+  if (!selected || !idle() || held()) return;
   if (selected.kind === "opening") return document.dispatchEvent(new CustomEvent("unopen", { detail: selected.index }));
   room.furniture.splice(selected.index, 1);
   state.locked.splice(selected.index, 1);

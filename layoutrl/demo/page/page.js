@@ -153,6 +153,7 @@ function renderSelected() {
   const opening = openings(room)[selected.index];
   for (const id of ["item-buttons", "item-sizes", "gaps"]) $(id).hidden = !chosen;
   $("name").textContent = chosen ? words(chosen.category) : opening.kind;
+  $("delete").disabled = Boolean(chosen && state.locked[selected.index]);
   $("wrong").textContent = chosen ? state.problem || told(selected.index).join("; ") : "";
   if (!chosen) return;
   const lock = state.locked[selected.index];
