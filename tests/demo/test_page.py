@@ -258,12 +258,16 @@ def test_the_keyboard_moves_turns_locks_and_deletes(page):
         expect(page.locator("#verdict")).to_have_text("The bed is locked. Unlock it first.")
         page.keyboard.press("Escape")
         expect(page.locator("#verdict")).not_to_contain_text("locked")
+        page.locator("#plan [data-item='0']").focus()
+    page.keyboard.press("Escape")
     settled(page)
     assert room_of(page)["furniture"] == after
+    expect(page.locator("#selected")).to_be_hidden()
     page.locator("#plan [data-item='0']").focus()
     page.keyboard.press("l")
-    page.keyboard.press("Delete")
-    settled(page)
+    for _ in range(2):  # the second finds nothing chosen
+        page.keyboard.press("Delete")
+        settled(page)
     assert room_of(page)["furniture"] == after[1:]
     expect(page.locator("#plan .item")).to_have_count(len(after) - 1)
 

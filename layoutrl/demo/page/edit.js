@@ -97,9 +97,14 @@ function remove() {
   room.furniture.splice(selected.index, 1);
   state.locked.splice(selected.index, 1);
   retarget(room);
-  select(null);
+  unselect();
   changed();
+}
+
+// What has the focus is chosen: it leaves it first.
+function unselect() {
   plan.focus({ preventScroll: true });
+  select(null);
 }
 
 // Which item moves by default is for files that name it; here the list has changed.
@@ -182,7 +187,7 @@ plan.addEventListener("keydown", (event) => {
   } else if (way && item()?.center) {
     const step = event.shiftKey ? 0.01 : 0.05;
     change({ center: item().center.map((value, axis) => centimetres(value + step * way[axis])) });
-  } else if (event.key === "Escape") select(null);
+  } else if (event.key === "Escape") unselect();
   else if (event.key === "Delete" || event.key === "Backspace") remove();
   else if (event.key === "r" || event.key === "R") turn(event.shiftKey ? 15 : 90);
   else if (event.key === "l" || event.key === "L") lock();
