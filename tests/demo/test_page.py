@@ -518,6 +518,19 @@ def test_rooms_of_the_gallery_of_a_file_and_drawn_ones_are_taken_up_as_they_were
         assert room_of(page)["furniture"] == furniture
 
 
+def test_rooms_of_a_file_of_several_have_their_names_in_the_strip(page, tmp_path):
+    long = SQUARE | {"id": "the guests' study on the second floor"}
+    page.evaluate(DROP, json.dumps([OWN, long]))
+    expect(page.locator("#gallery .id")).to_have_text([OWN["id"], long["id"]])
+    widths = page.locator("#gallery .id").evaluate_all("nodes => nodes.map((node) => node.clientWidth)")
+    assert max(widths) <= page.locator("#gallery button").first.evaluate("node => node.clientWidth")
+    page.evaluate(DROP, json.dumps(OWN | {"id": "alone"}))
+    expect(page.locator("#title")).to_have_attribute("data-room", "alone")
+    expect(page.locator("#gallery .id")).to_have_count(2)
+    openly(page, home_file(tmp_path / "home.sh3d").read_bytes(), "file/Bedroom")
+    expect(page.locator("#gallery .id").first).to_have_text("Bedroom")
+
+
 def test_what_stands_in_a_room_of_a_file_stays_where_the_rest_is_placed(still, tmp_path):
     furniture = [dict(entry) for entry in OWN["furniture"]]
     for field in ("center", "rotation"):

@@ -28,11 +28,14 @@ export function shown({ room, fixed = [] }, source) {
   return open(now.room, now.locked, source);
 }
 
+// Show rooms in the strip; those of a file with their names, where it has several.
 export function offer(source, before = false) {
+  const named = source.name && source.rooms.length > 1;
   const entries = source.rooms.map((entry) => {
     const { room, box } = entry;
     const node = element("button", { type: "button", title: room.id, onclick: () => shown(entry, source) });
     node.append(thumbnail(room, box, known), element("span", { textContent: words(room.room_type) }));
+    if (named) node.append(element("span", { className: "id", textContent: room.id.replace(/^file\//, "") }));
     return element("li", {}, node);
   });
   if (before) $("gallery").prepend(...entries);
