@@ -382,6 +382,7 @@ def test_what_the_agent_thinks_is_a_map_and_arrows(page):
 
 def corner(page: Page, x: float, y: float) -> tuple[float, float]:
     """Where a point in metres is on the screen."""
+    page.locator("#plan").evaluate("plan => plan.scrollIntoView({ block: 'center' })")
     return tuple(
         page.evaluate(
             "([x, y]) => { const p = new DOMPoint(x, -y).matrixTransform(document.querySelector('#plan')"
@@ -454,6 +455,27 @@ def test_a_room_is_drawn_by_keyboard(page):
     page.keyboard.press("Delete")
     settled(page)
     expect(page.locator("#plan .door")).to_have_count(0)
+
+
+def test_as_large_a_room_is_drawn_as_is_taken_and_all_of_it_is_shown(page):
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    x, y = corner(page, 9, 7)
+    page.mouse.click(x + 30, y)  # beside the grid
+    expect(page.locator("#plan .corner")).to_have_attribute("cx", "9")
+    page.locator("#back").click()
+    page.locator("#grid").select_option("24 24")
+    for x, y in ((0, 0), (24, 0), (24, 20), (0, 20)):
+        page.mouse.click(*corner(page, x, y))
+    page.locator("#grid").select_option("9 7")
+    box = page.locator("#plan").bounding_box()
+    for x, y in (corner(page, 0, 0), corner(page, 24, 20)):
+        assert 0 < x - box["x"] < box["width"]
+        assert 0 < y - box["y"] < box["height"]
+    page.mouse.click(*corner(page, 0.1, 0.1))  # as near to the first corner as one sees
+    expect(page.locator("#plan .corner")).to_have_count(0)
+    settled(page)
+    assert room_of(page)["outline"] == [[0, 0], [24, 0], [24, 20], [0, 20]]
 
 
 def test_an_outline_that_crosses_itself_is_refused_and_goes_on(page):

@@ -1,7 +1,7 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { $, DRAFT_SIZE, answered, changed, known, open, plan, render, say } from "./page.js";
-import { metres, snapped } from "./plan.js";
+import { $, answered, changed, grid, known, open, plan, render, say } from "./page.js";
+import { metres, pixel, snapped } from "./plan.js";
 import { offer } from "./saving.js";
 import { state, words } from "./store.js";
 
@@ -11,7 +11,17 @@ const HINTS = {
   door: "Click a wall, or go there with the arrows and press Enter.",
   window: "Click a wall, or go there with the arrows and press Enter.",
 };
+const NEAR = 4; // pixels: who points as near to the first corner means it
+const far = (one, other) => Math.hypot(one[0] - other[0], one[1] - other[1]);
 const same = (one, other) => one.join() === other.join();
+
+// A point on the grid; of an outline, one that is shown.
+function reached(point) {
+  const to = snapped(point);
+  if (state.mode !== "draw") return to;
+  const most = grid();
+  return to.map((value, axis) => Math.min(Math.max(value, 0), most[axis]));
+}
 
 function enter(mode) {
   if (document.body.dataset.state !== "idle") return;
@@ -27,7 +37,7 @@ function enter(mode) {
 async function put() {
   const { mode, draft, cursor, room } = state;
   if (mode === "draw") {
-    if (draft.length > 2 && same(draft[0], cursor)) return close();
+    if (draft.length > 2 && (same(draft[0], cursor) || far(draft[0], cursor) < NEAR * pixel(plan))) return close();
     if (!draft.some((corner) => same(corner, cursor))) draft.push(cursor);
     return render();
   }
@@ -61,7 +71,7 @@ document.addEventListener("unopen", async ({ detail }) => {
 
 plan.addEventListener("pointermove", (event) => {
   if (state.mode === "edit") return;
-  const cursor = snapped(metres(plan, event));
+  const cursor = reached(metres(plan, event));
   if (same(cursor, state.cursor)) return;
   state.cursor = cursor;
   render();
@@ -69,7 +79,7 @@ plan.addEventListener("pointermove", (event) => {
 
 plan.addEventListener("click", (event) => {
   if (state.mode === "edit") return;
-  state.cursor = snapped(metres(plan, event));
+  state.cursor = reached(metres(plan, event));
   put();
 });
 
@@ -77,9 +87,7 @@ plan.addEventListener("keydown", (event) => {
   if (state.mode === "edit") return;
   const way = WAYS[event.key];
   if (way) {
-    const far = state.mode === "draw" ? DRAFT_SIZE : null;
-    const to = snapped(state.cursor.map((value, axis) => value + way[axis] * (event.shiftKey ? 1 : 0.1)));
-    state.cursor = far ? to.map((value, axis) => Math.min(Math.max(value, 0), far[axis])) : to;
+    state.cursor = reached(state.cursor.map((value, axis) => value + way[axis] * (event.shiftKey ? 1 : 0.1)));
     $("verdict").textContent = state.cursor.map((value) => value.toFixed(1)).join(", ");
     render();
   } else if (event.key === "Enter") put();
@@ -100,6 +108,10 @@ $("door").onclick = () => enter("door");
 $("window").onclick = () => enter("window");
 $("close").onclick = close;
 $("back").onclick = back;
+$("grid").onchange = () => {
+  state.cursor = reached(state.cursor);
+  render();
+};
 export function offerKinds() {
   $("kind").replaceChildren(...Object.keys(known.palette).map((kind) => new Option(words(kind), kind)));
 }

@@ -6,7 +6,6 @@ import { canTravel, commit, item, openings, sourceOf, state, words } from "./sto
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
-export const DRAFT_SIZE = [9, 7]; // metres of the grid to draw on
 export const known = { gallery: [], palette: {}, fronts: new Set(), raised: new Set() }; // what the server said at first
 
 export function element(tag, attributes = {}, ...children) {
@@ -103,11 +102,15 @@ export function select(kind, index) {
   look();
 }
 
+// Metres of the grid to draw on: as large as is chosen, and never less than what is drawn.
+export const grid = () =>
+  $("grid").value.split(" ").map((least, axis) => Math.max(least, ...state.draft.map((corner) => Math.ceil(corner[axis]))));
+
 export function render() {
   if (!state.room) return;
   const focus = document.activeElement?.closest?.("[data-item], [data-opening], [data-row]");
   const where = focus && ["item", "opening", "row"].map((name) => [name, focus.dataset[name]]).find(([, value]) => value);
-  if (state.mode === "draw") drawDraft(plan, state, DRAFT_SIZE);
+  if (state.mode === "draw") drawDraft(plan, state, grid());
   else draw(plan, state, known);
   renderList();
   renderSelected();
@@ -192,7 +195,7 @@ function renderTools() {
   $("undo").disabled = playing || !canTravel(true);
   $("redo").disabled = playing || !canTravel(false);
   $("furnish").disabled = playing || mode === "draw";
-  $("close").hidden = $("back").hidden = mode !== "draw";
+  for (const id of ["close", "back", "grid-label"]) $(id).hidden = mode !== "draw";
   $("close").disabled = draft.length < 3;
   $("back").disabled = !draft.length;
   $("draw").textContent = mode === "draw" ? "Cancel" : "Draw an outline";

@@ -5,6 +5,7 @@ import { openings, words } from "./store.js";
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN = 0.15;
 const GRID = 0.1;
+const NARROWEST = 3; // pixels between lines of the grid, else only each tenth is drawn
 const LETTER = 0.56; // of its height, a letter's width
 const SMALLEST = 0.7; // of the usual height, letters that are drawn
 const RAMP = [[0, 34, 78], [53, 69, 108], [124, 123, 120], [187, 175, 113], [254, 232, 56]]; // cividis: for all eyes
@@ -166,7 +167,7 @@ export function draw(svg, state, { fronts, raised }) {
   if (state.mode === "edit" && chosen >= 0) for (const gap of look.gaps) measure(group, gap, 0.95 * size);
   const from = room.furniture[chosen]?.center;
   if (from) (state.thoughts?.moves ?? []).forEach(({ to }, rank) => arrow(group, from, to, rank));
-  if (state.mode !== "edit") crosshair(group, state.cursor);
+  if (state.mode !== "edit") crosshair(group, state.cursor, 14 * pixel(svg));
 }
 
 function hatching(one) {
@@ -182,16 +183,17 @@ function padlock(item, size) {
   return text;
 }
 
-function crosshair(group, [x, y]) {
-  group.append(make("path", { class: "cursor", d: `M${x - 0.2} ${y}H${x + 0.2}M${x} ${y - 0.2}V${y + 0.2}` }));
+function crosshair(group, [x, y], arm) {
+  group.append(make("path", { class: "cursor", d: `M${x - arm} ${y}H${x + arm}M${x} ${y - arm}V${y + arm}` }));
 }
 
 // An outline as it is drawn, on a grid of 10 cm.
 export function drawDraft(svg, state, [width, height]) {
   const group = framed(svg, [0, 0, width, height]);
   const lines = [];
-  for (let k = 0; k <= Math.round(width / GRID); k++) lines.push([k, `M${k * GRID} 0V${height}`]);
-  for (let k = 0; k <= Math.round(height / GRID); k++) lines.push([k, `M0 ${k * GRID}H${width}`]);
+  const step = GRID < NARROWEST * pixel(svg) ? 10 : 1;
+  for (let k = 0; k <= Math.round(width / GRID); k += step) lines.push([k, `M${k * GRID} 0V${height}`]);
+  for (let k = 0; k <= Math.round(height / GRID); k += step) lines.push([k, `M0 ${k * GRID}H${width}`]);
   const path = (whole) => lines.filter(([k]) => (k % 10 === 0) === whole).map(([, d]) => d).join("");
   group.append(make("path", { class: "grid", d: path(false) }), make("path", { class: "grid metre", d: path(true) }));
   const { draft, cursor } = state;
@@ -202,8 +204,8 @@ export function drawDraft(svg, state, [width, height]) {
     const [last] = draft.slice(-1);
     if (last.join() !== cursor.join()) measure(group, [last, cursor, Math.hypot(cursor[0] - last[0], cursor[1] - last[1])], size);
   }
-  for (const [x, y] of draft) group.append(make("circle", { class: "corner", cx: x, cy: y, r: 0.06 }));
-  crosshair(group, cursor);
+  for (const [x, y] of draft) group.append(make("circle", { class: "corner", cx: x, cy: y, r: 4 * pixel(svg) }));
+  crosshair(group, cursor, 14 * pixel(svg));
 }
 
 export const snapped = ([x, y]) => [x, y].map((value) => Math.round(value / GRID) / Math.round(1 / GRID));
