@@ -3,7 +3,7 @@
 import { $, answered, changed, grid, known, open, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
 import { offer } from "./saving.js";
-import { state, words } from "./store.js";
+import { outdated, state, words } from "./store.js";
 
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const HINTS = {
@@ -43,7 +43,7 @@ async function put() {
   }
   try {
     const said = await answered("opening", { room, kind: mode, at: cursor, width: Number($("wide").value) });
-    Object.assign(state, { room: said.room, look: said, mode: "edit", choices: [] });
+    Object.assign(state, { room: said.room, look: said, mode: "edit", ...outdated });
     await changed();
   } catch (error) {
     say(error.message);
@@ -62,7 +62,7 @@ async function close() {
 document.addEventListener("unopen", async ({ detail }) => {
   try {
     const said = await answered("opening", { room: state.room, remove: detail });
-    Object.assign(state, { room: said.room, look: said, selected: null, choices: [] });
+    Object.assign(state, { room: said.room, look: said, selected: null, ...outdated });
     await changed();
   } catch (error) {
     say(error.message);

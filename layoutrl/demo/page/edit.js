@@ -2,7 +2,7 @@
 
 import { $, answered, changed, known, look, plan, render, select } from "./page.js";
 import { metres } from "./plan.js";
-import { commit, item, state, travel, words } from "./store.js";
+import { commit, item, outdated, state, travel, words } from "./store.js";
 
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const idle = () => document.body.dataset.state === "idle";
@@ -75,9 +75,9 @@ function change(fields) {
   const chosen = item();
   if (!chosen || !idle() || held()) return;
   const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
+  if ("size" in fields || !chosen.center) Object.assign(state, outdated);
   Object.assign(chosen, fields);
   state.notice = "";
-  if ("size" in fields) state.choices = [];
   render();
   settled(state.selected.index, before);
 }
@@ -111,7 +111,7 @@ function unselect() {
 function retarget(room) {
   delete room.target;
   state.look.faults = [];
-  state.choices = [];
+  Object.assign(state, outdated);
 }
 
 function add(entries) {
@@ -140,6 +140,7 @@ $("clear").onclick = () => {
     delete entry.center;
     delete entry.rotation;
   });
+  state.lines = [];
   state.look.gaps = [];
   changed();
 };
@@ -159,7 +160,7 @@ $("degrees").onchange = () => item().center && change({ rotation: Number($("degr
 
 async function travelled(back) {
   if (!idle() || !travel(back)) return;
-  Object.assign(state, { choices: [], thoughts: null, problem: "", look: { ...state.look, gaps: [] } });
+  Object.assign(state, { ...outdated, thoughts: null, problem: "", look: { ...state.look, gaps: [] } });
   state.look = await answered("look", { room: state.room });
   render();
   look();

@@ -2,7 +2,7 @@
 
 import { ask } from "./api.js";
 import { $, become, changed, element, plan, render, say } from "./page.js";
-import { item, state } from "./store.js";
+import { item, outdated, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
 const ALL = 9000; // milliseconds, of all moves at most
@@ -14,15 +14,15 @@ let skip = null;
 async function furnish(movable) {
   if (document.body.dataset.state !== "idle") return;
   const [focus, { selected }] = [document.activeElement, state];
-  state.thoughts = null;
+  Object.assign(state, { thoughts: null, notice: "", lines: [] });
   become("asking");
+  render();
   say("");
   $("verdict").textContent = "Looking for places …";
   try {
     const about = { room: structuredClone(state.room), movable, seed: asked++ };
     const { lines, choices } = await ask("furnish", { ...about, choices: 1 });
-    $("lines").replaceChildren(...lines.map((textContent) => element("li", { textContent })));
-    state.choices = choices;
+    Object.assign(state, { lines, choices });
     if (choices.length) {
       const more = ask("furnish", about).catch(() => ({ choices: [] })); // found while the first is played
       $("verdict").textContent = "Placing …";
@@ -31,14 +31,14 @@ async function furnish(movable) {
       const first = JSON.stringify(choices[0].furniture);
       const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
       state.choices = [choices[0], ...others].slice(0, CHOICES);
-    } else say("No place was found.");
+    } else state.notice = "No place was found.";
   } catch (error) {
-    state.choices = [];
-    say(error.message);
+    Object.assign(state, { notice: error.message, ...outdated });
   }
   become("idle");
   state.selected = selected;
   if (state.choices.length) await changed();
+  else render();
   focus.focus({ preventScroll: true });
 }
 

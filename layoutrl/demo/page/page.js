@@ -2,7 +2,7 @@
 
 import { ask } from "./api.js";
 import { draw, drawDraft, thumbnail } from "./plan.js";
-import { canTravel, commit, item, openings, sourceOf, state, words } from "./store.js";
+import { canTravel, commit, item, openings, outdated, sourceOf, state, words } from "./store.js";
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
@@ -72,7 +72,7 @@ export async function open(room, locked = [], source = sourceOf()) {
   try {
     const said = await answered("look", { room });
     Object.assign(state, { room: said.room, source, look: said, problem: "", notice: "", mode: "edit" });
-    Object.assign(state, { selected: null, choices: [], thoughts: null });
+    Object.assign(state, { selected: null, thoughts: null, ...outdated });
     state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
     commit();
     render();
@@ -116,10 +116,11 @@ export function render() {
   renderSelected();
   renderChoices();
   renderTools();
+  renderLines();
   if (where) document.querySelector(`[data-${where[0]}="${where[1]}"]`)?.focus({ preventScroll: true });
 }
 
-function told(index) {
+function wrongWith(index) {
   return state.look.faults.filter(([k]) => k === index).map(([, , text]) => text);
 }
 
@@ -132,7 +133,7 @@ function renderList() {
     const row = button(`${words(entry.category)}, ${size} m${state.locked[k] ? ", locked" : ""}`, () => select("item", k));
     row.dataset.row = k;
     row.setAttribute("aria-pressed", state.selected?.kind === "item" && state.selected.index === k);
-    const wrong = told(k);
+    const wrong = wrongWith(k);
     return element("li", {}, row, ...(wrong.length ? [element("p", { className: "bad", textContent: wrong.join("; ") })] : []));
   }));
   if (mode === "draw") $("title").textContent = "A new room";
@@ -157,7 +158,7 @@ function renderSelected() {
   for (const id of ["item-buttons", "item-sizes", "gaps"]) $(id).hidden = !chosen;
   $("name").textContent = chosen ? words(chosen.category) : opening.kind;
   $("delete").disabled = Boolean(chosen && state.locked[selected.index]);
-  $("wrong").textContent = chosen ? state.problem || told(selected.index).join("; ") : "";
+  $("wrong").textContent = chosen ? state.problem || wrongWith(selected.index).join("; ") : "";
   if (!chosen) return;
   const lock = state.locked[selected.index];
   $("lock").setAttribute("aria-pressed", lock);
@@ -173,8 +174,8 @@ function renderSelected() {
 }
 
 function renderChoices() {
-  const { choices, chosen, room, look } = state;
-  $("choices").hidden = choices.length === 0;
+  const { choices, chosen, room, look, mode } = state;
+  $("choices").hidden = choices.length === 0 || mode === "draw";
   const focus = [...$("choices").children].indexOf(document.activeElement);
   $("choices").replaceChildren(...choices.map(({ furniture, faults, by }, k) => {
     const standing = { ...room, furniture };
@@ -187,6 +188,16 @@ function renderChoices() {
     return node;
   }));
   $("choices").children[focus]?.focus({ preventScroll: true });
+}
+
+// They are told by screen readers whenever they are drawn: once is enough.
+let told = [];
+
+function renderLines() {
+  $("lines").hidden = state.mode === "draw";
+  if (told === state.lines) return;
+  told = state.lines;
+  $("lines").replaceChildren(...told.map((textContent) => element("li", { textContent })));
 }
 
 function renderTools() {

@@ -1,7 +1,7 @@
 // Files in and out, and the link that holds the room.
 
 import { ask, home, read } from "./api.js";
-import { $, element, known, open, say } from "./page.js";
+import { $, element, known, open, render, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { anyUnsaved, markSaved, packed, snapshot, sourceOf, state, unpacked, words } from "./store.js";
 
@@ -44,6 +44,8 @@ export function offer(source, before = false) {
 
 async function opened(file) {
   if (!file) return;
+  state.lines = [];
+  render();
   if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
@@ -51,7 +53,8 @@ async function opened(file) {
     const source = sourceOf(rooms, file.name.replace(/(?<=.)\.\w+$/, ""), whole ? content : null);
     offer(source, true);
     await shown(rooms[0], source);
-    $("lines").replaceChildren(...left_out.map((textContent) => element("li", { textContent })));
+    state.lines = left_out;
+    render();
   } catch (error) {
     say(`${file.name}: ${error.message}`);
   }

@@ -7,6 +7,7 @@ export const state = {
   look: null, // what the server last said of the room
   problem: "", // why the server refuses the room as it is
   notice: "", // what else is to be said, until something changes
+  lines: [], // of a file that was opened, or of what was not placed
   selected: null, // {kind: "item" | "opening", index}
   mode: "edit", // or "draw", "door", "window"
   draft: [], // corners of an outline that is being drawn
@@ -65,6 +66,9 @@ export function travel(back) {
   if (selected?.kind === "opening" && selected.index >= openings(room).length) state.selected = null;
   return true;
 }
+
+// What was found, of furniture or walls that are others now.
+export const outdated = { choices: [], lines: [] };
 
 export const canTravel = (back) => (back ? past : future).length > 0;
 
