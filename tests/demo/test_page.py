@@ -101,11 +101,15 @@ def room_of(page: Page) -> dict[str, Any]:
 
 
 def saved(page: Page, kind: str) -> bytes:
+    return Path(download(page, kind).path()).read_bytes()
+
+
+def download(page: Page, kind: str) -> Any:
     page.locator("#saving").evaluate("node => { node.open = true }")
-    with page.expect_download() as download:
+    with page.expect_download() as begun:
         page.locator(f"#save-{kind}").click()
-    assert download.value.suggested_filename.endswith(f".{kind}")
-    return Path(download.value.path()).read_bytes()
+    assert begun.value.suggested_filename.endswith(f".{kind}")
+    return begun.value
 
 
 def item(page: Page, name: str, number: int = 0) -> Any:
@@ -289,6 +293,21 @@ def test_the_chosen_item_has_buttons_for_all_of_it(page):
     settled(page)
     assert "bed" not in {entry["category"] for entry in room_of(page)["furniture"]}
     expect(page.locator("#selected")).to_be_hidden()
+
+
+def test_undo_in_a_field_is_the_fields_own(page):
+    page.locator("#furniture").get_by_role("button", name="bed").click()
+    settled(page)
+    dragged(page, item(page, "bed"), -0.3, 0)
+    before = room_of(page)
+    depth = page.locator("#depth")
+    first = depth.input_value()
+    depth.focus()
+    page.keyboard.press("Control+a")
+    page.keyboard.type("3")
+    page.keyboard.press("Control+z")
+    expect(depth).to_have_value(first)
+    assert room_of(page) == before
 
 
 def test_furnish_plays_moves_offers_choices_and_skips(page):
@@ -657,6 +676,12 @@ def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):
     assert is_left()
 
 
+def test_a_saved_file_is_named_in_the_letters_of_the_room(page):
+    page.evaluate(DROP, json.dumps(SQUARE | {"id": "Küche 2/卧室 हिन्दी"}))
+    expect(page.locator("#title")).to_contain_text("study")
+    assert download(page, "json").suggested_filename == "Küche_2_卧室_हिन्दी.json"
+
+
 def test_a_room_is_saved_as_drawings(page):
     drawing = ElementTree.fromstring(saved(page, "svg"))
     items = [node for node in drawing.iter() if "data-id" in node.attrib]
@@ -824,6 +849,8 @@ def test_axe_finds_nothing(browser, address, looks):
     expect(page.locator("#plan .arrow")).to_have_count(2)
     found = axe.Axe().run(page)
     assert found.violations_count == 0, found.generate_report()
+    panel, field = (page.locator(name).bounding_box() for name in ("#saving", "#file"))
+    assert field["x"] + field["width"] < panel["x"] + panel["width"]
     page.locator("#draw").click()
     found = axe.Axe().run(page)
     assert found.violations_count == 0, found.generate_report()

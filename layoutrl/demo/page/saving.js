@@ -9,7 +9,7 @@ const LARGEST = 5e6; // bytes that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
 
 function download(content, kind, ending, name = state.room.id) {
-  const file = `${name.replace(/[^\w-]+/g, "_")}.${ending}`;
+  const file = `${name.replace(/[^\p{L}\p{M}\p{N}_-]+/gu, "_")}.${ending}`;
   const link = element("a", { href: URL.createObjectURL(new Blob([content], { type: kind })), download: file });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
