@@ -21,13 +21,29 @@ from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.clearances import RUGS
 from layoutrl.rooms.room import Item, Room, along_and_through, wall_thickness
 from layoutrl.rooms.sources.sweethome3d import Home, HomePiece, read_home
 
 VERSION = "5300"
 WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
-HEIGHTS = {"bed": 50.0, "platform": 40.0, "chair": 90.0, "wardrobe": 200.0, "bookcase": 200.0, "fridge": 185.0}
-HEIGHT = 75.0  # centimetres, of other furniture
+USUAL = {  # centimetres high, furniture
+    1.0: RUGS,
+    40.0: ("platform",),
+    45.0: ("bench", "coffee_table", "stool"),
+    50.0: ("bed", "nightstand", "tv_unit"),
+    55.0: ("bathtub", "side_table"),
+    85.0: (
+        *("armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed", "dresser", "sideboard"),
+        *("cooktop", "laundry_cabinet", "sink", "vanity", "washer", "washing_machine"),
+    ),
+    90.0: ("chair", "counter"),
+    120.0: ("plant_rack",),
+    185.0: ("fridge",),
+    200.0: ("bookcase", "shower", "wardrobe"),
+}
+HEIGHTS = {category: high for high, categories in USUAL.items() for category in categories}
+HEIGHT = 75.0  # centimetres, of what is not named, such as tables, desks and toilets
 APART = 0.3  # metres, of what stands beside a room
 NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
 

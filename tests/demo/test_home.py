@@ -6,15 +6,18 @@ import zipfile
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from xml.etree.ElementTree import Element, fromstring
 
 import pytest
 
 from layoutrl import InputError
 from layoutrl.demo.home import NAME, fixed, home_of, new_home, written_back
 from layoutrl.demo.shell import with_opening, without_opening
+from layoutrl.rooms.categories import names_of
+from layoutrl.rooms.clearances import RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 2).rooms]
@@ -27,6 +30,11 @@ def read(folder: Path, content: bytes) -> Room:
     assert collection.left_out == []
     (room,) = collection.rooms
     return room
+
+
+def document_of(content: bytes) -> Element:
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        return fromstring(archive.read("Home.xml"))
 
 
 def moved(room: Room, by: float) -> Room:
@@ -74,6 +82,18 @@ def test_what_is_not_placed_stands_beside_the_room_in_a_new_home(tmp_path):
     shapes = [item.footprint for item in stood[len(others) :]]
     assert min(shape.distance(room.envelope) for shape in shapes) > 0.2
     assert all(one.distance(other) > 0.2 for k, one in enumerate(shapes) for other in shapes[:k])
+
+
+def test_furniture_of_a_new_home_is_as_high_as_it_is_usual():
+    bare = replace(ROOMS[0], furniture=(), target=None)
+    known = [*names_of().categories, *RUGS]
+    document = document_of(new_home(replace(bare, furniture=tuple(Item(name, (0.5, 0.5)) for name in known))))
+    high = {name: float(p.get("height", 0)) for name, p in zip(known, document.iter("pieceOfFurniture"), strict=True)}
+    assert {high[name] for name in RUGS} == {1}
+    assert all(35 <= height <= 210 for name, height in high.items() if name not in RUGS)
+    order = ("coffee_table", "table", "counter", "fridge", "wardrobe")
+    assert [high[name] for name in order] == sorted({high[name] for name in order})
+    assert high["stool"] < high["chair"]
 
 
 def test_a_home_is_written_back_whole_with_what_moved(tmp_path):
