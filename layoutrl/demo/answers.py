@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -25,7 +26,8 @@ from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
-from layoutrl.rooms.formats import opened
+from layoutrl.rooms.files import read_rooms
+from layoutrl.rooms.formats import RoomsSource, Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
@@ -45,6 +47,7 @@ MOST_ITEMS = 40
 MOST_ROOMS = 100  # of a file
 LARGEST_LINE = MOST_ROOMS * LARGEST_BODY  # bytes about the rooms of a home
 LONGEST_NAME = 60  # letters of a room's that are said
+OPTIONS = re.compile(r" \((?:categories|into)=[^)]*\)|, or room_type=<type>")
 STEPS = (0.05, 1.0)  # metres between the places of a heat map
 
 # What a fault is, to who has not read of it.
@@ -171,23 +174,24 @@ class Answers:
         room = room_in(asked)
         return {"svg": svg(room, faults(room))}
 
-    def read(self, content: bytes) -> Answer:
+    def read(self, content: bytes, unit: str = "auto") -> Answer:
         """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
 
-        Of a home each room tells what of its furniture is `fixed`: the home is not written back with it elsewhere.
+        Lengths of rooms in JSON are in `unit`, one that `read_rooms` takes. Of a home each room tells what of its
+        furniture is `fixed`: the home is not written back with it elsewhere.
         """
         suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
             path = Path(folder) / f"file{suffix}"
             path.write_bytes(content)
             try:
-                source = home_of(path) if suffix == ".sh3d" else opened(path)
+                source = source_of(path, unit)
             except InputError as error:
-                raise InputError(str(error).replace(str(path), "file")) from None
+                raise InputError(in_words_of_the_page(str(error), path)) from None
         collection = source.collection
         name = "line" if suffix == ".jsonl" else "file"
-        left_out = [f"{where}: {problem}".replace(str(path), name) for where, problem in collection.left_out]
-        left_out += [note.replace(str(path), "file") for note in collection.notes]
+        left_out = [in_words_of_the_page(f"{where}: {wrong}", path, name) for where, wrong in collection.left_out]
+        left_out += [in_words_of_the_page(note, path) for note in collection.notes]
         rooms = []
         for room in collection.rooms[:MOST_ROOMS]:
             try:
@@ -259,6 +263,21 @@ def suffix_of(content: bytes) -> str:
     if content.startswith(b"PK"):
         return ".sh3d"
     return ".jsonl" if isinstance(parsed(content), RoomError) else ".json"
+
+
+def source_of(path: Path, unit: str) -> Source:
+    """The rooms of a file. Raises InputError where it cannot be read, or is not for us to say a unit of."""
+    if unit == "auto":
+        return home_of(path) if path.suffix == ".sh3d" else opened(path)
+    if format_of(path) != "json":
+        raise InputError(f"unit: {path} says itself how long a metre is; expected auto")
+    collection = read_rooms(path, unit=unit)
+    return RoomsSource(collection, [room.furniture for room in collection.rooms])
+
+
+def in_words_of_the_page(line: str, path: Path, name: str = "file") -> str:
+    """A line on a file, without its path, and without options of commands that the page does not have."""
+    return OPTIONS.sub("", line.replace(str(path), name)).replace("unit=", "choose unit ")
 
 
 def room_in(asked: Any) -> Room:

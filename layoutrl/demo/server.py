@@ -28,6 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from layoutrl import InputError
 from layoutrl.demo.answers import LARGEST_LINE, Answers
 from layoutrl.demo.furnisher import staff_of
+from layoutrl.rooms.units import UNITS
 from layoutrl.runs.config import DemoConfig
 
 LARGEST_BODY = 5_000_000  # bytes
@@ -106,7 +107,8 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         worker = worker_of.get(question, "furnishes")
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
-    routes.append(Route("/api/read", asking(answers.read, "files"), methods=["POST"]))
+    for unit in ("auto", *UNITS):
+        routes.append(Route(f"/api/read/{unit}", asking(partial(answers.read, unit=unit), "files"), methods=["POST"]))
     routes.append(Route("/api/home", asking(answers.home, "files", LARGEST_HOME), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
     handlers[Exception] = lambda _, error: broken(error)

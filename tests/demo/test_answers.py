@@ -312,6 +312,31 @@ def test_files_are_read_and_what_is_wrong_is_said(answers):
         assert "/tmp" not in str(found.value)
 
 
+def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_chosen(answers, tmp_path):
+    room = {"id": "a", "room_type": "study", "outline": [[0, 0], [144, 0], [144, 120], [0, 120]], "windows": []}
+    room |= {"doors": [{"polygon": [[20, -8], [56, -8], [56, 0], [20, 0]]}], "furniture": []}
+    content = json.dumps(room).encode()
+    said = answers.read(content)
+    assert said["rooms"][0]["room"]["outline"][1] == [1.44, 0]
+    (line,) = said["left_out"]
+    assert line.startswith("file: lengths are read as cm, as rooms are large (choose unit m if they are); ")
+    assert line.endswith("(choose unit in if lengths are inches)")
+    said = answers.read(content, "in")
+    assert said["rooms"][0]["room"]["outline"][1] == pytest.approx([3.6576, 0])
+    assert said["left_out"] == []
+    with pytest.raises(InputError, match="unit: file says itself how long a metre is; expected auto"):
+        answers.read(home_file(tmp_path / "flat.sh3d").read_bytes(), "in")
+
+
+def test_what_is_said_of_a_home_names_no_option_of_commands(answers, tmp_path):
+    untold = FLAT.replace("Bedroom", "Xyz").replace("bed140x190", "whatsit")
+    parked = piece("cooktop", 900, 100, 60, 60, id="parked")
+    said = answers.read(home_file(tmp_path / "flat.sh3d", untold + parked).read_bytes())["left_out"]
+    for begin in ("file/Xyz: nothing tells its type", "'whatsit' (1) is no known", "the cooktop outside all rooms"):
+        (line,) = (line for line in said if line.startswith(begin))
+        assert "=" not in line
+
+
 def test_a_home_tells_what_is_fixed_and_is_saved_with_all_its_rooms(answers, tmp_path):
     shelf = piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
     content = home_file(tmp_path / "flat.sh3d", shelf + FLAT).read_bytes()

@@ -20,6 +20,7 @@ from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.rooms.units import UNITS
 from tests.demo.conftest import served
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
@@ -593,6 +594,21 @@ def test_rooms_of_the_gallery_of_a_file_and_drawn_ones_are_taken_up_as_they_were
         expect(page.locator("#title")).to_have_attribute("data-room", name)
         settled(page)
         assert room_of(page)["furniture"] == furniture
+
+
+def test_a_file_is_read_anew_in_the_unit_that_is_chosen(page):
+    inches = SQUARE | {"outline": [[0, 0], [144, 0], [144, 120], [0, 120]], "furniture": []}
+    inches |= {"doors": [{"polygon": [[20, -8], [56, -8], [56, 0], [20, 0]]}]}
+    count = page.locator("#gallery li").count()
+    page.evaluate(DROP, json.dumps(inches))
+    expect(page.locator("#lines")).to_contain_text("choose unit in if lengths are inches")
+    page.locator("#saving summary").click()
+    assert page.locator("#unit option").all_inner_texts() == ["auto", *UNITS]
+    page.locator("#unit").select_option("in")
+    expect(page.locator("#title")).to_contain_text("11.1 m²")
+    settled(page)
+    expect(page.locator("#lines li")).to_have_count(0)
+    expect(page.locator("#gallery li")).to_have_count(count + 1)
 
 
 def test_rooms_of_a_file_of_several_have_their_names_in_the_strip(page, tmp_path):

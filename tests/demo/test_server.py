@@ -118,7 +118,7 @@ def test_large_bodies_are_refused_before_they_are_read(answers):
             yield b"[" * 200_000
 
     async def talk(client: Any) -> Any:
-        return await client.post("/api/read", content=parts())
+        return await client.post("/api/read/auto", content=parts())
 
     response = talked(answers, talk)
     assert (response.status_code, response.json()) == (400, {"error": "body: expected at most 5 MB"})
@@ -170,9 +170,11 @@ def test_bad_bodies_are_answered_in_json(answers, count):
     dice = random.Random(1)
 
     def bad() -> tuple[str, bytes]:
-        question = dice.choice(("look", "look", "opening", "furnish", "values", "moves", "svg", "read", "home"))
+        question = dice.choice(
+            ("look", "look", "opening", "furnish", "values", "moves", "svg", "read/auto", "read/in", "home")
+        )
         document: Any = json.loads(json.dumps(dice.choice(ROOMS)))
-        if question != "read":
+        if not question.startswith("read"):
             document = {"room": document, "item": 0, "movable": [0, 1], "kind": "door", "at": [1, 0], "width": 0.9}
         if dice.random() < 0.6:
             return question, as_json(mutated_document(document, dice), dice)

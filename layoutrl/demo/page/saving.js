@@ -40,18 +40,24 @@ export function offer(source, before = false) {
   });
   if (before) $("gallery").prepend(...entries);
   else $("gallery").append(...entries);
+  return entries;
 }
 
-async function opened(file) {
+let last = null; // the file that was opened last, and its entries in the strip
+
+async function opened(file, entries = []) {
   if (!file) return;
+  const mine = { file, entries };
+  last = mine;
   state.lines = [];
   render();
   if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
-    const { rooms, left_out, home: whole } = await read(content);
+    const { rooms, left_out, home: whole } = await read(content, $("unit").value);
     const source = sourceOf(rooms, file.name.replace(/(?<=.)\.\w+$/, ""), whole ? content : null);
-    offer(source, true);
+    entries.forEach((entry) => entry.remove());
+    mine.entries = offer(source, true);
     await shown(rooms[0], source);
     state.lines = left_out;
     render();
@@ -87,6 +93,7 @@ async function saveHome() {
 }
 
 $("file").onchange = () => opened($("file").files[0]);
+$("unit").onchange = () => last && opened(last.file, last.entries);
 document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", (event) => {
   event.preventDefault();
