@@ -589,6 +589,7 @@ def test_rooms_of_the_gallery_of_a_file_and_drawn_ones_are_taken_up_as_they_were
     settled(page)
     edited[room_of(page)["id"]] = room_of(page)["furniture"]
     assert len(edited) == 3
+    expect(page.locator("#gallery li").first.locator(".item")).to_have_count(1)  # the strip shows it as it is now
     for name, furniture in edited.items():
         page.locator("#gallery").get_by_title(name, exact=True).click()
         expect(page.locator("#title")).to_have_attribute("data-room", name)

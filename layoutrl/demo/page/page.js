@@ -48,7 +48,10 @@ async function looking() {
     const chosen = item()?.center ? selected.index : null;
     try {
       const said = await ask("look", { room, item: chosen });
-      if (state.room === room) Object.assign(state, { look: said, problem: "" });
+      if (state.room === room) {
+        Object.assign(state, { look: said, problem: "" });
+        document.dispatchEvent(new Event("looked"));
+      }
     } catch (error) {
       state.problem = error.message;
     }

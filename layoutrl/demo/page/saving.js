@@ -34,7 +34,9 @@ export function offer(source, before = false) {
   const entries = source.rooms.map((entry) => {
     const { room, box } = entry;
     const node = element("button", { type: "button", title: room.id, onclick: () => shown(entry, source) });
-    node.append(thumbnail(room, box, known), element("span", { textContent: words(room.room_type) }));
+    const picture = thumbnail(room, box, known);
+    source.pictures.set(room.id, picture);
+    node.append(picture, element("span", { textContent: words(room.room_type) }));
     if (named) node.append(element("span", { className: "id", textContent: room.id.replace(/^file\//, "") }));
     return element("li", {}, node);
   });
@@ -42,6 +44,11 @@ export function offer(source, before = false) {
   else $("gallery").append(...entries);
   return entries;
 }
+
+document.addEventListener("looked", () => {
+  const { room, look, source } = state;
+  source.pictures.get(room.id)?.replaceChildren(...thumbnail(room, look.box, known).children);
+});
 
 let last = null; // the file that was opened last, and its entries in the strip
 
