@@ -434,6 +434,22 @@ def test_what_the_agent_thinks_is_a_map_and_arrows(page):
     expect(page.locator("#moves li")).to_have_text(["left: 2.0", "down: 1.0"])
     page.locator("#heat").uncheck()
     expect(page.locator("#plan .value")).to_have_count(0)
+    page.locator("#furnish").click()
+    settled(page)
+    expect(page.locator("#plan .arrow")).to_have_count(2)  # from where the item is now
+    page.locator("#undo").click()
+    settled(page)
+    expect(page.locator("#plan .arrow")).to_have_count(2)
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    expect(page.locator("#thinking")).to_be_hidden()
+    page.locator("#draw").click()
+    rug = {"category": "rug", "size": [1, 1], "center": [1.5, 1.5]}
+    page.evaluate(DROP, json.dumps(SQUARE | {"furniture": [rug]}))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    expect(page.locator("#thinking")).to_be_hidden()
+    item(page, "rug").focus()
+    expect(page.locator("#verdict")).to_contain_text("nobody places a rug in a study")
 
 
 def corner(page: Page, x: float, y: float) -> tuple[float, float]:

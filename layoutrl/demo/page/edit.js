@@ -162,7 +162,7 @@ async function travelled(back) {
   if (!idle() || !travel(back)) return;
   Object.assign(state, { ...outdated, thoughts: null, problem: "", look: { ...state.look, gaps: [] } });
   state.look = await answered("look", { room: state.room });
-  render();
+  document.dispatchEvent(new Event("choose"));
   look();
 }
 

@@ -38,7 +38,7 @@ async function furnish(movable) {
   become("idle");
   state.selected = selected;
   if (state.choices.length) await changed();
-  else render();
+  think();
   focus.focus({ preventScroll: true });
 }
 
@@ -97,14 +97,13 @@ document.addEventListener("take", ({ detail }) => {
   if (document.body.dataset.state !== "idle") return;
   state.chosen = detail;
   state.room.furniture = structuredClone(state.choices[detail].furniture);
-  state.thoughts = null;
   changed();
+  think();
 });
 
 // What the agent thinks of the chosen item.
 async function think() {
   const chosen = item();
-  $("thinking").hidden = !chosen?.center;
   $("scale").hidden = true;
   $("moves").replaceChildren();
   state.thoughts = null;
@@ -124,7 +123,7 @@ async function think() {
       }
       $("moves").replaceChildren(...moves.map(({ name, value }) => element("li", { textContent: `${name}: ${value.toFixed(1)}` })));
     } catch (error) {
-      say(error.message);
+      state.notice = error.message;
     } finally {
       delete plan.dataset.thinking;
     }

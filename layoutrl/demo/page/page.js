@@ -155,6 +155,7 @@ function renderList() {
 function renderSelected() {
   const { selected, room, look: { gaps } } = state;
   $("selected").hidden = !selected || state.mode !== "edit";
+  $("thinking").hidden = $("selected").hidden || !item()?.center;
   if (!selected) return;
   const chosen = item();
   const opening = openings(room)[selected.index];
