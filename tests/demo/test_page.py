@@ -94,11 +94,14 @@ def settled(page: Page) -> None:
 
 
 def room_of(page: Page) -> dict[str, Any]:
-    """The room that the page shows, as it saves it."""
+    """The room that the page shows, as it saves it but for what is locked."""
     document = json.loads(saved(page, "json"))
     rooms = document if isinstance(document, list) else [document]
     shown = page.locator("#title").get_attribute("data-room")
-    return next(room for room in rooms if room["id"] == shown)
+    (room,) = (room for room in rooms if room["id"] == shown)
+    return room | {
+        "furniture": [{name: entry[name] for name in entry if name != "locked"} for entry in room["furniture"]]
+    }
 
 
 def saved(page: Page, kind: str) -> bytes:
@@ -681,6 +684,26 @@ def test_a_file_of_several_rooms_is_saved_with_all_of_them_as_they_are_now(page,
     own, square, last = collection.rooms
     assert [own, last] == [room_from_dict(OWN), room_from_dict(kitchen)]
     assert square.furniture[0].center == (pytest.approx(2, abs=0.03), pytest.approx(1.5, abs=0.03))
+
+
+def test_what_is_locked_is_locked_in_json(page, tmp_path):
+    page.evaluate(DROP, json.dumps([SQUARE, OWN | {"furniture": [OWN["furniture"][0] | {"locked": True}]}]))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    item(page, "stool").focus()
+    page.keyboard.press("l")
+    expect(page.locator("#lock")).to_have_attribute("aria-pressed", "true")
+
+    def locked() -> list[bool]:
+        return ["locked" in room["furniture"][0] for room in json.loads(saved(page, "json"))]
+
+    assert locked() == [True, True]  # the second was not looked at
+    page.locator("#gallery").get_by_title(OWN["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
+    expect(page.locator("#plan .item.locked")).to_have_count(1)
+    page.locator("#plan [data-item='0']").focus()
+    page.keyboard.press("l")
+    expect(page.locator("#plan .item.locked")).to_have_count(0)
+    assert locked() == [True, False]
 
 
 def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):

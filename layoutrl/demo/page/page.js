@@ -77,6 +77,7 @@ export async function open(room, locked = [], source = sourceOf()) {
     Object.assign(state, { room: said.room, source, look: said, problem: "", notice: "", mode: "edit" });
     Object.assign(state, { selected: null, thoughts: null, ...outdated });
     state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
+    state.room.furniture.forEach((item) => delete item.locked); // who edits may unlock it
     commit();
     render();
     become("idle");

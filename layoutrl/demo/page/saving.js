@@ -15,10 +15,16 @@ function download(content, kind, ending, name = state.room.id) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-// What is fixed in a home is locked, and what stands where other furniture is to be placed.
+// What is fixed in a home is locked, what JSON says is, and what stands where other furniture is to be placed.
 function locks({ furniture }, fixed) {
   const waits = furniture.some(({ center }) => !center);
-  return furniture.map(({ center }, k) => fixed.includes(k) || (waits && Boolean(center)));
+  return furniture.map(({ center, locked }, k) => locked || fixed.includes(k) || (waits && Boolean(center)));
+}
+
+// The room as JSON has it: with what is locked of that which stands.
+function withLocks({ room, locked }) {
+  const furniture = room.furniture.map((item, k) => (locked[k] && item.center ? { ...item, locked: true } : item));
+  return { ...room, furniture };
 }
 
 // Take up a room of the strip as it was left.
@@ -78,7 +84,8 @@ function saveJSON() {
   const { room, source } = state;
   const { name, rooms, now } = source;
   const whole = name && rooms.length > 1;
-  const content = whole ? rooms.map((read) => (now.has(read.room.id) ? JSON.parse(now.get(read.room.id)).room : read.room)) : room;
+  const asNow = (read) => (now.has(read.room.id) ? withLocks(JSON.parse(now.get(read.room.id))) : read.room);
+  const content = whole ? rooms.map(asNow) : withLocks(state);
   download(`${JSON.stringify(content)}\n`, "application/json", "json", whole ? name : room.id);
   markSaved(source, whole ? [...now.keys()] : [room.id]);
 }
