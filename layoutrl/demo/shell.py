@@ -12,9 +12,9 @@ from shapely.geometry import LineString, Point
 
 from layoutrl import InputError
 from layoutrl.rooms.clearances import RAISED
+from layoutrl.rooms.doors import Leaf, drawn_leaves
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Opening, Room, rings
 
-WIDEST_LEAF = 1.2  # metres: wider doors slide, and swing nowhere
 FAR = 1000.0  # metres, beyond all rooms
 LEAST = 0.005  # metres: shorter distances are not drawn
 
@@ -24,37 +24,20 @@ Segment = tuple[tuple[float, float], tuple[float, float]]
 def swings(room: Room) -> list[str]:
     """The open leaf of each door and the quarter of a circle that it sweeps, as a path of SVG in metres, y up.
 
-    The hinge is at the end nearer to a corner of the room. A door wider than WIDEST_LEAF has an empty path.
+    A door without a leaf has an empty path.
     """
-    corners = shapely.multipoints(room.outline)
-    paths = []
-    for door in room.doors:
-        sides = [*pairwise((*door.polygon, door.polygon[0]))]
-        inner = min(sides, key=lambda side: (_off_floor(room, side), -math.dist(*side)))
-        width = math.dist(*inner)
-        hinge, end = sorted(inner, key=lambda point: shapely.distance(corners, Point(point)))
-        ahead = _inward(room, inner) * width + hinge
-        clockwise = np.cross([*ahead - hinge, 0], [*np.subtract(end, hinge), 0])[2] < 0
-        path = f"M{_xy(hinge)}L{_xy(ahead)}A{width:g} {width:g} 0 0 {0 if clockwise else 1} {_xy(end)}"
-        paths.append(path if width <= WIDEST_LEAF else "")
-    return paths
+    return [_path(leaf) if leaf else "" for leaf in drawn_leaves(room)]
 
 
-def _off_floor(room: Room, side: Segment) -> float:
-    """How far a side of an opening is from the floor, to the millimetre."""
-    return round(float(shapely.distance(room.indoor, LineString(side).centroid)), 3)
-
-
-def _inward(room: Room, side: Segment) -> np.ndarray:
-    """The direction (2,) across a side, into the room."""
-    across = np.array([side[0][1] - side[1][1], side[1][0] - side[0][0]]) / math.dist(*side)
-    middle = np.mean(side, 0)
-    there = shapely.distance(room.indoor, shapely.points([middle + 0.1 * across, middle - 0.1 * across]))
-    return across if there[0] <= there[1] else -across
+def _path(leaf: Leaf) -> str:
+    (x0, y0), (x1, y1) = leaf.open - leaf.hinge, leaf.shut - leaf.hinge
+    width = math.hypot(x0, y0)
+    counter_clockwise = int(x0 * y1 > x1 * y0)
+    return f"M{_xy(leaf.hinge)}L{_xy(leaf.open)}A{width:g} {width:g} 0 0 {counter_clockwise} {_xy(leaf.shut)}"
 
 
 def _xy(point: np.ndarray | tuple[float, float]) -> str:
-    return f"{point[0]:.4f} {point[1]:.4f}"
+    return "{:.4f} {:.4f}".format(*np.round(point, 4) + 0.0)  # no minus before zeros
 
 
 def with_opening(room: Room, kind: str, at: tuple[float, float], width: float) -> Room:

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
 from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, standing
+from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
 
 Wrong = Iterable[tuple[int, str]]
@@ -28,7 +29,8 @@ MARGIN = 0.1  # metres around the walls
 LINE = 0.2  # metres, of text
 FOOT = 0.45  # metres below, for a metre and the room's name
 PRINTED = 40  # millimetres a metre in SVG: 1:25
-LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
+LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name, in rooms that are not larger than
+ROOMY = 7.0  # metres
 POINTS = 1.6 * 72  # a metre in PNG
 WIDE = 0.6  # of a letter, as a share of its height
 NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -49,11 +51,12 @@ def draw(room: Room, wrong: Wrong, path: Path) -> None:
 def svg(room: Room, wrong: Wrong = ()) -> str:
     """A drawing whose user units are metres, with a <g> for each layer.
 
-    They are floor, walls, openings, furniture, labels and scale. Every item is a <g> with its index as data-id, its
-    data-category, and its data-faults, if it has some.
+    They are floor, walls, openings, leaves of doors, furniture, labels and scale. Every item is a <g> with its index as
+    data-id, its data-category, and its data-faults, if it has some.
     """
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
+    coarse = _coarse(room)
     faults, items = _by_item(wrong), standing(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
@@ -63,8 +66,12 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
             _polygon(opening.polygon, _hex(DOOR if opening.kind == "door" else WINDOW), f' data-kind="{opening.kind}"')
             for opening in room.openings
         ],
+        "leaves": [
+            f'<path d="M{_points(leaf)}" fill="none" stroke="{_hex(DOOR)}" stroke-width=".01"/>'
+            for leaf in _leaves(room)
+        ],
         "furniture": [_item(k, item, faults[k]) for k, item in items],
-        "labels": [_label(item, faults[k]) for k, item in items],
+        "labels": [_label(item, faults[k], coarse) for k, item in items],
         "scale": [
             f'<path d="M{_points(_metre(x0, y0))}" fill="none" stroke="#000" stroke-width=".02"/>',
             _text("1 m", left + 1.08, y0 + MARGIN + LINE, LETTERS[1]),
@@ -98,6 +105,8 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
         figure = Figure(figsize=(POINTS / 72 * (x1 - x0), POINTS / 72 * (y1 - y0)))
         figure.set_layout_engine("none")
         axes = figure.add_axes((0, 0, 1, 1))
+        for leaf in _leaves(room):
+            axes.plot(*leaf.T, color=np.array(DOOR) / 255, linewidth=0.8, zorder=0)
         draw_room(axes, replace(room, target=None), names=7)
         for k, faults in _by_item(wrong).items():
             item = room.furniture[k]
@@ -130,6 +139,8 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
     for opening in room.openings:
         layer = "A-DOOR" if opening.kind == "door" else "A-GLAZ"
         space.add_lwpolyline(opening.polygon, close=True, dxfattribs={"layer": layer})
+    for leaf in _leaves(room):
+        space.add_lwpolyline(leaf.tolist(), dxfattribs={"layer": "A-DOOR"})
     for k, item in standing(room):
         assert item.center is not None
         if item.form == "circle":
@@ -206,25 +217,43 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
     return f'<g data-id="{index}" data-category="{category}"{wrong}>{"".join(parts)}</g>'
 
 
-def _label(item: Item, faults: Sequence[str]) -> str:
-    """The category, a word a line, and below it what is wrong, no wider than the item where that can be read."""
+def _label(item: Item, faults: Sequence[str], coarse: float) -> str:
+    """The category, a word a line, and below it what is wrong, within the item where that can be read.
+
+    It is turned where its letters are much larger so.
+    """
     assert item.center is not None
-    x0, _, x1, _ = item.footprint.bounds
+    x0, y0, x1, y1 = item.footprint.bounds
     words = item.category.replace("_", " ").split()
-    size = _letters([*words, *faults], x1 - x0)
-    x, top = item.center[0], -item.center[1] - size * (len(words) + len(faults)) / 2
+    said = [*words, *faults]
+    size, turned = (_letters(said, *space, coarse) for space in ((x1 - x0, y1 - y0), (y1 - y0, x1 - x0)))
+    turn = ""
+    if turned > 1.2 * size:
+        size, turn = turned, f' transform="rotate(-90 {_number(item.center[0])} {_number(-item.center[1])})"'
+    x, top = item.center[0], -item.center[1] - size * len(said) / 2
     lines = [
         f'<tspan x="{_number(x)}" y="{_number(top + (n + 0.8) * size)}"{weight}>{_written(text)}</tspan>'
         for n, (text, weight) in enumerate([*((w, "") for w in words), *((f, ' font-weight="bold"') for f in faults)])
     ]
     halo = f'stroke="#fff" stroke-width="{_number(size / 5)}" paint-order="stroke"' if faults else ""
-    return f'<text font-size="{_number(size)}" text-anchor="middle" {halo}>{"".join(lines)}</text>'
+    return f'<text font-size="{_number(size)}" text-anchor="middle"{turn} {halo}>{"".join(lines)}</text>'
 
 
-def _letters(lines: Sequence[str], width: float) -> float:
-    """The height of letters in metres by which lines are no wider than `width` metres, where that can be read."""
-    least, most = LETTERS
-    return min(max(width / (WIDE * max(1, *map(len, lines))), least), most)
+def _letters(lines: Sequence[str], width: float, height: float = np.inf, coarse: float = 1.0) -> float:
+    """The height of letters in metres by which lines are within width and height, where that can be read."""
+    least, most = LETTERS[0] * coarse, LETTERS[1] * coarse
+    return min(max(min(width / (WIDE * max(1, *map(len, lines))), height / len(lines)), least), most)
+
+
+def _leaves(room: Room) -> list[np.ndarray]:
+    """The leaf of each door that has one, open, and the way to where it is shut: (n, 2) each."""
+    return [np.vstack([leaf.hinge, leaf.arc[::-1]]) for leaf in drawn_leaves(room) if leaf]
+
+
+def _coarse(room: Room) -> float:
+    """How many times larger letters are than in a small room: a hall is shown on the same page."""
+    x0, y0, x1, y1 = room.envelope.bounds
+    return max(1.0, max(x1 - x0, y1 - y0) / ROOMY)
 
 
 def _text(text: str, x: float, y: float, size: float) -> str:

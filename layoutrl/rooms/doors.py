@@ -26,12 +26,16 @@ class Leaf:
     shut: np.ndarray
     open: np.ndarray
 
+    @property
+    def arc(self) -> np.ndarray:
+        """Where its other end comes by, from shut to open: (STEPS + 1, 2)."""
+        angle = np.linspace(0, np.pi / 2, STEPS + 1)[:, None]
+        return self.hinge + np.cos(angle) * (self.shut - self.hinge) + np.sin(angle) * (self.open - self.hinge)
+
     @cached_property
     def swept(self) -> shapely.Polygon:
         """The floor over which it swings into the room."""
-        angle = np.linspace(0, np.pi / 2, STEPS + 1)[:, None]
-        arc = self.hinge + np.cos(angle) * (self.shut - self.hinge) + np.sin(angle) * (self.open - self.hinge)
-        return shapely.Polygon([self.hinge, *arc])
+        return shapely.Polygon([self.hinge, *self.arc])
 
 
 def kept_free(room: Room) -> shapely.Geometry:
@@ -60,6 +64,12 @@ def door_widths(room: Room) -> tuple[float, ...]:
 def leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
     """Of each door its leaf, hung at either end; None of a door that is wider than WIDEST_LEAF."""
     return _leaves(_bare(room))
+
+
+def drawn_leaves(room: Room) -> list[Leaf | None]:
+    """Of each door its leaf as plans draw it, hung at the end nearer to a corner of the room; None as in `leaves`."""
+    corners = shapely.multipoints(room.outline)
+    return [both and min(both, key=lambda leaf: corners.distance(shapely.Point(leaf.hinge))) for both in leaves(room)]
 
 
 def _bare(room: Room) -> Room:

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from shapely.geometry import Point, Polygon, box
+from shapely.geometry import LineString, Point, Polygon, box
 
 from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
+from layoutrl.rooms.doors import drawn_leaves, leaves
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room, rooms
 from tests.rooms.test_documents import document
@@ -40,12 +41,13 @@ def outline(shape: ElementTree.Element) -> Polygon:
 @given(rooms())
 def test_svg_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(room: Room) -> None:
     drawn = layers(svg(room))
-    assert list(drawn) == ["floor", "walls", "openings", "furniture", "labels", "scale"]
+    assert list(drawn) == ["floor", "walls", "openings", "leaves", "furniture", "labels", "scale"]
     for shape, wall in zip(drawn["walls"], room.wall_shapes, strict=True):
         assert outline(shape).hausdorff_distance(wall) < TENTH
     for shape, opening in zip(drawn["openings"], room.openings, strict=True):
         assert shape.get("data-kind") == opening.kind
         assert outline(shape).hausdorff_distance(opening.shape) < TENTH
+    assert len(drawn["leaves"]) == sum(leaf is not None for leaf in leaves(room))
     items = {int(group.get("data-id", "")): group for group in drawn["furniture"]}
     assert sorted(items) == [k for k, item in enumerate(room.furniture) if item.center is not None]
     for k, group in items.items():
@@ -117,9 +119,12 @@ def test_dxf_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(
     document = ezdxf.readfile(file)
     assert document.units == ezdxf.units.M
     assert not document.audit().errors
-    shapes = {layer: [] for layer in ("A-WALL", "A-DOOR", "A-GLAZ", "A-FURN")}
+    open_leaves, shapes = [], {layer: [] for layer in ("A-WALL", "A-DOOR", "A-GLAZ", "A-FURN")}
     for line in document.modelspace().query("LWPOLYLINE"):
-        shapes[line.dxf.layer].append(Polygon([(x, y) for x, y, *_ in line]))
+        if line.closed:
+            shapes[line.dxf.layer].append(Polygon([(x, y) for x, y, *_ in line]))
+        else:
+            open_leaves.append(LineString([(x, y) for x, y, *_ in line]))
     circles = [circle.dxf.radius * 2 for circle in document.modelspace().query("CIRCLE")]
     placed = [item for item in room.furniture if item.center is not None]
     assert sorted(circles) == sorted(item.size[0] for item in placed if item.form == "circle")
@@ -131,8 +136,32 @@ def test_dxf_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(
     }
     for layer, polygons in expected.items():
         assert sorted(shape.area for shape in shapes[layer]) == pytest.approx(sorted(p.area for p in polygons))
+    drawn = [leaf for leaf in drawn_leaves(room) if leaf]
+    for line, leaf in zip(open_leaves, drawn, strict=True):
+        assert line.hausdorff_distance(LineString([leaf.hinge, *leaf.arc[::-1]])) < TENTH
     names = [re.split(r"\\P", text.text)[0] for text in document.modelspace().query("MTEXT")]
     assert sorted(names) == sorted(item.category for item in placed)
+
+
+def letters(room: Room) -> list[tuple[float, bool]]:
+    """How high the letters of each label are, in metres, and whether it is turned."""
+    return [(float(t.get("font-size", "")), "rotate" in t.get("transform", "")) for t in layers(svg(room))["labels"]]
+
+
+def test_a_label_is_within_its_item_turned_in_a_narrow_one_and_larger_in_a_hall() -> None:
+    shelf = Item("bookcase", (0.3, 1.2), (0.15, 1.5), 0.0)
+    (high, turned), (other, upright) = letters(
+        replace(rectangular_room(4, 3), furniture=(shelf, replace(shelf, center=(2, 0.15), rotation=90.0)), target=None)
+    )
+    assert (turned, upright) == (True, False)
+    assert high == other
+    assert WIDE * len("bookcase") * high < 1.2
+    ((in_hall, _),) = letters(replace(rectangular_room(20, 14), furniture=(shelf,), target=None))
+    assert in_hall > 1.5 * high
+    ((narrow, _),) = letters(
+        replace(rectangular_room(4, 3), furniture=(replace(shelf, size=(0.08, 0.9)),), target=None)
+    )
+    assert narrow < 0.09
 
 
 @pytest.mark.parametrize("width", [1.5, 3.0, 6.0])

@@ -42,7 +42,7 @@ class Known:
 def turned_round(design: Room) -> Room:
     """Every item at the designer's place, its front at the wall."""
     poses = {k: (item.center, (item.rotation + 180) % 360) for k, item in enumerate(design.furniture)}
-    return furnished(brief_of(design), poses)
+    return furnished(design, poses)
 
 
 def lacking(layout: Room) -> Room:
@@ -66,8 +66,9 @@ def test_another_is_asked_where_something_is_wrong_and_heeded_where_it_does_bett
 
 def test_of_layouts_to_choose_from_the_worse_give_way_to_those_of_the_search_and_none_is_there_twice() -> None:
     design, bad = DESIGNS[0], turned_round(DESIGNS[0])
-    poses = {k: ((item.center[0] + 0.3, item.center[1]), item.rotation) for k, item in enumerate(design.furniture)}
-    moved = furnished(design, poses)
+    middle = np.array(design.indoor.centroid.coords[0])
+    inwards = [0.8 * np.array(item.center) + 0.2 * middle for item in design.furniture]
+    moved = furnished(design, {k: (tuple(inwards[k]), item.rotation) for k, item in enumerate(design.furniture)})
     one, another = Known(design, bad), Known(moved, lacking(design), design)
     (found,) = Helped(one, another).furnish([brief_of(design)], 3, 0)
     worse, worst = sorted(shortcomings([brief_of(design)] * 2, [[Furnished(bad, 0.0)], [Furnished(moved, 0.0)]]))
