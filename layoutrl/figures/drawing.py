@@ -31,6 +31,7 @@ FOOT = 0.45  # metres below, for a metre and the room's name
 PRINTED = 40  # millimetres a metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name, in rooms that are not larger than
 ROOMY = 7.0  # metres
+ARC = 18  # straight lines for the leaf of a door
 POINTS = 1.6 * 72  # a metre in PNG
 WIDE = 0.6  # of a letter, as a share of its height
 NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -247,7 +248,7 @@ def _letters(lines: Sequence[str], width: float, height: float = np.inf, coarse:
 
 def _leaves(room: Room) -> list[np.ndarray]:
     """The leaf of each door that has one, open, and the way to where it is shut: (n, 2) each."""
-    return [np.vstack([leaf.hinge, leaf.arc[::-1]]) for leaf in drawn_leaves(room) if leaf]
+    return [np.vstack([leaf.hinge, leaf.arc(ARC)[::-1]]) for leaf in drawn_leaves(room) if leaf]
 
 
 def _coarse(room: Room) -> float:

@@ -15,7 +15,7 @@ from layoutrl.rooms.room import TOLERANCE, Opening, Room, along_and_through
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 WIDEST_LEAF = 1.2  # metres: wider doors slide, or have two leaves
-STEPS = 9  # straight lines for the arc of a leaf
+STEPS = 9  # straight lines for the arc that a leaf sweeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,16 +26,15 @@ class Leaf:
     shut: np.ndarray
     open: np.ndarray
 
-    @property
-    def arc(self) -> np.ndarray:
-        """Where its other end comes by, from shut to open: (STEPS + 1, 2)."""
-        angle = np.linspace(0, np.pi / 2, STEPS + 1)[:, None]
+    def arc(self, steps: int) -> np.ndarray:
+        """Where its other end comes by, from shut to open, in straight lines: (steps + 1, 2)."""
+        angle = np.linspace(0, np.pi / 2, steps + 1)[:, None]
         return self.hinge + np.cos(angle) * (self.shut - self.hinge) + np.sin(angle) * (self.open - self.hinge)
 
     @cached_property
     def swept(self) -> shapely.Polygon:
         """The floor over which it swings into the room."""
-        return shapely.Polygon([self.hinge, *self.arc])
+        return shapely.Polygon([self.hinge, *self.arc(STEPS)])
 
 
 def kept_free(room: Room) -> shapely.Geometry:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from shapely.geometry import LineString, Point, Polygon, box
 
-from layoutrl.figures.drawing import WIDE, draw, sheet, svg
+from layoutrl.figures.drawing import ARC, WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.doors import drawn_leaves, leaves
 from layoutrl.rooms.room import Item, Room
@@ -138,7 +138,7 @@ def test_dxf_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(
         assert sorted(shape.area for shape in shapes[layer]) == pytest.approx(sorted(p.area for p in polygons))
     drawn = [leaf for leaf in drawn_leaves(room) if leaf]
     for line, leaf in zip(open_leaves, drawn, strict=True):
-        assert line.hausdorff_distance(LineString([leaf.hinge, *leaf.arc[::-1]])) < TENTH
+        assert line.hausdorff_distance(LineString([leaf.hinge, *leaf.arc(ARC)[::-1]])) < TENTH
     names = [re.split(r"\\P", text.text)[0] for text in document.modelspace().query("MTEXT")]
     assert sorted(names) == sorted(item.category for item in placed)
 
