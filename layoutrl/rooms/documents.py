@@ -192,7 +192,7 @@ def _check_places(room: Room, with_walls: bool) -> None:
             )
         reach = shapely.distance(room.indoor, shapely.points(opening.polygon)).max()
         if reach > thickness + TOLERANCE:
-            hint = "" if with_walls else "; give walls that are thicker as `walls`"
+            hint = "" if with_walls else "; give walls that are thicker as `walls`, or say another unit"
             raise RoomError(
                 field, f"expected to lie in the walls ({thickness:.2f} m); it reaches {reach:.2f} m out{hint}"
             )

@@ -52,7 +52,7 @@ def doubt(item: Item) -> str | None:
     depth, width = SIZES[item.category]
     size = f"the {item.category} of {item.size[0]:g} by {item.size[1]:g} m"
     if min(item.size[0] / depth[1], item.size[1] / width[1]) > OUTSIZE:
-        return f"{size} is more than twice as large as others are: is unit= right?"
+        return f"{size} is more than twice as large as others are: is the unit right?"
     if item.category not in FRONT_DEPTH or abs(item.size[0] - item.size[1]) < ALIKE:
         return None
     if not _within(item.size[0], depth) and _within(item.size[1], depth) and _within(item.size[0], width):

@@ -88,7 +88,7 @@ def answerable(
     if not room.doors:
         lines.append("it has no door: what can be reached is told from the largest free floor")
     elif (width := max(door_widths(room))) < NARROWEST:
-        lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is unit= right?")
+        lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is the unit right?")
     elif width < passage(room.room_type) - TOLERANCE:
         lines.append(f"its widest door is {width:.2f} m wide: what can be reached is told of who fits through")
     return Answerable(room, frozenset(unseen), lines)

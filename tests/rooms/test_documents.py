@@ -237,7 +237,9 @@ def test_an_outline_around_which_no_walls_can_be_drawn_is_answered() -> None:
 
 def test_a_window_through_a_thick_wall_is_read_where_walls_are_given_and_said_so_where_not() -> None:
     window = polygons([[1, 3], [2, 3], [2, 3.36], [1, 3.36]])
-    with pytest.raises(RoomError, match=r"it reaches 0\.36 m out; give walls that are thicker as `walls`"):
+    with pytest.raises(
+        RoomError, match=r"it reaches 0\.36 m out; give walls that are thicker as `walls`, or say another unit"
+    ):
         room_from_dict(document(windows=window))
     wall = polygons([[0, 3], [1, 3], [1, 3.36], [0, 3.36]])
     assert len(room_from_dict(document(windows=window, walls=wall)).windows) == 1

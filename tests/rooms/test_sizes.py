@@ -21,7 +21,7 @@ def test_nothing_is_asked_of_what_the_designer_has_and_the_unit_of_what_is_in_fe
             assert doubt(item) is None
             in_feet = replace(item, size=(item.size[0] * UNITS["ft"], item.size[1] * UNITS["ft"]))
             if max(depth[1] / depth[0], width[1] / width[0]) < UNITS["ft"] / OUTSIZE:  # of others it may be a large one
-                assert "unit=" in (doubt(in_feet) or "")
+                assert "is the unit right" in (doubt(in_feet) or "")
 
 
 @pytest.mark.parametrize(("category", "depth", "width"), [

@@ -95,7 +95,7 @@ def test_what_a_layout_puts_beyond_the_walls_has_no_place() -> None:
 @pytest.mark.parametrize(
     ("width", "said"),
     [
-        (0.45, "its widest door is 0.45 m wide, and nobody fits through: is unit= right?"),
+        (0.45, "its widest door is 0.45 m wide, and nobody fits through: is the unit right?"),
         (0.55, "its widest door is 0.55 m wide: what can be reached is told of who fits through"),
         (0.6, None),
     ],
