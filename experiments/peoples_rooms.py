@@ -21,9 +21,10 @@ from typing import Any
 
 from cell_config import RESULTS
 
-from layoutrl.place import Answered, furnish
+from layoutrl.place import furnish
 from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults
 from layoutrl.rooms.formats import opened
+from layoutrl.runs.answered import Answered
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
 

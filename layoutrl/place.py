@@ -15,8 +15,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
-from itertools import groupby, islice
-from operator import itemgetter
+from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -25,14 +24,15 @@ from tqdm import tqdm
 from layoutrl import InputError, __version__
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
-from layoutrl.rooms.documents import room_to_dict, with_layout
-from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
+from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.files import check_new, files_below
 from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place, unread
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
-from layoutrl.runs.asked import Asked, asked_of, put_back, said_to_stay
+from layoutrl.runs.answered import Answered
+from layoutrl.runs.asked import Asked, asked_of, put_back
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
@@ -55,78 +55,8 @@ if TYPE_CHECKING:
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
 LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
-CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
-
-
-@dataclass(frozen=True)
-class Answered:
-    """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault).
-
-    What found no place stays where the file has it, if that is in the room; else it has no center.
-    """
-
-    entry: Entry
-    asked: Asked
-    layouts: list[Room]
-    by: list[str]  # who made each, where that is not who was asked
-    unplaced: list[list[int]]  # of the items that are wanted, those for which each layout has no place
-    wrong: list[list[Fault]]
-
-    def placed(self, choice: int) -> int:
-        """How many items a layout places."""
-        return len(self.asked.wanted) - len(self.asked.left) - len(self.unplaced[choice])
-
-    def found(self, choice: int) -> Room:
-        """A layout of what was placed alone, as files are written by: all else in them stays as it was."""
-        layout, asked = self.layouts[choice], self.asked.can.asked
-        items = enumerate(layout.furniture)
-        furniture = (asked.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
-        return replace(layout, furniture=tuple(furniture))
-
-    def documents(self) -> Iterator[dict[str, Any]]:
-        """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
-        if not self.asked.wanted:
-            yield self.entry.document
-            return
-        for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
-            found = self.found(n - 1)
-            written = with_layout(self.entry.document, self.asked.can.asked, found, wrong, self.entry.unit)
-            yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
-
-    def lines(self) -> Iterator[str]:
-        """What there is to say of each layout; of the room itself it is said with the first. Nothing of a room in which
-        nothing was to be placed."""
-        if not self.asked.wanted:
-            return
-        for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
-            name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
-            said = [
-                f"the {self._name(k)}: {self._words(k, [fault for _, fault in some])}"
-                for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
-            ]
-            room = self.asked.can.lines
-            nothing = "nothing else is wrong" if room else "nothing is wrong"
-            found = "; ".join([*(room if n == 1 else []), *said]) or nothing
-            placed = f"{self.placed(n - 1)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
-            stays = f"; {said_to_stay(layout, self.asked.stays)}" if self.asked.stays else ""
-            yield f"{name}: {placed}; {found}{stays}"
-
-    def _name(self, item: int) -> str:
-        """The category of an item, and which of its kind it is, in the order of the file."""
-        furniture = self.asked.can.asked.furniture
-        alike = [k for k, other in enumerate(furniture) if other.category == furniture[item].category]
-        which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
-        return f"{furniture[item].category}{which}"
-
-    def _words(self, item: int, faults: Sequence[str]) -> str:
-        there = ", ".join(fault for fault in faults if fault != MISSING)
-        if MISSING not in faults:
-            return there
-        stays = f", and stays where it stood{there and f' ({there})'}"
-        return CROWDED_OUT + stays * (item in self.asked.stood)
 
 
 @dataclass(frozen=True)

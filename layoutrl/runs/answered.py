@@ -1,0 +1,86 @@
+"""What `place` found for a room of a file, as it is written and told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import itemgetter
+from typing import Any
+
+from layoutrl.rooms.documents import with_layout
+from layoutrl.rooms.faults import MISSING, Fault
+from layoutrl.rooms.room import Room
+from layoutrl.runs.asked import Asked, said_to_stay
+from layoutrl.runs.streams import Entry
+
+CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault).
+
+    What found no place stays where the file has it, if that is in the room; else it has no center.
+    """
+
+    entry: Entry
+    asked: Asked
+    layouts: list[Room]
+    by: list[str]  # who made each, where that is not who was asked
+    unplaced: list[list[int]]  # of the items that are wanted, those for which each layout has no place
+    wrong: list[list[Fault]]
+
+    def placed(self, choice: int) -> int:
+        """How many items a layout places."""
+        return len(self.asked.wanted) - len(self.asked.left) - len(self.unplaced[choice])
+
+    def found(self, choice: int) -> Room:
+        """A layout of what was placed alone, as files are written by: all else in them stays as it was."""
+        layout, asked = self.layouts[choice], self.asked.can.asked
+        items = enumerate(layout.furniture)
+        furniture = (asked.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
+        return replace(layout, furniture=tuple(furniture))
+
+    def documents(self) -> Iterator[dict[str, Any]]:
+        """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
+        if not self.asked.wanted:
+            yield self.entry.document
+            return
+        for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
+            found = self.found(n - 1)
+            written = with_layout(self.entry.document, self.asked.can.asked, found, wrong, self.entry.unit)
+            yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
+
+    def lines(self) -> Iterator[str]:
+        """What there is to say of each layout; of the room itself it is said with the first. Nothing of a room in which
+        nothing was to be placed."""
+        if not self.asked.wanted:
+            return
+        for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
+            name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
+            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
+            said = [
+                f"the {self._name(k)}: {self._words(k, [fault for _, fault in some])}"
+                for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
+            ]
+            room = self.asked.can.lines
+            nothing = "nothing else is wrong" if room else "nothing is wrong"
+            found = "; ".join([*(room if n == 1 else []), *said]) or nothing
+            placed = f"{self.placed(n - 1)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
+            stays = f"; {said_to_stay(layout, self.asked.stays)}" if self.asked.stays else ""
+            yield f"{name}: {placed}; {found}{stays}"
+
+    def _name(self, item: int) -> str:
+        """The category of an item, and which of its kind it is, in the order of the file."""
+        furniture = self.asked.can.asked.furniture
+        alike = [k for k, other in enumerate(furniture) if other.category == furniture[item].category]
+        which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
+        return f"{furniture[item].category}{which}"
+
+    def _words(self, item: int, faults: Sequence[str]) -> str:
+        there = ", ".join(fault for fault in faults if fault != MISSING)
+        if MISSING not in faults:
+            return there
+        stays = f", and stays where it stood{there and f' ({there})'}"
+        return CROWDED_OUT + stays * (item in self.asked.stood)
