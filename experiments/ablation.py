@@ -45,6 +45,8 @@ ITEM = {
     "no dueling head": ["method.dueling=false"],
     "discount 0.9": ["method.discount=0.9"],
     "episodes end at the goal": ["method.goal_iou=0.95"],
+    "no climb at the end": ["method.climbs=0"],
+    "not in line with what stands beside": ["method.snap=0"],
 }
 ROOM = {
     "the method": [],
