@@ -1,0 +1,59 @@
+"""Lengths in other units: told by the size of rooms and doors, and read as the same rooms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
+
+NUMBERS = st.floats(-1e3, 1e3) | st.integers(-1000, 1000)
+ANYTHING: st.SearchStrategy[Any] = st.recursive(
+    st.none() | st.booleans() | st.text(max_size=3) | NUMBERS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["size", "outline", "id"]), inner),
+    max_leaves=8,
+)
+
+
+def scaled(document: dict[str, Any], unit: str) -> dict[str, Any]:
+    """A room's document with its lengths in another unit."""
+    return in_metres(document, 1 / UNITS[unit])
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+@pytest.mark.parametrize("unit", ["m", "cm", "mm"])
+def test_metric_units_are_told_by_the_rooms(room_type: str, unit: str) -> None:
+    documents = [room_to_dict(room) for room in design_rooms(room_type, "test", 0, 12).rooms]
+    assert unit_of(scaled(document, unit) for document in documents) == unit
+    most = [scaled(document, unit) for document in documents[:8]]
+    assert unit_of([*most, *documents[8:]]) == unit  # as most of a file are
+
+
+@given(ANYTHING)
+def test_what_is_no_room_is_in_metres(document: Any) -> None:
+    assert unit_of([document]) == "m"
+    assert unit_of([]) == "m"
+
+
+@given(ANYTHING, st.sampled_from(sorted(UNITS)))
+def test_what_is_no_length_is_as_it_was(document: Any, unit: str) -> None:
+    assert in_metres(document, 1) is document
+    read = in_metres(
+        {"id": document, "size": [1, 2], "furniture": [{"category": "bed", "center": [3, 4]}]}, UNITS[unit]
+    )
+    assert read["id"] == document
+    assert read["size"] == pytest.approx([1 / UNITS[unit], 2 / UNITS[unit]])
+    assert read["furniture"][0]["category"] == "bed"
+    assert read["furniture"][0]["center"] == pytest.approx([3 / UNITS[unit], 4 / UNITS[unit]])
+
+
+def test_narrow_doors_in_centimetres_may_be_inches() -> None:
+    document = room_to_dict(design_rooms("bedroom", "test", 0, 1).rooms[0])
+    assert "unit=in" in unit_line("cm", [scaled(document, "in")])
+    assert "unit=in" not in unit_line("cm", [scaled(document, "cm")])
