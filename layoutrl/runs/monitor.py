@@ -106,8 +106,8 @@ def reported(
             for tag, value in found.items():
                 if tag.split("/")[0] == "loss" and not math.isfinite(value):
                     raise InputError(
-                        f"method: the {tag} is {value} after {report.updates} updates; the last checkpoint is of "
-                        "before; expected a lower method.learning_rate"
+                        f"method: the {tag} is {value} after {report.updates} updates; expected a number: begin "
+                        "another run with a lower method.learning_rate"
                     )
             evaluates = report.updates // evaluate_every > before // evaluate_every or report.updates == updates
             before = report.updates

@@ -72,8 +72,8 @@ class Session:
         training = self._training.state_dict()
         if not finite(training):
             raise InputError(
-                f"method: a value is no number after {self._training.updates} updates, which are not saved; expected a "
-                "lower method.learning_rate"
+                f"method: a value is no number after {self._training.updates} updates, which are not saved; begin "
+                "another run with a lower method.learning_rate"
             )
         state = self._about | {"seconds": self.seconds, "training": training}
         save_checkpoint(self.folder, state, self._training.updates, iou)

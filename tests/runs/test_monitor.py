@@ -105,7 +105,7 @@ def test_reports_and_evaluations_are_shown_when_they_are_made(
 def test_a_loss_that_is_no_number_is_refused(tmp_path: Path) -> None:
     (tmp_path / "config.yaml").write_text("seed: 0")
     reports = Reports([Report(2, {"a": 0.1}), Report(4, {"a": float("inf")})])
-    with pytest.raises(InputError, match="the loss/a is inf after 4 updates"):
+    with pytest.raises(InputError, match="the loss/a is inf after 4 updates; expected a number: begin another run"):
         list(reported(reports, ["updates", "loss/a"], lambda *_: {}, tmp_path, 9, 9))
 
 

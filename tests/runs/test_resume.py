@@ -339,29 +339,34 @@ def test_what_cannot_be_shown_of_a_run_is_answered_in_a_line(rooms, tmp_path, mo
         run(configured(rooms, tmp_path))
 
 
-def test_a_loss_that_is_no_number_ends_the_run_and_is_never_saved(rooms, tmp_path):
-    config = configured(rooms, tmp_path, "method.learning_rate=1e30")
-    with pytest.raises(InputError, match=r"the loss is nan after \d+ updates"):
-        run(config)
-    folder = tmp_path / "tatami" / "one"
-    for checkpoint in checkpoints(folder):
-        state = torch.load(checkpoint.file, weights_only=True)
-        assert all(value.isfinite().all() for value in state["training"]["agent"]["network"].values())
+def spoilt(monkeypatch: pytest.MonkeyPatch, *, stops: bool) -> None:
+    """Let values be no numbers between two reports, after the checkpoint of 30 updates."""
+    learn = Training._learn
+
+    def spoilt_after_35(training: Training) -> None:
+        learn(training)
+        if training.updates == 35:
+            next(training.agent.network.parameters()).data.fill_(torch.nan)
+            training.stopping = stops
+
+    monkeypatch.setattr(Training, "_learn", spoilt_after_35)
+
+
+ANOTHER = r"begin another run with a lower method\.learning_rate$"
+
+
+def test_a_loss_that_is_no_number_ends_the_run_and_is_never_saved(rooms, tmp_path, monkeypatch):
+    spoilt(monkeypatch, stops=False)
+    with pytest.raises(InputError, match=rf"the loss is nan after 40 updates; .*{ANOTHER}"):
+        run(configured(rooms, tmp_path))
+    assert [checkpoint.updates for checkpoint in checkpoints(tmp_path / "tatami" / "one")] == [30]
 
 
 def test_a_stop_does_not_save_what_is_no_number(rooms, tmp_path, monkeypatch):
-    learn = Training._learn
-
-    def spoilt_and_stopped(training: Training) -> None:
-        learn(training)
-        if training.updates == 35:  # between two reports, and after the checkpoint of 30
-            next(training.agent.network.parameters()).data.fill_(torch.nan)
-            training.stopping = True
-
-    monkeypatch.setattr(Training, "_learn", spoilt_and_stopped)
-    with pytest.raises(InputError, match="a value is no number after 35 updates, which are not saved"):
+    spoilt(monkeypatch, stops=True)
+    with pytest.raises(InputError, match=rf"a value is no number after 35 updates, which are not saved; {ANOTHER}"):
         run(configured(rooms, tmp_path))
-    assert checkpoints(tmp_path / "tatami" / "one")[0].updates == 30
+    assert [checkpoint.updates for checkpoint in checkpoints(tmp_path / "tatami" / "one")] == [30]
 
 
 def test_tensorboard_and_the_table_hold_each_update_once(rooms, whole, tmp_path):
