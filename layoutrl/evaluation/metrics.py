@@ -61,7 +61,7 @@ def blocks_openings(simulator: Simulator, room: np.ndarray, position: np.ndarray
 
 
 def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """The best IoU that the moves can reach from each start (B, 2): no stopping place scores higher. (B,)
+    """The best IoU that can be reached from each start (B, 2) by moves alone, without the snap into line. (B,)
 
     Each axis offers the multiples of the shortest step from the start and, with slides, from every
     contact with the outline or an item. Whether they can be reached through the room is not asked. Exact for upright

@@ -1,4 +1,4 @@
-"""A quick look at how good an agent is, while it trains."""
+"""A quick look at how good an agent is, while it trains. By that of training rooms the best checkpoint is chosen."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PICTURES = 4  # rooms drawn each time
 
 
 class Probe:
-    """Greedy episodes from one fixed start in each room of a simulator. Nothing is chosen by what they score."""
+    """Greedy episodes from one fixed start in each room of a simulator."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Probe:
 
 
 class RoomsProbe:
-    """Whole rooms, furnished. Nothing is chosen by what they score."""
+    """Whole rooms, furnished."""
 
     def __init__(self, designs: Sequence[Room]):
         self._designs = list(designs)
