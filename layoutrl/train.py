@@ -19,10 +19,11 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import ending, finish, seeds
+    from layoutrl.runs.resume import check_folder, ending, finish, seeds
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # said before the rooms are made, which takes a while
+    check_folder(config, folder)
     scope, room = config.method.scope, config.room
     training, held_out = both(*parts_of(scope, room.type, room.item, config.data, config.fold))
     trained = train(config, training, held_out, device, folder)

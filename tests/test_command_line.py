@@ -313,6 +313,8 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
         ("train", ["device=cuda:99", "data=json", "data.root=nowhere.jsonl"], ["device", "cuda:99"]),  # before rooms
         ("planit.train", ["device=cuda:99", "data=json", "data.root=nowhere.jsonl"], ["device", "cuda:99"]),
+        ("train", ["runs=/dev/null", "data=json", "data.root=nowhere.jsonl"], ["runs: ", "/dev/null"]),
+        ("planit.train", ["runs=/dev/null", "data=json", "data.root=nowhere.jsonl"], ["runs: ", "/dev/null"]),
         ("train", ["method.steps=[0.3,0.2]"], ["method.steps", "multiples"]),
         ("train", ["method.steps=[]"], ["method.steps", "finite lengths above zero"]),
         ("train", ["method.steps=[inf]"], ["method.steps", "finite lengths above zero"]),

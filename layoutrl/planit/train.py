@@ -19,9 +19,10 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     from layoutrl.rivals.planit.scoring import evaluated, table
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.planit_training import train, usable
-    from layoutrl.runs.resume import ending, finish, seeds
+    from layoutrl.runs.resume import check_folder, ending, finish, seeds
 
     device = device_of(config.device)  # said before the rooms are made, which takes a while
+    check_folder(config, folder)
     training, held_out = usable(*two_parts(config.room.type, config.room.item, config.data, config.fold))
     spent = updates_budget(config.method.updates[config.budget.name])
     trained = train(config, training, held_out, spent, device, folder)

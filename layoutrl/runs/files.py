@@ -61,6 +61,13 @@ def _lock(descriptor: int, wait: bool) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+def check_writable(folder: Path, option: str) -> None:
+    """Raise InputError unless files can be made in a folder, or in one that is to be made; `option` names it."""
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        raise InputError(f"{option}: {there} cannot be written to; expected a folder to write to")
+
+
 def write_whole(file: Path, content: bytes) -> None:
     """Write a file whole or not at all, and onto the disk before its name is there."""
     partial = file.with_name(f"{file.name}.partial")

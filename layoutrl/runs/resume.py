@@ -27,7 +27,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint, taken
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import AnyTraining, Config
-from layoutrl.runs.files import LOCK, locked, write_json
+from layoutrl.runs.files import LOCK, check_writable, locked, write_json
 from layoutrl.runs.folder import differences, folders_of, load_config, located, new_folder, wanted_folder
 from layoutrl.runs.machine import machine
 
@@ -52,6 +52,18 @@ class Stoppable(Protocol):
 def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
     """Of the networks, the training, the probes and the evaluation."""
     return np.random.SeedSequence(config.seed).spawn(4)
+
+
+def check_folder(config: AnyTraining, folder: Path | None) -> None:
+    """Raise InputError where a new run, or one to go on with, cannot be written to or is in use by another process.
+
+    It is asked before rooms are made, which takes a while.
+    """
+    if folder is None:
+        check_writable(wanted_folder(config).parent, "runs")
+    else:
+        with locked(folder / LOCK, wait=False):
+            pass
 
 
 class Session:
