@@ -44,6 +44,21 @@ def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
+def given_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves, Reward]:
+    """Moves and a reward, the project's where None are given. Raises ValueError for what is neither."""
+    for name, given, kind in (("moves", moves, Moves), ("reward", reward, Reward)):
+        if not (given is None or isinstance(given, kind)):
+            raise ValueError(f"{name}: expected {kind.__name__}(...) or None; got {given!r:.60}")
+    return moves or Moves(), reward or Reward()
+
+
+def checked_options(options: dict[str, Any] | None, *names: str) -> dict[str, Any]:
+    """The options of a reset, which may have these names. Raises ValueError for all else."""
+    if not (options is None or (isinstance(options, dict) and options.keys() <= {*names})):
+        raise ValueError(f"options: expected a dict of {' and '.join(names)}; got {options!r:.60}")
+    return options or {}
+
+
 def check_at_least_one(**counts: int) -> None:
     """Raises ValueError, with its name, for what is no count of one or more."""
     for name, count in counts.items():
@@ -102,7 +117,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         rooms = standing_or_some(rooms)
-        self.simulator = Simulator(rooms, moves or Moves(), reward or Reward())
+        self.simulator = Simulator(rooms, *given_or_default(moves, reward))
         self.max_moves = max_moves
         self.on_illegal = on_illegal
         self.render_mode = render_mode
@@ -115,7 +130,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        room, position = self._chosen(options or {})  # refused before anything changes
+        room, position = self._chosen(checked_options(options, "room", "position"))  # refused before anything changes
         super().reset(seed=seed)
         drawn = self.np_random.integers(len(self.simulator.rooms))  # with a room that was asked for, in vain
         self._room = int(drawn if room is None else room)
@@ -157,9 +172,6 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def _chosen(self, options: dict[str, Any]) -> tuple[int | None, np.ndarray | None]:
         """Room and position (2,) that the options of a reset ask for; None for what is to be drawn."""
-        unknown = options.keys() - {"room", "position"}
-        if unknown:
-            raise ValueError(f"options: expected room and position; got {', '.join(sorted(map(str, unknown)))}")
         room: int | None = options.get("room")
         given, count = options.get("position"), len(self.simulator.rooms)
         if room is not None and not (is_whole(room) and 0 <= room < count):

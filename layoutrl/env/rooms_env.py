@@ -13,7 +13,14 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from layoutrl import InputError
-from layoutrl.env.layout_env import check_at_least_one, check_render_mode, given_or_some, is_whole
+from layoutrl.env.layout_env import (
+    check_at_least_one,
+    check_render_mode,
+    checked_options,
+    given_or_default,
+    given_or_some,
+    is_whole,
+)
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished_picture
 from layoutrl.env.reward import Reward
@@ -68,10 +75,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        options, count = options or {}, len(self.simulator.rooms)
-        room = options.get("room")
-        if unknown := options.keys() - {"room"}:
-            raise ValueError(f"options: expected room; got {', '.join(sorted(map(str, unknown)))}")
+        room, count = checked_options(options, "room").get("room"), len(self.simulator.rooms)
         if room is not None and not (is_whole(room) and 0 <= room < count):
             raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
         super().reset(seed=seed)
@@ -138,7 +142,7 @@ def simulator_of(
         raise InputError(f"rooms: {empty[0]} has nothing to place; expected rooms with furniture")
     designs = [None if missing(room) else room for room in given]
     briefs = [room if missing(room) else brief_of(room) for room in given]
-    return RoomsSimulator(briefs, designs, moves or Moves(), reward or Reward()), designs
+    return RoomsSimulator(briefs, designs, *given_or_default(moves, reward)), designs
 
 
 def measures_of(layout: Room, design: Room | None) -> dict[str, Any]:

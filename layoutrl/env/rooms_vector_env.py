@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
+from layoutrl.env.batch import usable_device
 from layoutrl.env.layout_env import check_at_least_one, check_render_mode
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
@@ -54,6 +55,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ):
         check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
+        device = usable_device(device)
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.measure = measure

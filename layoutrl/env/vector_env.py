@@ -14,9 +14,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.batch import BatchSimulator, usable_device
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.layout_env import LayoutEnv, check_at_least_one, check_render_mode, standing_or_some
+from layoutrl.env.layout_env import (
+    LayoutEnv,
+    check_at_least_one,
+    check_render_mode,
+    given_or_default,
+    standing_or_some,
+)
 from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward, RewardTerms
@@ -31,9 +37,9 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     front, as numpy arrays, computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A).
 
     Rooms and starts are drawn; `reset` takes no options. From `reset(seed=7)` on one stream draws for all environments:
-    fastest. From `reset(seed=[7, 8, ...])` on, num_envs seeds, each has a stream of its own: it begins this episode and
-    those that follow where `LayoutEnv` with that seed does, wherever in the list the seed stands. None in the list goes
-    on with that environment's stream, or begins one; `reset()` goes on with what there is.
+    fastest. From `reset(seed=[7, 8, ...])` on, num_envs seeds in a list or an array, each has a stream of its own: it
+    begins this episode and those that follow where `LayoutEnv` with that seed does, wherever the seed stands.
+    None in the list goes on with that environment's stream, or begins one; `reset()` goes on with what there is.
 
     All episodes begin together, and after `max_moves` moves all are truncated and others begin in the same step
     (AutoresetMode.SAME_STEP): observations and info are then those of the starts, while `final_obs` and `final_info`
@@ -60,11 +66,12 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ):
         check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
+        device = usable_device(device)
         rooms = standing_or_some(rooms)
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.render_mode = render_mode
-        self._reference = Simulator(rooms, moves or Moves(), reward or Reward())
+        self._reference = Simulator(rooms, *given_or_default(moves, reward))
         self.simulator = BatchSimulator(self._reference, device)
         self._observe = observation_of(observation, rooms, device)
         self.single_observation_space = self._observe.space
@@ -150,6 +157,8 @@ def reseeded(
     Of a list each environment has the stream of its seed, or where that is None the one that it had, or a new one.
     Raises ValueError for another number of seeds.
     """
+    if isinstance(seed, np.ndarray):
+        seed = seed.tolist()
     if not isinstance(seed, Sequence):
         VectorEnv.reset(env, seed=seed)
         return streams if seed is None else None
@@ -162,14 +171,19 @@ def reseeded(
 
 def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:
     """Actions on the device, int64 (num_envs,). Raises ValueError for those outside the action space."""
-    action = torch.as_tensor(actions, device=device)
-    if action.shape != (num_envs,) or action.dtype == torch.bool or not torch.can_cast(action.dtype, torch.int64):
-        got = f"{action.dtype} of shape {tuple(action.shape)}"
+    try:
+        action = torch.as_tensor(actions, device=device)
+    except (TypeError, ValueError, RuntimeError):  # None, objects, texts
+        raise ValueError(f"actions: expected whole numbers of shape ({num_envs},); got {actions!r:.60}") from None
+    kind = action.dtype
+    if action.shape != (num_envs,) or kind == torch.bool or kind.is_floating_point or kind.is_complex:
+        got = f"{kind} of shape {tuple(action.shape)}"
         raise ValueError(f"actions: expected whole numbers of shape ({num_envs},); got {got}")
-    outside = (action < 0) | (action >= count)
+    whole = action.long()  # torch compares no unsigned numbers
+    outside = (whole < 0) | (whole >= count)
     if outside.any():
-        raise ValueError(f"actions: expected 0 to {count - 1}; got {int(action[outside][0])}")
-    return action.long()
+        raise ValueError(f"actions: expected 0 to {count - 1}; got {array(action)[array(outside)][0]}")
+    return whole
 
 
 def masked(info: dict[str, Any], num_envs: int) -> dict[str, Any]:

@@ -16,7 +16,7 @@ import shapely
 import torch
 
 import layoutrl
-from layoutrl import InputError
+from layoutrl.env.batch import usable_device
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
@@ -25,14 +25,7 @@ def device_of(name: str) -> torch.device:
     """`auto` is the GPU where there is one."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        chosen = torch.device(name)
-        torch.zeros(1, device=chosen).item()  # which a device without memory refuses
-    except (RuntimeError, AssertionError) as error:
-        raise InputError(
-            f"device: expected auto, cpu or a GPU of this machine; got {name} ({str(error).splitlines()[0]})"
-        ) from None
-    return chosen
+    return usable_device(name)
 
 
 def refuse_chance(device: torch.device) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 
 import gymnasium
@@ -94,6 +95,22 @@ def test_rooms_of_a_file_are_taken_as_the_readme_says(tmp_path, monkeypatch):
 def test_what_is_no_list_of_rooms_is_refused(environment, rooms):
     with pytest.raises(InputError, match=r"^rooms: expected a list of rooms, as read_rooms\(file\)\.rooms is; got .+"):
         gymnasium.make(environment, rooms=rooms)
+
+
+@pytest.mark.parametrize("environment", ["layoutrl/Layout-v0", "layoutrl/Rooms-v0"])
+def test_what_is_no_argument_of_an_environment_is_refused_in_a_line(environment):
+    many = {"num_envs": 2, "vectorization_mode": "vector_entry_point"}
+    for make in (gymnasium.make, partial(gymnasium.make_vec, **many)):
+        with pytest.raises(ValueError, match=r"^moves: expected Moves\(\.\.\.\) or None; got \(0\.3,\)$"):
+            make(environment, rooms=[l_room()], moves=(0.3,))
+        with pytest.raises(
+            ValueError, match=r"^reward: expected Reward\(\.\.\.\) or None; got <built-in function sum>$"
+        ):
+            make(environment, rooms=[l_room()], reward=sum)
+    said = "device: expected cpu or a GPU of this machine, as cuda:0; got"
+    for device in ("foo", "cuda:99", None):
+        with pytest.raises(InputError, match=f"^{said} {device} "):
+            gymnasium.make_vec(environment, rooms=[l_room()], device=device, **many)
 
 
 def test_no_rooms_or_unknown_choices_are_refused():
@@ -286,7 +303,8 @@ def test_options_choose_room_and_position():
         ({"room": -1}, "0 to 2; got -1"),
         ({"room": 1.5}, "whole number from 0 to 2; got 1.5"),
         ({"room": "l"}, "whole number"),
-        ({"start": 1, "room": 1}, "expected room and position; got start"),
+        ({"start": 1, "room": 1}, "expected a dict of room and position; got {'start': 1, 'room': 1}"),
+        ("room", "expected a dict of room and position; got 'room'"),
         ({"room": 1, "position": (3.5, 3.5)}, "leaves the room"),
         ({"position": (1.25, 0.75)}, r"expected options\['room'\]"),
         *(

@@ -109,7 +109,8 @@ def test_what_cannot_be_asked_is_refused_and_changes_nothing() -> None:
     env.reset(seed=0)
     here = env.layout
     for options, words in (
-        ({"place": 1}, "expected room; got place"),
+        ({"place": 1}, "expected a dict of room; got {'place': 1}"),
+        ("room", "expected a dict of room; got 'room'"),
         ({"room": 3}, "0 to 2; got 3"),
         ({"room": True}, "got True"),
     ):

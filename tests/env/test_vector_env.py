@@ -206,6 +206,24 @@ def test_what_cannot_be_is_refused() -> None:
         LayoutVectorEnv(2, [l_room()], max_moves=0)
 
 
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint16, np.int32, np.uint32, np.int64, np.uint64])
+def test_actions_are_whole_numbers_of_any_kind(kind: type) -> None:
+    env = LayoutVectorEnv(2, [l_room()])
+    env.reset(seed=0)
+    *_, expected = env.step(np.array([3, 7]))
+    env.reset(seed=0)
+    *_, info = env.step(np.array([3, 7], dtype=kind))
+    assert_same(info, expected)
+    most = np.iinfo(kind).max
+    with pytest.raises(ValueError, match=f"^actions: expected 0 to 19; got {most}$"):
+        env.step(np.array([3, most], dtype=kind))
+
+
+def test_seeds_may_be_an_array() -> None:
+    env = LayoutVectorEnv(2, some_rooms())
+    assert_same(env.reset(seed=np.array([3, 4])), env.reset(seed=[3, 4]))
+
+
 @pytest.mark.parametrize(
     "call", [lambda env: env.step(np.array([0, 0])), LayoutVectorEnv.render, LayoutVectorEnv.action_masks]
 )
@@ -229,9 +247,11 @@ def test_what_is_refused_leaves_all_as_it_was(seed: int | list[int]) -> None:
     for seeds in (-1, [None, -1], [3, 0.5], [4, "a"]):
         with pytest.raises(gymnasium.error.Error, match="Seed"):
             env.reset(seed=seeds)
-    for actions in ([0], [0, 0, 0], [[0, 0]], 0, [0.0, 1.0], [True, False]):
+    for actions in ([0], [0, 0, 0], [[0, 0]], 0, [0.0, 1.0], [True, False], [0j, 0j], None, [0, "a"]):
         with pytest.raises(ValueError, match="whole numbers of shape"):
             env.step(np.array(actions))
+    with pytest.raises(ValueError, match="whole numbers of shape"):
+        env.step(None)  # type: ignore[arg-type]
     for actions in ([0, 20], [-1, 0]):
         with pytest.raises(ValueError, match="actions: expected 0 to 19"):
             env.step(np.array(actions))
