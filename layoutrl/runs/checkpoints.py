@@ -110,7 +110,7 @@ def load_checkpoint(
                 raise ValueError("it is no state of a training")
             if (theirs := state.get("format", 1)) != FORMAT:
                 raise InputError(
-                    f"run: {checkpoint.file} is of format {theirs}, of layoutrl {version}; "
+                    f"{checkpoint.file} is of format {theirs}, of layoutrl {version}; "
                     f"expected {FORMAT}, of layoutrl {layoutrl.__version__}: train it again"
                 )
             if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
@@ -127,10 +127,10 @@ def load_checkpoint(
             continue
         if config and (others := differences(state["config"], config)):
             raise InputError(
-                f"run: {checkpoint.file} is of another {', '.join(others)}; expected the same as in config.yaml"
+                f"{checkpoint.file} is of another {', '.join(others)}; expected the same as in config.yaml"
             )
         return state
-    raise InputError(f"run: {folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
+    raise InputError(f"{folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
 
 
 @contextmanager
@@ -145,6 +145,6 @@ def taken(folder: Path) -> Iterator[None]:
     except Exception as error:
         reason = " ".join(str(error).split())
         raise InputError(
-            f"run: the checkpoint of {folder} does not fit ({type(error).__name__}: {reason:.200}); "
+            f"the checkpoint of {folder} does not fit ({type(error).__name__}: {reason:.200}); "
             "expected what a training as in config.yaml leaves"
         ) from None

@@ -88,8 +88,11 @@ def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "")
     return sorted(names)
 
 
-def load_config(folder: Path, schema: type[Config]) -> Config:
-    """The resolved configuration of a run. Raises InputError where there is none, or one of another kind of run."""
+def load_config(folder: Path, schema: type[Config], option: str = "run") -> Config:
+    """The resolved configuration of a run, which an option names.
+
+    Raises InputError where there is none, or one of another kind of run.
+    """
     path = folder / "config.yaml"
     try:
         with path.open("rb") as file:
@@ -98,13 +101,14 @@ def load_config(folder: Path, schema: type[Config]) -> Config:
         return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(io.StringIO(text))))  # type: ignore[return-value]
     except OSError as error:
         reason = error.strerror or "it holds no options"
-        raise InputError(f"run: {path} cannot be read ({reason}); expected the folder of a training run") from None
+        raise InputError(f"{option}: {path} cannot be read ({reason}); expected the folder of a training run") from None
     except OmegaConfBaseException as error:
         reason = misfit(error, schema)
     except (yaml.YAMLError, ValueError, TypeError) as error:  # also for what is out of range
         reason = " ".join(str(error).split())
     raise InputError(
-        f"run: {path} is damaged, or of another kind of run or version ({reason}); expected it as a training wrote it"
+        f"{option}: {path} is damaged, or of another kind of run or version ({reason}); expected it as a training "
+        "wrote it"
     )
 
 

@@ -30,6 +30,7 @@ from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
 from layoutrl.runs.folder import differences, folders_of, load_config, located, new_folder, wanted_folder
 from layoutrl.runs.machine import machine
+from layoutrl.runs.ranges import within
 
 EVALUATION = "evaluation.json"  # a run that has it is finished
 
@@ -176,6 +177,7 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
         else:
             run(config, None)
         return
+    within("resume", resume, resume.strip() != "", "the folder of a run; it is empty")
     if also := [given for given in hydra_config.overrides.task if not given.startswith("resume=")]:
         raise InputError(f"resume: goes on as it began; expected nothing beside it, got {' '.join(also)}")
     resumed(Path(resume), run, type(config))
@@ -183,7 +185,7 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
 
 def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
     """Go on with a run, to its end."""
-    config = load_config(folder, schema)
+    config = load_config(folder, schema, "resume")
     if (folder / EVALUATION).exists():
         print(f"{folder} is finished")
         return folder
@@ -240,11 +242,11 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
         return None
     state = load_checkpoint(folder, device, config=identity["config"])
     if state["rooms"] != identity["rooms"]:
-        raise InputError(f"resume: the checkpoint of {folder} is of other rooms; expected those that it began with")
+        raise InputError(f"the checkpoint of {folder} is of other rooms; expected those that it began with")
     ours = identity["device"]  # another's generators would draw otherwise
     if (theirs := state["device"]) != ours:
         raise InputError(
-            f"resume: the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
+            f"the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
             "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"
         )
     return state

@@ -63,7 +63,7 @@ def test_a_configuration_that_was_changed_after_the_training_is_refused(
 ) -> None:
     changed(copy, before, after)
     last = checkpoints(copy)[0].file
-    with pytest.raises(InputError, match=rf"^run: {last} is of another {name}; expected the same as in config\.yaml$"):
+    with pytest.raises(InputError, match=rf"^{last} is of another {name}; expected the same as in config\.yaml$"):
         trained_run(RunConfig(str(copy)))
 
 
@@ -87,7 +87,7 @@ def test_a_checkpoint_of_another_run_is_refused(copy: Path, tmp_path: Path) -> N
 )
 def test_a_checkpoint_that_says_what_it_is_not_is_refused(content: dict[str, Any], copy: Path) -> None:
     save_checkpoint(copy, load_checkpoint(copy, CPU) | content, UPDATES)
-    with pytest.raises(InputError, match=rf"^run: the checkpoint of {copy} does not fit \(.*\); expected .*$"):
+    with pytest.raises(InputError, match=rf"^the checkpoint of {copy} does not fit \(.*\); expected .*$"):
         trained_run(RunConfig(str(copy)))
 
 
