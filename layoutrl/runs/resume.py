@@ -34,6 +34,9 @@ from layoutrl.runs.ranges import within
 
 EVALUATION = "evaluation.json"  # a run that has it is finished
 
+# Windows has no SIGHUP.
+STOPPING = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__]
+
 Run = Callable[[Config, Path | None], Path]  # a run as configured: a new one, or one to go on with
 
 
@@ -273,14 +276,18 @@ def digest(rooms: Sequence[Room]) -> str:
 
 @contextmanager
 def stopped_by_signals(training: Stoppable) -> Iterator[None]:
-    """SIGINT and SIGTERM end a training after the update that it makes; a second one ends the program."""
+    """SIGINT, SIGTERM and SIGHUP end a training after the update that it makes; a second one ends the program.
+
+    What is ignored, as by nohup, goes on to be.
+    """
 
     def stop(number: int, _: FrameType | None) -> None:
         training.stopping = True
         signal.signal(number, before[signal.Signals(number)])
 
     main = threading.current_thread() is threading.main_thread()  # no other can have them
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)} if main else {}
+    heard = [n for n in STOPPING if main and signal.getsignal(n) not in (signal.SIG_IGN, None)]
+    before = {number: signal.signal(number, stop) for number in heard}
     try:
         yield
     finally:

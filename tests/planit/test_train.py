@@ -109,7 +109,9 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
 
 
 def test_a_loss_that_is_no_number_ends_the_run(rooms: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"the loss/\w+ is (nan|inf) after .* begin another run with a lower method\.learning_rate"):
+    with pytest.raises(
+        InputError, match=r"the loss/\w+ is (nan|inf) after .* begin another run with a lower method\.learning_rate"
+    ):
         run(configured(rooms, tmp_path, "method.learning_rate=1e30"))
 
 

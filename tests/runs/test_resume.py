@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -142,6 +143,25 @@ def killed(rooms: Path, folder: Path, reports: int, seconds: float) -> None:
     process.join(seconds)
     process.kill()
     process.join()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_a_training_once_and_not_where_it_is_ignored(number):
+    training = SimpleNamespace(stopping=False)
+    before = signal.signal(number, signal.SIG_IGN)  # as nohup has it
+    try:
+        with resume.stopped_by_signals(training):
+            signal.raise_signal(number)
+        assert not training.stopping
+        heard: list[int] = []
+        signal.signal(number, lambda number, _: heard.append(number))
+        with resume.stopped_by_signals(training):
+            signal.raise_signal(number)
+            assert (training.stopping, heard) == (True, [])
+            signal.raise_signal(number)
+        assert heard == [number]
+    finally:
+        signal.signal(number, before)
 
 
 def reports_of(folder: Path) -> int:
