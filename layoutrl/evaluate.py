@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,30 +11,29 @@ import numpy as np
 from layoutrl import InputError
 from layoutrl.rooms.files import check_new
 from layoutrl.runs.commands import command
-from layoutrl.runs.config import EvaluateConfig
+from layoutrl.runs.config import EvaluateConfig, TrainConfig
+from layoutrl.runs.files import check_writable, write_json, writing
+from layoutrl.runs.folder import load_config
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
     """Score a trained agent; prints a table and stores it as `out`, or as evaluation-....json in the run's folder.
 
-    Raises InputError, before it scores, where that cannot be written to.
+    Raises InputError, before it reads rooms, where that cannot be written to.
     """
+    trained = load_config(Path(config.run), TrainConfig)
+    if trained.method.scope == "room" and config.starts > 1:
+        raise InputError(f"starts: a whole room is furnished once, from nothing; expected 1; got {config.starts}")
+    if config.out:
+        check_new(Path(config.out), ".json")
+    check_writable(Path(config.out).parent if config.out else Path(config.run), "out")
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
-    from layoutrl.runs.files import write_json
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import scored
     from layoutrl.runs.trained import trained_run
 
-    if config.out:
-        check_new(Path(config.out), ".json")
     shown = trained_run(config)
-    if shown.furnishes and config.starts > 1:
-        raise InputError(f"starts: a whole room is furnished once, from nothing; expected 1; got {config.starts}")
     file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json")
-    if not os.access(file.parent, os.W_OK):
-        raise InputError(
-            f"out: {file.parent} cannot be written to; expected a file in a folder to write to, as out=<file>"
-        )
     agent = shown.network, shown.method, shown.reward, shown.categories
     seed = np.random.SeedSequence(config.seed)
     result, said = scored(*agent, shown.rooms, shown.training, seed, config.starts)
@@ -46,7 +44,8 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         "seed": config.seed,
         "machine": machine(device_of(config.device)),
     }
-    write_json(file, about | result)
+    with writing(file):
+        write_json(file, about | result)
     print(f"wrote {file}")
     return result
 

@@ -16,7 +16,9 @@ from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.rooms.sources.parts import Data, designed_rooms
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import GalleryConfig, RoomConfig
+from layoutrl.runs.files import check_writable
 
+OUT = "gallery"  # folder of sheets, which are drawn anew; in another none is overwritten
 COLUMNS = 6  # of a sheet
 CELL = 2.4  # inches, width and height of one room
 
@@ -38,18 +40,21 @@ def sheet(rooms: Sequence[Room]) -> Figure:
 
 def run(config: GalleryConfig) -> list[Path]:
     """Draw the first rooms of the type, or of all types in turn; returns the files, PNG and SVG."""
+    name = "all_types" if config.all_types else config.room.type
+    source = config.data.source
+    which = f"seed{config.data.seed}" if source == "designer" else Path(str(config.data.root)).resolve().stem
+    base = Path(config.out or OUT) / f"{name}-{source}-{which}"
+    for file in (base.with_name(f"{base.name}.{kind}") for kind in ("png", "svg")):
+        if config.out and file.exists():
+            raise InputError(f"out: {file} is there already; expected another folder, as out=<folder>")
+    check_writable(base.parent, "out")
     types = list(MAIN_ITEM) if config.all_types else [config.room.type]
     each = -(-config.rooms // len(types))
     rooms = [room for room_type in types for room in _rooms(replace(config.room, type=room_type), config.data, each)]
     if not rooms:
-        raise InputError(
-            f"room: {config.data.source} has no {' or '.join(types)} to draw; expected another room=<type>"
-        )
-    name = "all_types" if config.all_types else config.room.type
-    source = config.data.source
-    which = f"seed{config.data.seed}" if source == "designer" else Path(str(config.data.root)).resolve().stem
+        raise InputError(f"room: {source} has no {' or '.join(types)} to draw; expected another room=<type>")
     with style.context([STYLE, PLAIN]):
-        files = save(sheet(rooms), Path(config.out) / f"{name}-{source}-{which}", dpi=120)
+        files = save(sheet(rooms), base, dpi=120)
     for file in files:
         print(f"wrote {file}")
     return files

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +24,9 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.files import check_new
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import command
-from layoutrl.runs.config import WatchConfig
+from layoutrl.runs.config import TrainConfig, WatchConfig
+from layoutrl.runs.files import check_writable, write_whole, writing
+from layoutrl.runs.folder import load_config
 
 if TYPE_CHECKING:
     from layoutrl.evaluation.furnishing import Furnisher
@@ -37,13 +40,15 @@ COLORS = 64  # of a GIF
 
 def run(config: WatchConfig) -> list[Path]:
     """Write an animation of greedy episodes in rooms of a run, as GIF and WebP; returns the files."""
+    load_config(Path(config.run), TrainConfig)  # what is wrong with it is said first
+    asked = files_of(Path(config.out)) if config.out else []
+    for file in asked:
+        check_new(file, file.suffix)
+    check_writable(Path(config.out).parent if config.out else Path(config.run), "out")
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.env.batch import BatchSimulator
     from layoutrl.runs.trained import trained_run
 
-    if config.out:
-        for file in files_of(Path(config.out)):
-            check_new(file, file.suffix)
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
     chosen = rng.permutation(len(shown.rooms))[: config.rooms]
@@ -57,8 +62,8 @@ def run(config: WatchConfig) -> list[Path]:
         episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
     with style.context([STYLE, PLAIN]):
         pictures = list(frames(episodes, config.width))
-    base = Path(config.out or Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}")
-    files = write(pictures, base)
+    name = f"watch-{shown.name}-{config.rooms}-seed{config.seed}"
+    write(pictures, files := asked or [Path(config.run) / f"{name}.{kind}" for kind in ("gif", "webp")])
     moves = np.mean([len(episode.way) - 1 for episode in episodes])
     mean = np.mean([episode.iou for episode in episodes])
     print(f"mean IoU {mean:.3f} in {len(chosen)} rooms, {moves:.1f} moves each")
@@ -153,26 +158,30 @@ def _picture(canvas: FigureCanvasAgg) -> Image.Image:
 
 
 def files_of(base: Path) -> list[Path]:
-    """<base>.gif and <base>.webp, also where the base has such a suffix itself."""
-    stem = base.stem if base.suffix.lower() in (".gif", ".webp") else base.name
-    return [base.with_name(f"{stem}.{suffix}") for suffix in ("gif", "webp")]
+    """<base>.gif and <base>.webp, also where the base has such a suffix itself. Raises InputError for another."""
+    if not base.name or base.suffix.lower() not in ("", ".gif", ".webp"):
+        raise InputError(f"out: {base} is no .gif or .webp file; expected the name of new ones, as out=film")
+    return [base.with_suffix(suffix) for suffix in (".gif", ".webp")]
 
 
-def write(pictures: Sequence[Image.Image], base: Path) -> list[Path]:
-    """Write `files_of` a base. Raises InputError where they cannot be written."""
+def write(pictures: Sequence[Image.Image], files: Sequence[Path]) -> None:
+    """Write the pictures as GIF and as WebP, both or none. Raises InputError where they cannot be written."""
     palette = pictures[-1].quantize(COLORS, Image.Quantize.MAXCOVERAGE)  # white stays white
-    files = files_of(base)
-    durations = [START_MS, *[FRAME_MS] * (len(pictures) - 2), HELD_MS]
     few_colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    durations = [START_MS, *[FRAME_MS] * (len(pictures) - 2), HELD_MS]
+    films = [io.BytesIO() for _ in files]
+    for film, kind, (first, *others) in zip(films, ("GIF", "WEBP"), (few_colors, pictures), strict=True):
+        first.save(film, kind, save_all=True, append_images=others, duration=durations, loop=0, optimize=True)
+    written: list[Path] = []
     try:
-        base.parent.mkdir(parents=True, exist_ok=True)
-        for file, (first, *others) in zip(files, (few_colors, pictures), strict=True):
-            first.save(file, save_all=True, append_images=others, duration=durations, loop=0, optimize=True)
-    except OSError as error:
-        raise InputError(
-            f"out: cannot write {base} ({error.strerror}); expected a file in a folder to write to"
-        ) from None
-    return files
+        for file, film in zip(files, films, strict=True):
+            with writing(file):
+                write_whole(file, film.getvalue())
+            written.append(file)
+    except InputError:
+        for file in written:
+            file.unlink()
+        raise
 
 
 main = command("watch", WatchConfig, run)

@@ -263,6 +263,8 @@ def test_watch_shows_the_agent_move(bedroom_run: Path, tmp_path: Path) -> None:
             assert film.info["duration"] > 1000  # time to read the IoU
     again = layoutrl("watch", f"run={bedroom_run}", "rooms=4", "width=150", "out=films/again", cwd=tmp_path)
     assert again.returncode == 0
+    refused = layoutrl("watch", f"run={bedroom_run}", "out=films/again.gif", cwd=tmp_path)
+    assert "out: films/again.gif is there already; expected the name of a new .gif file" in refused.stderr
     assert (tmp_path / "films" / "again.gif").read_bytes() == (tmp_path / "films" / "mine.gif").read_bytes()
 
 
@@ -359,6 +361,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("watch", ["run=nowhere"], ["nowhere"]),
         ("evaluate", ["run=nowhere", "checkpoint=first"], ["checkpoint", "last, best"]),
         ("watch", ["run=nowhere", "rooms=0"], ["rooms", "1 or more"]),
+        ("watch", ["run=nowhere", "width=100000"], ["width", "100 to 4000"]),
         ("evaluate", [], ["run"]),
         ("evaluate", ["run=nowhere", "data.root=elsewhere"], ["nowhere"]),
     ],

@@ -38,6 +38,18 @@ def test_of_all_types_those_are_drawn_that_a_file_has_in_any_script(mine: Path, 
     assert "厨房" in svg
 
 
+def test_a_sheet_is_overwritten_in_its_own_folder_alone(
+    mine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn(mine, tmp_path)
+    with pytest.raises(InputError, match=r"^out: .*/bedroom-json-mine\.png is there already; expected another folder"):
+        drawn(mine, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    config = composed("gallery", "data=json", f"data.root={mine}")
+    sheets = [Path(f"gallery/bedroom-json-mine.{kind}") for kind in ("png", "svg")]
+    assert gallery.run(config) == gallery.run(config) == sheets
+
+
 def test_a_type_that_the_file_does_not_have_is_answered(mine: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="json has no study to draw"):
         drawn(mine, tmp_path, "room=study")

@@ -32,6 +32,7 @@ from layoutrl.runs.ranges import check_data, check_furnishing, check_method, one
 
 PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
+WIDEST = 4000  # pixels of an animation, of which all pictures are in memory at once
 MOST_SECONDS = 3600  # of a core, a layout
 
 
@@ -222,7 +223,7 @@ class WatchConfig(RunConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         within("rooms", self.rooms, self.rooms >= 1, "1 or more")
-        within("width", self.width, self.width >= 100, "100 or more")
+        within("width", self.width, 100 <= self.width <= WIDEST, f"100 to {WIDEST}")
 
 
 @dataclass
@@ -300,7 +301,7 @@ class GalleryConfig:
     data: Data = MISSING
     rooms: int = 24
     all_types: bool = False
-    out: str = "gallery"
+    out: str | None = None
 
     def __post_init__(self) -> None:
         expand_paths(self)

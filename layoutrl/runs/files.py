@@ -65,7 +65,19 @@ def check_writable(folder: Path, option: str) -> None:
     """Raise InputError unless files can be made in a folder, or in one that is to be made; `option` names it."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
-        raise InputError(f"{option}: {there} cannot be written to; expected a folder to write to")
+        raise InputError(f"{option}: {folder} cannot be written to; expected a folder to write to")
+
+
+@contextmanager
+def writing(file: Path) -> Iterator[None]:
+    """Make its folder, and answer where what the option `out` names cannot be written."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise InputError(
+            f"out: cannot write {file} ({error.strerror}); expected a file in a folder to write to"
+        ) from None
 
 
 def write_whole(file: Path, content: bytes) -> None:

@@ -121,6 +121,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
     """
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
+    method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
+    check_on_illegal("on_illegal", method)
     device = device_of(config.device)
     network, categories, rooms = trained_network(folder, trained, device, config.checkpoint)
     learns = trained.method.scope, trained.room.type, trained.room.item
@@ -141,8 +143,6 @@ def trained_run(config: RunConfig) -> TrainedRun:
     if not chosen:
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
-    method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
-    check_on_illegal("on_illegal", method)
     return TrainedRun(
         network,
         method,

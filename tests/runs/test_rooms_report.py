@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -11,9 +13,10 @@ from layoutrl import InputError
 from layoutrl.evaluate import run as evaluate
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
-from layoutrl.runs.config import EvaluateConfig, TrainConfig, composed, part
+from layoutrl.runs.config import EvaluateConfig, TrainConfig, WatchConfig, composed, part
 from layoutrl.runs.rooms_report import SHOWN, rooms_table
 from layoutrl.train import run
+from layoutrl.watch import run as watch
 from tests.runs.test_resume import SHORT
 
 
@@ -38,8 +41,38 @@ def test_a_run_of_whole_rooms_is_scored_beside_what_needs_no_training(trained: P
     assert len(rows) == len(found["rows"]) + 2
 
 
-def test_it_is_scored_again_alike_and_from_one_start_alone(trained: Path, tmp_path: Path) -> None:
+def test_it_is_scored_again_alike(trained: Path, tmp_path: Path) -> None:
     once, again = (evaluate(EvaluateConfig(str(trained), out=str(tmp_path / f"{name}.json"))) for name in "ab")
     assert once["layouts"] == again["layouts"]
-    with pytest.raises(InputError, match=r"^starts: a whole room is furnished once, from nothing; expected 1; got 2$"):
-        evaluate(EvaluateConfig(str(trained), starts=2))
+
+
+ONCE = r"^starts: a whole room is furnished once, from nothing; expected 1; got 2$"
+NOWHERE = r"^out: /dev/null cannot be written to; expected a folder to write to$"
+MASKED = r"^on_illegal of whole rooms: expected one of mask; got stop$"
+
+
+@pytest.mark.parametrize(
+    ("command", "schema", "options", "said"),
+    [
+        (evaluate, EvaluateConfig, {"starts": 2}, ONCE),
+        (evaluate, EvaluateConfig, {"out": "/dev/null/found.json"}, NOWHERE),
+        (evaluate, EvaluateConfig, {"on_illegal": "stop"}, MASKED),
+        (watch, WatchConfig, {"out": "/dev/null/film"}, NOWHERE),
+        (watch, WatchConfig, {"on_illegal": "stop"}, MASKED),
+    ],
+)
+def test_what_cannot_be_is_said_before_rooms_are_read(command, schema, options, said, trained, monkeypatch) -> None:
+    monkeypatch.setattr("layoutrl.runs.trained.load_checkpoint", None)
+    with pytest.raises(InputError, match=said):
+        command(schema(str(trained), **options))
+
+
+def test_a_disk_that_is_full_is_answered_with_the_file(trained: Path, tmp_path: Path, monkeypatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("layoutrl.runs.files.os.fsync", full)
+    file = tmp_path / "new" / "found.json"
+    with pytest.raises(InputError, match=rf"^out: cannot write {file} \(No space left on device\); expected a file in"):
+        evaluate(EvaluateConfig(str(trained), out=str(file)))
+    assert not list(file.parent.iterdir())
