@@ -30,12 +30,15 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import scored
+    from layoutrl.runs.resume import seeds
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
-    file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}-seed{config.seed}.json")
+    seed, which = seeds(trained)[3], ""
+    if config.seed is not None:
+        seed, which = np.random.SeedSequence(config.seed), f"-seed{config.seed}"
+    file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}{which}.json")
     agent = shown.network, shown.method, shown.reward, shown.categories
-    seed = np.random.SeedSequence(config.seed)
     result, said = scored(*agent, shown.rooms, shown.training, seed, config.starts)
     print(said)
     about = {

@@ -150,9 +150,19 @@ def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: 
     done = layoutrl("evaluate", f"run={bedroom_run}", "starts=3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "lattice ceiling" in done.stdout
-    (file,) = bedroom_run.glob("evaluation-designer-rooms0-held_out-*-mask-3-seed0.json")
+    (file,) = bedroom_run.glob("evaluation-designer-rooms0-held_out-*-mask-3.json")
     stored = json.loads(file.read_text())
     assert len(stored["positions"]) == 24
+
+
+def test_evaluate_finds_what_the_training_found_unless_another_seed_is_given(bedroom_run: Path, tmp_path: Path) -> None:
+    found = evaluation(bedroom_run)
+    for options, same in (([], True), (["seed=0"], False)):
+        done = layoutrl("evaluate", f"run={bedroom_run}", "out=found.json", *options, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        again = json.loads((tmp_path / "found.json").read_text())
+        (tmp_path / "found.json").unlink()
+        assert all((again[name] == found[name]) == same for name in ("rows", "positions"))
 
 
 def test_evaluate_scores_rooms_of_the_users_own(bedroom_run: Path, tmp_path: Path) -> None:
@@ -237,7 +247,7 @@ def test_evaluate_scores_designed_rooms_of_another_seed(bedroom_run: Path, tmp_p
     done = layoutrl("evaluate", f"run={bedroom_run}", *few, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "3 rooms of designer (held_out)" in done.stdout
-    assert len([*bedroom_run.glob("evaluation-designer-rooms1-held_out-*-mask-1-seed0.json")]) == 1
+    assert len([*bedroom_run.glob("evaluation-designer-rooms1-held_out-*-mask-1.json")]) == 1
 
 
 def test_evaluate_takes_the_runs_own_data_but_for_what_is_given(bedroom_run: Path, tmp_path: Path) -> None:

@@ -185,7 +185,6 @@ class RunConfig:
     data: Data = field(default_factory=lambda: replace(AS_IN_THE_RUN))  # but for what is given
     part: Any = None
     checkpoint: Any = "last"
-    seed: int = 0
     device: str = "auto"
     on_illegal: Any = None
 
@@ -195,7 +194,6 @@ class RunConfig:
         one_of("checkpoint", self.checkpoint, "last", "best")
         if self.part is not None:
             one_of("part", self.part, "held_out", "training", "all")
-        within("seed", self.seed, self.seed >= 0, "0 or more")
         if self.on_illegal is not None:
             one_of("on_illegal", self.on_illegal, "stop", "mask")
 
@@ -205,11 +203,13 @@ class EvaluateConfig(RunConfig):
     """A trained agent that is scored, from so many starts a room."""
 
     starts: int = 1
+    seed: int | None = None  # None: as in the training
     out: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         within("starts", self.starts, self.starts >= 1, "1 or more")
+        within("seed", self.seed, self.seed is None or self.seed >= 0, "0 or more, or null: as in the training")
 
 
 @dataclass
@@ -218,12 +218,14 @@ class WatchConfig(RunConfig):
 
     rooms: int = 6
     width: int = 720
+    seed: int = 0
     out: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         within("rooms", self.rooms, self.rooms >= 1, "1 or more")
         within("width", self.width, 100 <= self.width <= WIDEST, f"100 to {WIDEST}")
+        within("seed", self.seed, self.seed >= 0, "0 or more")
 
 
 @dataclass
