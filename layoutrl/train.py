@@ -30,8 +30,8 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     learner, folder = trained.learner, trained.folder
     if learner.agent.updates < learner.updates:
         raise Stopped(
-            f"stopped after {learner.agent.updates} of {learner.updates} updates; "
-            f"go on with: python -m layoutrl.train resume={folder}"
+            f"stopped after {learner.agent.updates} of {learner.updates} updates",
+            f"python -m layoutrl.train resume={folder}",
         )
     with ending(folder, "layoutrl.train"):
         network, categories = learner.agent.network, learner.categories

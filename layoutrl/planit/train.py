@@ -29,8 +29,8 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     folder = trained.folder
     if trained.stopped:
         raise Stopped(
-            f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates; "
-            f"go on with: python -m layoutrl.planit.train resume={folder}"
+            f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates",
+            f"python -m layoutrl.planit.train resume={folder}",
         )
     with ending(folder, "layoutrl.planit.train"):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])

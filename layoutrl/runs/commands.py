@@ -23,17 +23,21 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from layoutrl import InputError
+from layoutrl import InputError, __version__
 from layoutrl.runs.config import config_directory, misfit, options, register
 
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
 ALIKE = 0.6  # 0 to 1: names that are less so are no hint
+AGAIN = "make the same sweep again to go on with it"  # what is finished is skipped
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
 class Stopped(InputError):
-    """By the user, and saved."""
+    """By the user, and saved. Its arguments are what there is to say of it, and the command that goes on."""
+
+    def __str__(self) -> str:
+        return "; go on with: ".join(self.args)
 
 
 class Incomplete(InputError):
@@ -57,10 +61,11 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
         try:
             run(checked(config, schema, known))
         except (InputError, OmegaConfBaseException, OSError) as error:
-            said = f"error: {' '.join(HydraConfig.get().overrides.task)}: {in_a_line(error)}"
+            given = " ".join(HydraConfig.get().overrides.task)
+            where = f"error: {given}: " if given else "error: "
             if isinstance(error, Stopped):
-                sys.exit(said)  # and with it the sweep
-            print(said, file=sys.stderr)  # the other jobs shall not suffer
+                sys.exit(f"{where}{error.args[0]}; {AGAIN}")  # and with it the sweep
+            print(where + in_a_line(error), file=sys.stderr)  # the other jobs shall not suffer
             if isinstance(error, Incomplete):
                 raise
             raise InputError("a job of the sweep failed, as is said above") from None
@@ -68,9 +73,12 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
     def main() -> None:
         if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        with answers_errors(), raised_errors():
+        with answers_errors(sweep=sweeps or is_sweep(sys.argv)), raised_errors():
             if not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
                 print(explanation(name))
+                return
+            if "--version" in sys.argv[1:]:  # Hydra would tell its own
+                print(f"layoutrl {__version__}")
                 return
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
@@ -100,8 +108,8 @@ def explanation(name: str) -> str:
 
 
 @contextmanager
-def answers_errors() -> Iterator[None]:
-    """Answer what the user can mend in one line, without a traceback."""
+def answers_errors(*, sweep: bool = False) -> Iterator[None]:
+    """Answer what the user can mend in one line, without a traceback; an interrupt of a `sweep` as one."""
     try:
         yield
         if sys.stdout:  # None where it is closed
@@ -114,7 +122,7 @@ def answers_errors() -> Iterator[None]:
             sys.exit(BROKEN_PIPE)
         sys.exit(f"error: {in_a_line(error)}")
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        print(f"interrupted; {AGAIN}" if sweep else "interrupted", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
 
 
@@ -222,6 +230,11 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
     return "; ".join(line.rstrip(".") for line in lines)
 
 
+def is_sweep(arguments: list[str]) -> bool:
+    """Whether they ask for one."""
+    return not {"-m", "--multirun"}.isdisjoint(arguments)
+
+
 def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> list[str]:
     """The arguments, those of text quoted, so that Hydra's grammar reads no number, list or blank into them.
 
@@ -230,14 +243,14 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
     """
     kinds = options(schema)
     texts = {name for name, kind in kinds.items() if kind in (str, str | None)}
-    sweeps = sweeps or not {"-m", "--multirun"}.isdisjoint(arguments)
+    sweeps = sweeps or is_sweep(arguments)
 
     def quoted(argument: str) -> str:
         if argument.startswith("="):
             raise InputError(f"{argument}: expected <option>=<value>; --help shows all options")
         key, equals, value = argument.partition("=")
         bare = key.removeprefix("--").replace("-", "_")
-        if key.startswith("--") and bare in kinds and bare != "run":  # --run is Hydra's own
+        if key.startswith("--") and bare in kinds and (bare != "run" or equals):  # --run alone is Hydra's own
             raise InputError(f"{argument}: expected <option>=<value> without dashes, as {bare}=...")
         plain = key in texts and equals and value != "null" and value[:1] not in ("'", '"') and "${" not in value
         if not plain or (sweeps and re.search(r"[,()]", value)):

@@ -142,15 +142,15 @@ def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[
 @contextmanager
 def ending(folder: Path, entry_point: str) -> Iterator[None]:
     """Score inside what is trained, which no other process does meanwhile; if it is stopped, it is left to be done."""
-    later = f"go on with: python -m {entry_point} resume={folder}"
+    later = f"python -m {entry_point} resume={folder}"
     with locked(folder / LOCK, wait=False):
         try:
             yield
         except KeyboardInterrupt:
-            raise Stopped(f"stopped in its evaluation; {later}") from None
+            raise Stopped("stopped in its evaluation", later) from None
         except OSError as error:
             raise InputError(
-                f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to, and then {later}"
+                f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to, and then: {later}"
             ) from None
 
 

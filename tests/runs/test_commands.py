@@ -17,8 +17,8 @@ from hydra.errors import HydraException
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from layoutrl import InputError
-from layoutrl.runs.commands import as_written, command, explained
+from layoutrl import InputError, __version__
+from layoutrl.runs.commands import Stopped, as_written, command, explained
 from layoutrl.runs.config import (
     BenchConfig,
     EvaluateConfig,
@@ -105,6 +105,12 @@ def test_what_is_wrong_with_a_command_line_is_answered_in_one_line(ask, argument
     assert not re.search("Hydra|Error|EOF|DictConfig|type '", line)
 
 
+def test_the_version_is_the_projects(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["train", "--version"])
+    command("train", TrainCommand, pytest.fail)()
+    assert capsys.readouterr().out == f"layoutrl {__version__}\n"
+
+
 def test_a_value_that_must_be_given_is_asked_for(ask) -> None:
     _, status, said = ask("evaluate", EvaluateConfig)
     assert status == 1
@@ -164,11 +170,17 @@ def test_only_texts_are_quoted_and_a_sweep_goes_on_to_be_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("argument", "meant"), [("--name", "name"), ("--seed=3", "seed"), ("--data.root", "data.root")]
+    ("argument", "meant", "schema"),
+    [
+        ("--name", "name", TrainCommand),
+        ("--seed=3", "seed", TrainCommand),
+        ("--data.root", "data.root", TrainCommand),
+        ("--run=runs/x", "run", EvaluateConfig),
+    ],
 )
-def test_an_option_with_dashes_is_told_how_it_is_written(argument: str, meant: str) -> None:
+def test_an_option_with_dashes_is_told_how_it_is_written(argument: str, meant: str, schema: type) -> None:
     with pytest.raises(InputError, match=f"^{argument}: expected <option>=<value> without dashes, as {meant}="):
-        as_written([argument, "x"], TrainCommand)
+        as_written([argument, "x"], schema)
     assert as_written(["--cfg", "job"], TrainCommand) == ["--cfg", "job"]
 
 
@@ -226,6 +238,18 @@ def test_what_goes_wrong_in_a_run_is_answered_and_a_mistake_of_ours_is_raised(as
         raise KeyboardInterrupt
 
     assert ask("train", TrainCommand, run=interrupted)[1:] == (130, "interrupted\n")
+
+    sweep = ask("train", TrainCommand, "-m", "seed=1,2", run=interrupted)
+    assert sweep[1:] == (130, "interrupted; make the same sweep again to go on with it\n")
+
+    def stopped(_: TrainConfig) -> None:
+        raise Stopped("stopped after 3 of 9 updates", "python -m layoutrl.train resume=here")
+
+    one = "error: stopped after 3 of 9 updates; go on with: python -m layoutrl.train resume=here\n"
+    assert ask("train", TrainCommand, run=stopped)[1:] == (1, one)
+    for job in ("", "seed=1: "):
+        said = f"error: {job}stopped after 3 of 9 updates; make the same sweep again to go on with it\n"
+        assert ask("train", TrainCommand, "-m", *job[:-2].split(), run=stopped)[1:] == (1, said)
 
     def broken(_: TrainConfig) -> None:
         raise ZeroDivisionError
