@@ -23,7 +23,7 @@ def run(config: BenchConfig) -> Path:
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.benchmarks.parts import PARTS, table
     from layoutrl.benchmarks.simulation import plot
-    from layoutrl.runs.files import write_json
+    from layoutrl.runs.files import check_writable, write_json
     from layoutrl.runs.folder import make_folder
     from layoutrl.runs.machine import device_of, keep_freed_memory, machine
 
@@ -37,8 +37,10 @@ def run(config: BenchConfig) -> Path:
         raise InputError(f"method: expected another than {config.paper.name}, which is measured beside it")
     if "sb3" in config.parts and config.method.observation != "geometry":
         raise InputError("parts: sb3 expects method.observation=geometry")
-    folder = make_folder(Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S")))
+    wanted = Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
+    check_writable(wanted.parent, "runs")
     rooms, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
+    folder = make_folder(wanted)
     about = machine(device)
     measured: dict[str, dict[str, Any]] = {}
     for part in config.parts:

@@ -169,10 +169,17 @@ def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
     assert all(not torch.equal(old, target) and not torch.equal(new, target) for old, new, target in triples)
 
 
+def test_rooms_that_cannot_be_read_leave_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nowhere"):
+        bench.run(configured("data=json", "data.root=nowhere.jsonl", f"runs={tmp_path}"))
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("argument", "words"),
     [
         ("parts=[sped]", ["parts", "speed", "sb3"]),
+        ("parts=[]", ["parts: expected one or more of speed", "sb3"]),
         ("batches=[]", ["batches", "1 or more"]),
         ("items=[0]", ["items", "1 or more"]),
         ("seconds=0", ["seconds", "more than 0"]),

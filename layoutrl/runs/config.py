@@ -335,8 +335,10 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         check_method("paper", self.paper)
         one_of("method.scope of bench", self.method.scope, "item")
+        known = ("speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
         for part in self.parts:
-            one_of("parts", part, "speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
+            one_of("parts", part, *known)
+        within("parts", self.parts, len(self.parts) > 0, f"one or more of {', '.join(known)}")
         within("transitions", self.transitions, self.transitions >= self.method.batch, "a batch or more")
         for name in ("batch", "images", "items_rooms", "requests", "clients", "probe_every"):
             value = getattr(self, name)
