@@ -80,6 +80,7 @@ def is_whole(number: object) -> bool:
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     """`gymnasium.make("layoutrl/Layout-v0", rooms=..., observation="geometry", moves=Moves(...))`.
 
+    In every room the item that moves has a center, the designer's; any other without one is left out of the room.
     Every reset draws a room (or takes `options={"room": index}`) and a random start (or
     `options={"position": (x, y)}`, metres; with several rooms beside `room`).
 

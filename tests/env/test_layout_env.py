@@ -354,6 +354,13 @@ def test_what_moves_has_a_place_of_the_designers(environment):
         environment([room])
 
 
+def test_what_else_has_no_center_is_left_out_of_the_room():
+    bed, waits = Item("bed", (1.0, 1.0), (0.5, 0.5)), Item("wardrobe", (0.6, 3.0))
+    bare, given = ([rectangular_room(4, 3, bed, others=others)] for others in ((), (waits,)))
+    told, expected = (play(LayoutEnv(rooms, "image"), 3, 30) for rooms in (given, bare))
+    assert same(told, expected)
+
+
 def test_rendering_is_the_story_of_the_episode_so_far():
     env = LayoutEnv([corner_room()], moves=STEPS, render_mode="rgb_array")
     env.reset(options={"position": (2.0, 1.5)})
