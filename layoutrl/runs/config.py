@@ -173,6 +173,12 @@ class TrainCommand(TrainConfig):
 
     resume: str | None = None  # folder of a run to go on with
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # Here: runs of before, which had it in vain, can be read.
+        whole, theta4 = self.method.scope == "room", self.reward.theta4
+        within("reward.theta4", theta4, whole or theta4 == 0, "0 with scope=item: it is of whole rooms (scope=room)")
+
 
 AS_IN_THE_RUN = Data(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)
 
