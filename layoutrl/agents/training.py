@@ -32,8 +32,8 @@ class Progress:
     loss: float
     mean_q: float
     max_q: float
-    episode_return: float  # mean over the episodes that ended, in units of the paper's reward; NaN if none did
-    episode_iou: float  # mean over the episodes that ended, at their last position
+    episode_return: float  # mean over the whole episodes that ended, in units of the paper's reward; NaN if none did
+    episode_iou: float  # mean over the whole episodes that ended, at their last position
     seconds: dict[str, float]  # by stage
 
 
@@ -133,8 +133,8 @@ class Training:
         self._moves += len(action)
         self._returns += step.terms.total
         if len(step.ended):
-            recent.returns.append(self._returns[step.ended])
-            recent.ious.append(step.terms.iou[step.ended])
+            recent.returns.append(self._returns[step.whole])
+            recent.ious.append(step.terms.iou[step.whole])
             self._returns[step.ended] = 0
 
     def _learn(self) -> None:
@@ -214,7 +214,7 @@ class Recent:
     losses: list[Tensor] = field(default_factory=list)
     mean_qs: list[Tensor] = field(default_factory=list)
     max_qs: list[Tensor] = field(default_factory=list)
-    returns: list[Tensor] = field(default_factory=list)  # of the episodes that ended
+    returns: list[Tensor] = field(default_factory=list)  # of the whole episodes that ended
     ious: list[Tensor] = field(default_factory=list)  # where they ended
 
 

@@ -28,6 +28,7 @@ class Step(NamedTuple):
     terms: RewardTerms[Tensor]  # of standing there
     terminated: Tensor  # bool (B,): at the goal
     ended: Tensor  # int64 (n,): the episodes that terminated or were truncated
+    whole: Tensor  # int64 (m,): of these, those that began at age 0: their moves are all that an episode has
 
 
 class Episodes:
@@ -53,6 +54,7 @@ class Episodes:
         self._near = near
         self._generator = generator
         self._age = ages.copy()  # kept on the host: who is truncated is known without waiting for the device
+        self._whole = ages == 0
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
@@ -76,14 +78,13 @@ class Episodes:
         else:
             terminated = terms.iou >= self._goal_iou
             ended = np.flatnonzero(truncated | terminated.cpu().numpy())
-        step = Step(
-            self.room, self.position, action, legal, next_position, next_legal, terms, terminated,
-            torch.as_tensor(ended).to(simulator.device, non_blocking=True),
-        )  # fmt: skip
+        whole = ended[self._whole[ended]]
+        told = (torch.as_tensor(which).to(simulator.device, non_blocking=True) for which in (ended, whole))
+        step = Step(self.room, self.position, action, legal, next_position, next_legal, terms, terminated, *told)
         self.position, self._length, self.legal = next_position, length, next_legal
         if len(ended):
             self._begin_anew(step.ended)
-            self._age[ended] = 0
+            self._age[ended], self._whole[ended] = 0, True
         return step
 
     def state_dict(self) -> dict[str, Any]:
@@ -92,6 +93,7 @@ class Episodes:
             "room": self.room,
             "position": self.position,
             "age": self._age.tolist(),
+            "whole": self._whole.tolist(),
             "generator": self._generator.get_state(),
         }
 
@@ -99,6 +101,7 @@ class Episodes:
         """Go on from where others were."""
         self.room, self.position = (state[name].to(self._simulator.device) for name in ("room", "position"))
         self._age = np.array(state["age"])
+        self._whole = np.array(state.get("whole", [True] * len(self._age)))  # checkpoints of before do not say it
         self._generator.set_state(state["generator"].cpu())
         self._length, self.legal = self._simulator.reach(self.room, self.position)
 

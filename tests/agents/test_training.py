@@ -316,17 +316,18 @@ def test_an_item_that_cannot_move_stays_where_it_is_until_its_episode_ends():
 
 
 @pytest.mark.parametrize("goal_iou", [None, 0.3])
-def test_returns_and_ious_are_means_over_the_episodes_that_ended_since_the_last_report(goal_iou):
+def test_returns_and_ious_are_means_over_the_whole_episodes_that_ended_since_the_last_report(goal_iou):
     run = run_of(updates=9, report_every=3, warmup_moves=5, max_moves=2, goal_iou=goal_iou)
     assert [report.moves for report in run.reports] == [15, 30, 45]
     steps, returns = zip(run.stored(), run.endings(2, goal_iou), strict=True), np.zeros(5)
+    whole = np.arange(5) * 2 // 5 == 0  # the others begin at an age
     for report in run.reports:
         ended_returns, ended_ious = [], []
         for step, (_, ended) in islice(steps, 3):
             returns += 100 * step.reward.numpy()
-            ended_returns.extend(returns[ended])
-            ended_ious.extend(run.iou(step)[ended])
-            returns[ended] = 0
+            ended_returns.extend(returns[ended & whole])
+            ended_ious.extend(run.iou(step)[ended & whole])
+            returns[ended], whole = 0, whole | ended
         assert report.episode_return == pytest.approx(np.mean(ended_returns), abs=1e-3)
         assert report.episode_iou == pytest.approx(np.mean(ended_ious), abs=1e-6)
 

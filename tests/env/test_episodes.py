@@ -42,7 +42,7 @@ def played(running: Episodes, steps: int, seed: int = 0) -> Iterator[Step]:
 
 def leaves(step: Step) -> list[Tensor]:
     """All tensors of a step."""
-    return [*step[:6], *step.terms, step.terminated, step.ended]
+    return [*step[:6], *step.terms, step.terminated, step.ended, step.whole]
 
 
 def test_episodes_begin_at_drawn_places_with_the_moves_that_are_legal_there(simulator: BatchSimulator) -> None:
