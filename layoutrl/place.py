@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -145,6 +146,7 @@ class Work:
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
+        self._locked = Counter[str]()  # categories
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
@@ -204,8 +206,11 @@ class Work:
         return made
 
     def say_unmet(self) -> None:
-        """Say what is to move, and is in no room."""
-        if self._seen is not None and (unmet := sorted(names_in(self.config.move) - {ALL} - self._seen)):
+        """Say what is to move, and is locked or in no room."""
+        named = names_in(self.config.move)
+        if locked := [f"{name} ({n})" for name, n in self._locked.items() if name in named or ALL in named]:
+            self.say(f"move: what is locked stays: {', '.join(locked)}")
+        if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)):
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
 
     def answers(self) -> Iterator[list[Answered]]:
@@ -237,6 +242,7 @@ class Work:
                 for entry in block:
                     self.tally.entries += 1
                     self._objects += bool(entry.document)
+                    self._locked.update(item.category for item in entry.stood if item.locked)
                     if self._seen is not None:
                         self._seen |= {item.category for item in entry.stood}
                     if entry.room is None:

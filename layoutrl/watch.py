@@ -25,7 +25,7 @@ from layoutrl.rooms.files import check_new
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import command
 from layoutrl.runs.config import TrainConfig, WatchConfig
-from layoutrl.runs.files import check_writable, write_whole, writing
+from layoutrl.runs.files import check_writable, writing
 from layoutrl.runs.folder import load_config
 
 if TYPE_CHECKING:
@@ -62,8 +62,8 @@ def run(config: WatchConfig) -> list[Path]:
         episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
     with style.context([STYLE, PLAIN]):
         pictures = list(frames(episodes, config.width))
-    name = f"watch-{shown.name}-{config.rooms}-seed{config.seed}"
-    write(pictures, files := asked or [Path(config.run) / f"{name}.{kind}" for kind in ("gif", "webp")])
+    own = Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}"
+    write(pictures, files := asked or files_of(own))
     moves = np.mean([len(episode.way) - 1 for episode in episodes])
     mean = np.mean([episode.iou for episode in episodes])
     print(f"mean IoU {mean:.3f} in {len(chosen)} rooms, {moves:.1f} moves each")
@@ -158,30 +158,31 @@ def _picture(canvas: FigureCanvasAgg) -> Image.Image:
 
 
 def files_of(base: Path) -> list[Path]:
-    """<base>.gif and <base>.webp, also where the base has such a suffix itself. Raises InputError for another."""
-    if not base.name or base.suffix.lower() not in ("", ".gif", ".webp"):
-        raise InputError(f"out: {base} is no .gif or .webp file; expected the name of new ones, as out=film")
-    return [base.with_suffix(suffix) for suffix in (".gif", ".webp")]
+    """<base>.gif and <base>.webp, also where the base has such a suffix itself. Raises InputError for no name."""
+    if base.name in ("", ".."):
+        raise InputError(f"out: {base} is no name of a file; expected one, as out=film")
+    stem = base.stem if base.suffix.lower() in (".gif", ".webp") else base.name
+    return [base.with_name(f"{stem}.{suffix}") for suffix in ("gif", "webp")]
 
 
 def write(pictures: Sequence[Image.Image], files: Sequence[Path]) -> None:
-    """Write the pictures as GIF and as WebP, both or none. Raises InputError where they cannot be written."""
+    """Write the pictures as GIF and as WebP, both or neither. Raises InputError where they cannot be written."""
     palette = pictures[-1].quantize(COLORS, Image.Quantize.MAXCOVERAGE)  # white stays white
     few_colors = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     durations = [START_MS, *[FRAME_MS] * (len(pictures) - 2), HELD_MS]
     films = [io.BytesIO() for _ in files]
     for film, kind, (first, *others) in zip(films, ("GIF", "WEBP"), (few_colors, pictures), strict=True):
         first.save(film, kind, save_all=True, append_images=others, duration=durations, loop=0, optimize=True)
-    written: list[Path] = []
+    partial = [file.with_name(f"{file.name}.partial") for file in files]
     try:
-        for file, film in zip(files, films, strict=True):
+        for file, begun, film in zip(files, partial, films, strict=True):
             with writing(file):
-                write_whole(file, film.getvalue())
-            written.append(file)
-    except InputError:
-        for file in written:
-            file.unlink()
-        raise
+                begun.write_bytes(film.getvalue())
+        for file, begun in zip(files, partial, strict=True):
+            begun.replace(file)
+    finally:
+        for begun in partial:
+            begun.unlink(missing_ok=True)
 
 
 main = command("watch", WatchConfig, run)

@@ -333,7 +333,7 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["method.learning_rate=inf"], ["method.learning_rate", "finite"]),
         ("planit.train", ["method.learning_rate=inf"], ["method.learning_rate", "finite"]),
         ("train", ["reward.theta1=nan"], ["reward.theta1", "a finite number"]),
-        ("train", ["reward=usable"], ["reward.theta4", "0 with scope=item", "got -100.0"]),
+        ("train", ["reward=usable"], ["reward: expected none with scope=item", "reward=usable", "got a fourth term"]),
         ("train", ["reward.inside=foo"], ["reward.inside", "share or iou"]),
         ("train", [f"~method.updates.{budget}" for budget in BUDGETS], ["method.updates", "1 or more each"]),
         ("planit.train", [f"~method.updates.{budget}" for budget in BUDGETS[1:]], ["method.updates", "1 or more each"]),

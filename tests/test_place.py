@@ -725,6 +725,20 @@ def test_what_is_to_move_and_is_in_no_room_is_said(
     assert "move: no room that was read has a bathtub or a toilet" in capsys.readouterr().out.splitlines()
 
 
+@pytest.mark.parametrize("move", ["bed", "all"])
+def test_what_is_to_move_and_is_locked_is_said(
+    move: str, middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = furnished_room()
+    bed, *others = document["furniture"]
+    alone = furnished_room(id="alone", furniture=[bed | {"locked": True}])
+    file = written(tmp_path, [document | {"furniture": [bed, *others]}, alone])
+    first, second = run(PlaceConfig(by="search", rooms=str(file), move=move))
+    assert first["furniture"][0]["center"] != bed["center"]
+    assert second == alone
+    assert "move: what is locked stays: bed (1)" in capsys.readouterr().out.splitlines()
+
+
 def test_where_no_room_can_be_read_the_last_line_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "rooms.jsonl"
     file.write_text(json.dumps(DOCUMENTS))

@@ -13,31 +13,39 @@ from layoutrl import InputError
 from layoutrl.watch import files_of, write
 
 
-def test_a_disk_that_is_full_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = [Image.new("RGB", (40, 30), color) for color in ("white", "red", "blue")]
-    files, fsync = files_of(tmp_path / "films" / "mine"), os.fsync
+    files, write_bytes = files_of(tmp_path / "films" / "mine"), Path.write_bytes
 
-    def full(descriptor: int) -> None:
-        if list(tmp_path.glob("films/*.gif")):  # there is no room for the second
+    def full(file: Path, content: bytes) -> int:
+        if ".webp" in file.name:  # there is no room for the second
+            write_bytes(file, content[:10])
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        fsync(descriptor)
+        return write_bytes(file, content)
 
-    with monkeypatch.context() as patch:
-        patch.setattr("layoutrl.runs.files.os.fsync", full)
-        with pytest.raises(
-            InputError, match=r"^out: cannot write .*mine\.webp \(No space left on device\); expected a"
-        ):
-            write(pictures, files)
+    def written() -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "write_bytes", full)
+            with pytest.raises(
+                InputError, match=r"^out: cannot write .*mine\.webp \(No space left on device\); expected a"
+            ):
+                write(pictures, files)
+
+    written()
     assert not list(tmp_path.glob("films/*"))
+    write(pictures[:2], files)
+    before = [file.read_bytes() for file in files]
+    written()
+    assert sorted(tmp_path.glob("films/*")) == files
+    assert [file.read_bytes() for file in files] == before
     write(pictures, files)
-    assert sorted(file.name for file in tmp_path.glob("films/*")) == ["mine.gif", "mine.webp"]
+    assert [file.read_bytes() for file in files] != before
 
 
 def test_a_film_is_named_with_a_suffix_of_its_own_or_without() -> None:
     for name in ("films/mine", "films/mine.gif", "films/mine.webp"):
         assert [str(file) for file in files_of(Path(name))] == ["films/mine.gif", "films/mine.webp"]
-    for name in ("mine.mp4", "."):
-        with pytest.raises(
-            InputError, match=rf"^out: {name} is no \.gif or \.webp file; expected the name of new ones"
-        ):
+    assert [str(file) for file in files_of(Path("rate0.5"))] == ["rate0.5.gif", "rate0.5.webp"]
+    for name in (".", ".."):
+        with pytest.raises(InputError, match=r"^out: \.* is no name of a file; expected one"):
             files_of(Path(name))

@@ -11,22 +11,10 @@ import shapely
 import torch
 from torch import Tensor
 
-from layoutrl import InputError
 from layoutrl.env.geometry import edges, snap
 from layoutrl.env.packed import Footprints, Lines, Shapes, Starts
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.simulator import DIRECTIONS, TOUCHING, Simulator
-
-
-def usable_device(device: torch.device | str) -> torch.device:
-    """The device of a name. Raises InputError where this machine has none such."""
-    try:
-        chosen = torch.device(device)
-        torch.zeros(1, device=chosen).item()  # which a device without memory refuses
-    except (RuntimeError, AssertionError, TypeError) as error:
-        reason = str(error).partition("\n")[0]
-        raise InputError(f"device: expected cpu or a GPU of this machine, as cuda:0; got {device} ({reason})") from None
-    return chosen
 
 
 class BatchSimulator:

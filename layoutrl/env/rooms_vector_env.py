@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.batch import usable_device
+from layoutrl.env.device import usable_device
 from layoutrl.env.layout_env import check_at_least_one, check_render_mode
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward

@@ -14,7 +14,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.batch import BatchSimulator, usable_device
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.device import usable_device
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.layout_env import (
     LayoutEnv,

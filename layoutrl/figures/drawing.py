@@ -29,8 +29,8 @@ MARGIN = 0.1  # metres around the walls
 LINE = 0.2  # metres, of text
 FOOT = 0.45  # metres below, for a metre and the room's name
 PRINTED = 40  # millimetres a metre in SVG: 1:25
-LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name, in rooms that are not larger than
-ROOMY = 7.0  # metres
+LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
+HALL = 7.0  # metres: in longer rooms names are as much larger
 ARC = 18  # straight lines for the leaf of a door
 POINTS = 1.6 * 72  # a metre in PNG
 WIDE = 0.6  # of a letter, as a share of its height
@@ -252,9 +252,9 @@ def _leaves(room: Room) -> list[np.ndarray]:
 
 
 def _coarse(room: Room) -> float:
-    """How many times larger letters are than in a small room: a hall is shown on the same page."""
+    """How many times larger letters are than LETTERS: on a screen a hall is shown as small as a room."""
     x0, y0, x1, y1 = room.envelope.bounds
-    return max(1.0, max(x1 - x0, y1 - y0) / ROOMY)
+    return max(1.0, max(x1 - x0, y1 - y0) / HALL)
 
 
 def _text(text: str, x: float, y: float, size: float) -> str:

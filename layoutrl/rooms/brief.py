@@ -25,7 +25,8 @@ def brief_of(room: Room) -> Room:
     The list is in alphabetical order of category, then by size: it tells nothing of the designer's order.
     """
     items = sorted(room.furniture, key=lambda item: (item.category, item.size, item.form, item.tucked))
-    return replace(room, furniture=tuple(replace(item, center=None, rotation=None) for item in items), target=None)
+    free = tuple(replace(item, center=None, rotation=None, locked=False) for item in items)
+    return replace(room, furniture=free, target=None)
 
 
 def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
@@ -35,11 +36,15 @@ def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
     says itself whether it may.
     """
     return tuple(
-        replace(item, center=None, rotation=None, tucked=item.tucked or (bool(item.center) and may_tuck(item, items)))
+        replace(item, center=None, rotation=None, tucked=_may_stand_under(item, items), locked=False)
         if k in those
         else item
         for k, item in enumerate(items)
     )
+
+
+def _may_stand_under(item: Item, items: Sequence[Item]) -> bool:
+    return item.tucked or (bool(item.center) and may_tuck(item, items))
 
 
 def missing(room: Room) -> list[int]:

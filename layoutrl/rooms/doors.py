@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from shapely.affinity import translate
 
-from layoutrl.rooms.clearances import passage
-from layoutrl.rooms.room import TOLERANCE, Opening, Room, along_and_through
+from layoutrl.rooms.clearances import RAISED, passage
+from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through
 
 DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
 WIDEST_LEAF = 1.2  # metres: wider doors slide, or have two leaves
@@ -66,9 +66,20 @@ def leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
 
 
 def drawn_leaves(room: Room) -> list[Leaf | None]:
-    """Of each door its leaf as plans draw it, hung at the end nearer to a corner of the room; None as in `leaves`."""
+    """Of each door its leaf as plans draw it, hung where it opens, or else nearer to a corner; None as in `leaves`."""
     corners = shapely.multipoints(room.outline)
-    return [both and min(both, key=lambda leaf: corners.distance(shapely.Point(leaf.hinge))) for both in leaves(room)]
+    stands = shapely.union_all([i.footprint for i in room.furniture if i.center and i.rotation is not None and bars(i)])
+    solid = stands.buffer(-TOLERANCE)
+
+    def worse(leaf: Leaf) -> tuple[bool, float]:
+        return leaf.swept.intersects(solid), corners.distance(shapely.Point(leaf.hinge))
+
+    return [both and min(both, key=worse) for both in leaves(room)]
+
+
+def bars(item: Item) -> bool:
+    """Whether a door that meets an item does not open: what is tucked is moved aside, and what is RAISED is floor."""
+    return not item.tucked and item.category not in RAISED
 
 
 def _bare(room: Room) -> Room:

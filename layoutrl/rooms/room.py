@@ -74,7 +74,7 @@ class Item:
     axes, in degrees counter-clockwise. It faces along its x axis. `center` is None for an item that is still to be
     placed, `rotation` too for one whose facing is then to be chosen.
     A circle's depth and width are both its diameter. A `tucked` item (a chair) stands partly under
-    another by intent. One that is `locked` stays where it stands, whatever is to move.
+    another by intent. One that is `locked` stays where it stands, whatever a user lets move (`formats.to_place`).
     """
 
     category: str

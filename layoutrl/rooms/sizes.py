@@ -56,7 +56,7 @@ def doubt(item: Item) -> str | None:
     if item.category not in FRONT_DEPTH or abs(item.size[0] - item.size[1]) < ALIKE:
         return None
     if not _within(item.size[0], depth) and _within(item.size[1], depth) and _within(item.size[0], width):
-        return f"{size} has the depth of others as its width: a size is depth, then width"
+        return f"{size}: is its depth given as its width? a size is depth, then width"
     return None
 
 

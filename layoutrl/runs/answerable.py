@@ -14,7 +14,6 @@ from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
-from layoutrl.rooms.faults import Items, standing_outside
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 
@@ -75,7 +74,7 @@ def answerable(
             size = " by ".join(f"{side:g}" for side in item.size)
             lines.append(f"the {item.category} of {size} m is not placed: it fits into the room in no way")
             unseen.add(k)
-        if item.category in known and (asks := doubt(item)):
+        if item.category in known and (asks := doubt(item)) and asks not in lines:
             lines.append(asks)
     unseen |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
     standing = [item for item in room.furniture if item.center is not None]
@@ -111,16 +110,14 @@ def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[
     return f"who is asked places no {ours} in a {room.room_type}; expected one of {', '.join(sorted(known))}"
 
 
-def possible(brief: Room, layout: Room) -> Room:
-    """The layout without places that are none: in a wall, or taken by another item. There is no room for these items.
+def unstacked(brief: Room, layout: Room) -> Room:
+    """The layout without the places of items that take up one place with another: there is no room for these.
 
-    Of two that take up one place the smaller goes, of what was placed; what stood before stays.
+    Of two the smaller goes, of what was placed; what stood before stays.
     """
     placed = [k for k in missing(brief) if layout.furniture[k].center is not None]
-    outside = {*np.flatnonzero(standing_outside([layout], Items.of([layout]))).tolist()}.intersection(placed)
-    stands = [(k, item) for k, item in enumerate(layout.furniture) if item.center is not None and k not in outside]
-    there = {k: item.footprint for k, item in stands}
-    for k in sorted({*placed} - outside, key=lambda k: (there[k].area, -k)):
+    there = {k: item.footprint for k, item in enumerate(layout.furniture) if item.center is not None}
+    for k in sorted(placed, key=lambda k: (there[k].area, -k)):
         if any(_stacked(layout.furniture[k], layout.furniture[j]) for j in there if j != k):
             del there[k]
     if gone := [k for k in placed if k not in there]:

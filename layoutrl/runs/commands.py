@@ -29,7 +29,7 @@ from layoutrl.runs.config import config_directory, misfit, options, register
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
 ALIKE = 0.6  # 0 to 1: names that are less so are no hint
-AGAIN = "make the same sweep again to go on with it"  # what is finished is skipped
+AGAIN = "make the same sweep again to go on with it"
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
@@ -51,6 +51,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
     """
     register()
     known = [*groups(name), *options(schema)]
+    goes_on = sweeps or "resume" in options(schema)  # a sweep that is made again skips what is finished
 
     @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name=name)
     def job(config: DictConfig) -> None:
@@ -73,7 +74,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
     def main() -> None:
         if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        with answers_errors(sweep=sweeps or is_sweep(sys.argv)), raised_errors():
+        with answers_errors(again=goes_on and (sweeps or is_sweep(sys.argv))), raised_errors():
             if not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
                 print(explanation(name))
                 return
@@ -108,8 +109,8 @@ def explanation(name: str) -> str:
 
 
 @contextmanager
-def answers_errors(*, sweep: bool = False) -> Iterator[None]:
-    """Answer what the user can mend in one line, without a traceback; an interrupt of a `sweep` as one."""
+def answers_errors(*, again: bool = False) -> Iterator[None]:
+    """Answer what the user can mend in one line, without a traceback; an interrupt of what goes on if made `again`."""
     try:
         yield
         if sys.stdout:  # None where it is closed
@@ -122,7 +123,7 @@ def answers_errors(*, sweep: bool = False) -> Iterator[None]:
             sys.exit(BROKEN_PIPE)
         sys.exit(f"error: {in_a_line(error)}")
     except KeyboardInterrupt:
-        print(f"interrupted; {AGAIN}" if sweep else "interrupted", file=sys.stderr)
+        print(f"interrupted; {AGAIN}" if again else "interrupted", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
 
 

@@ -176,8 +176,8 @@ class TrainCommand(TrainConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         # Here: runs of before, which had it in vain, can be read.
-        whole, theta4 = self.method.scope == "room", self.reward.theta4
-        within("reward.theta4", theta4, whole or theta4 == 0, "0 with scope=item: it is of whole rooms (scope=room)")
+        useful = self.reward.theta4 == 0 or self.method.scope == "room"
+        within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
 
 
 AS_IN_THE_RUN = Data(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None)

@@ -35,7 +35,7 @@ from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
 from layoutrl.runs import pretrained
-from layoutrl.runs.answerable import in_no_type, possible
+from layoutrl.runs.answerable import in_no_type, unstacked
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
@@ -89,8 +89,8 @@ class Helped:
     """Furnishes as one does. Where one of its layouts has `shortcomings`, the search is asked for as many, too; and
     where each layout then has a fault, a search that takes longer.
 
-    What anyone puts into a wall, or where something stands, has no place: no room is left for it (`possible`). The
-    search is not asked of a hall, in which it would take many times as long as the one does.
+    What anyone puts where something stands has no place: no room is left for it (`unstacked`). The search is not asked
+    of a hall, in which it would take many times as long as the one does.
     """
 
     def __init__(self, one: Furnishes, *searches: Furnishes):
@@ -98,12 +98,12 @@ class Helped:
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Layouts with fewer `shortcomings` come first, of equals those of the one, as it has them."""
-        found = self._possible(self.one, briefs, choices, seed)
+        found = self._unstacked(self.one, briefs, choices, seed)
         lacks = shortcomings(briefs, found)
         wanting = [k for k, lack in enumerate(lacks) if any(map(any, lack)) and briefs[k].indoor.area <= HALL]
         for search in self.searches:
             asked = [briefs[k] for k in wanting]
-            others = self._possible(search, asked, choices, seed)
+            others = self._unstacked(search, asked, choices, seed)
             for k, theirs, lack in zip(wanting, others, shortcomings(asked, others), strict=True):
                 found[k] += [replace(each, by="the search") for each in theirs]
                 lacks[k] += lack
@@ -111,9 +111,9 @@ class Helped:
         return [best_apart(layouts, lack, choices) for layouts, lack in zip(found, lacks, strict=True)]
 
     @staticmethod
-    def _possible(who: Furnishes, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+    def _unstacked(who: Furnishes, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         return [
-            [replace(each, layout=possible(brief, each.layout)) for each in answers]
+            [replace(each, layout=unstacked(brief, each.layout)) for each in answers]
             for brief, answers in zip(briefs, who.furnish(briefs, choices, seed), strict=True)
         ]
 

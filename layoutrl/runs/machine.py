@@ -16,7 +16,7 @@ import shapely
 import torch
 
 import layoutrl
-from layoutrl.env.batch import usable_device
+from layoutrl.env.device import usable_device
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
@@ -25,7 +25,7 @@ def device_of(name: str) -> torch.device:
     """`auto` is the GPU where there is one."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    return usable_device(name)
+    return usable_device(name, "auto")
 
 
 def refuse_chance(device: torch.device) -> None:

@@ -30,7 +30,6 @@ from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
 from layoutrl.runs.folder import differences, folders_of, load_config, located, new_folder, wanted_folder
 from layoutrl.runs.machine import machine
-from layoutrl.runs.ranges import within
 
 EVALUATION = "evaluation.json"  # a run that has it is finished
 
@@ -180,7 +179,8 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
         else:
             run(config, None)
         return
-    within("resume", resume, resume.strip() != "", "the folder of a run; it is empty")
+    if not resume.strip():
+        raise InputError("resume: expected the folder of a run; got no name")
     if also := [given for given in hydra_config.overrides.task if not given.startswith("resume=")]:
         raise InputError(f"resume: goes on as it began; expected nothing beside it, got {' '.join(also)}")
     resumed(Path(resume), run, type(config))

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from layoutrl.rooms.brief import brief_of, facings, furnished, largest_first, missing, ways
+from layoutrl.rooms.brief import brief_of, facings, furnished, largest_first, lifted, missing, ways
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Item, Ring
 from tests.builders import rectangular_room
 
@@ -28,6 +29,15 @@ def test_a_brief_tells_neither_places_nor_rotations_nor_the_order(room_type: str
         assert brief_of(replace(room, furniture=moved, target=None)) == brief
         what = sorted((item.category, item.size, item.form, item.tucked) for item in room.furniture)
         assert [(item.category, item.size, item.form, item.tucked) for item in brief.furniture] == what
+
+
+def test_what_is_to_be_placed_is_not_locked() -> None:
+    bed = Item("bed", (2.0, 1.5), (1.0, 0.75), locked=True)
+    room = rectangular_room(4, 3, bed)
+    assert not brief_of(room).furniture[0].locked
+    assert not lifted([bed], {0})[0].locked
+    assert lifted([bed], set())[0].locked
+    assert room_from_dict(room_to_dict(brief_of(room))).furniture == brief_of(room).furniture
 
 
 def test_the_largest_item_comes_first_and_what_is_tucked_under_others_after_them() -> None:

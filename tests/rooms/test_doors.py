@@ -11,7 +11,7 @@ from shapely.geometry import box
 
 from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.doors import WIDEST_LEAF, door_widths, kept_free, leaves
+from layoutrl.rooms.doors import WIDEST_LEAF, door_widths, drawn_leaves, kept_free, leaves
 from layoutrl.rooms.faults import BLOCKS, faults
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, along_and_through, wall_band
 from tests.builders import L_OUTLINE, opening, rectangular_room
@@ -95,3 +95,21 @@ def test_a_wide_door_has_no_leaf() -> None:
     slides, swings = leaves(rectangular_room(4.0, 3.0, openings=doors))
     assert slides is None
     assert swings is not None
+
+
+def test_a_leaf_is_drawn_where_it_opens() -> None:
+    door = opening("door", 0.2, -0.2, 1.1, 0.0)
+    bare = replace(rectangular_room(4.0, 3.0, openings=(door,)), furniture=(), target=None)
+    (leaf,) = drawn_leaves(bare)
+    assert leaf
+    assert leaf.hinge == pytest.approx([0.2, 0.0])  # by the corner
+    table = Item("side_table", (0.2, 0.2), (0.15, 0.7), 0.0)  # where that leaf would stand open
+    (other,) = drawn_leaves(replace(bare, furniture=(table,)))
+    assert other
+    assert other.hinge == pytest.approx([1.1, 0.0])
+    assert not other.swept.intersects(table.footprint)
+    chair = replace(table, category="chair", tucked=True)
+    for item in (replace(table, category="rug"), chair, replace(table, center=None)):
+        (leaf,) = drawn_leaves(replace(bare, furniture=(item,)))
+        assert leaf
+        assert leaf.hinge == pytest.approx([0.2, 0.0])

@@ -1,0 +1,18 @@
+"""The device that tensors are on."""
+
+from __future__ import annotations
+
+import torch
+
+from layoutrl import InputError
+
+
+def usable_device(device: torch.device | str, *others: str) -> torch.device:
+    """The device of a name. Raises InputError where this machine has none such; `others` are names that do as well."""
+    try:
+        chosen = torch.device(device)
+        torch.zeros(1, device=chosen).item()  # which a device without memory refuses
+    except (RuntimeError, AssertionError, TypeError) as error:
+        expected, reason = ", ".join([*others, "cpu"]), str(error).partition("\n")[0]
+        raise InputError(f"device: expected {expected} or a GPU of this machine; got {device} ({reason})") from None
+    return chosen
