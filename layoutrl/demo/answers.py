@@ -177,8 +177,8 @@ class Answers:
     def read(self, content: bytes, unit: str = "auto") -> Answer:
         """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
 
-        Lengths of rooms in JSON are in `unit`, one that `read_rooms` takes. Of a home each room tells what of its
-        furniture is `fixed`: the home is not written back with it elsewhere.
+        Lengths of rooms in JSON are in `unit`, one that `read_rooms` takes; other files say it themselves. Of a home
+        each room tells what of its furniture is `fixed`: the home is not written back with it elsewhere.
         """
         suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
@@ -266,11 +266,11 @@ def suffix_of(content: bytes) -> str:
 
 
 def source_of(path: Path, unit: str) -> Source:
-    """The rooms of a file. Raises InputError where it cannot be read, or is not for us to say a unit of."""
-    if unit == "auto":
-        return home_of(path) if path.suffix == ".sh3d" else opened(path)
+    """The rooms of a file, lengths in JSON in a unit. Raises InputError where it cannot be read."""
+    if path.suffix == ".sh3d":
+        return home_of(path)
     if format_of(path) != "json":
-        raise InputError(f"unit: {path} says itself how long a metre is; expected auto")
+        return opened(path)
     collection = read_rooms(path, unit=unit)
     return RoomsSource(collection, [room.furniture for room in collection.rooms])
 
