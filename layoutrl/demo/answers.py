@@ -32,6 +32,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources.sweethome3d import Home
+from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.asked import asked_of, said_to_stay
 from layoutrl.runs.streams import Entry
@@ -78,6 +79,7 @@ class Answers:
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
             "raised": sorted(RAISED),
+            "units": [*UNITS],
         }
         self.questions: dict[str, Callable[[Any], Answer]] = {
             "look": self.look,
@@ -177,9 +179,11 @@ class Answers:
     def read(self, content: bytes, unit: str = "auto") -> Answer:
         """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
 
-        Lengths of rooms in JSON are in `unit`, one that `read_rooms` takes; other files say it themselves. Of a home
+        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other files say it themselves. Of a home
         each room tells what of its furniture is `fixed`: the home is not written back with it elsewhere.
         """
+        if unit not in ("auto", *UNITS):
+            raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit[:20]!r}")
         suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
             path = Path(folder) / f"file{suffix}"

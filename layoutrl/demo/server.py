@@ -28,7 +28,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from layoutrl import InputError
 from layoutrl.demo.answers import LARGEST_LINE, Answers
 from layoutrl.demo.furnisher import staff_of
-from layoutrl.rooms.units import UNITS
 from layoutrl.runs.config import DemoConfig
 
 LARGEST_BODY = 5_000_000  # bytes
@@ -100,6 +99,10 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     async def begin(_: Request) -> Response:
         return said(answers.begin)
 
+    async def read(request: Request) -> Response:
+        work = partial(answers.read, unit=request.query_params.get("unit", "auto"))
+        return await asking(work, "files")(request)
+
     routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
     routes.append(Route("/api", begin))
     worker_of = {"look": "looks", "opening": "looks", "svg": "files"}
@@ -107,8 +110,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         worker = worker_of.get(question, "furnishes")
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
-    for unit in ("auto", *UNITS):
-        routes.append(Route(f"/api/read/{unit}", asking(partial(answers.read, unit=unit), "files"), methods=["POST"]))
+    routes.append(Route("/api/read", read, methods=["POST"]))
     routes.append(Route("/api/home", asking(answers.home, "files", LARGEST_HOME), methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
     handlers[Exception] = lambda _, error: broken(error)

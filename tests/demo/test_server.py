@@ -118,11 +118,25 @@ def test_large_bodies_are_refused_before_they_are_read(answers):
             yield b"[" * 200_000
 
     async def talk(client: Any) -> Any:
-        return await client.post("/api/read/auto", content=parts())
+        return await client.post("/api/read", content=parts())
 
     response = talked(answers, talk)
     assert (response.status_code, response.json()) == (400, {"error": "body: expected at most 5 MB"})
     assert sent < 50
+
+
+def test_a_file_is_read_in_a_unit_that_is_known(answers):
+    units = ("auto", "m", "../in", "\n", "")
+
+    async def talk(client: Any) -> list[Any]:
+        asked = [client.post("/api/read", params={"unit": unit}, json=ROOMS[0]) for unit in units]
+        return [await response for response in asked]
+
+    *known, other, line, empty = talked(answers, talk)
+    assert [response.status_code for response in known] == [200, 200]
+    for response, got in ((other, "'../in'"), (line, r"'\n'"), (empty, "''")):
+        assert response.status_code == 400
+        assert response.json() == {"error": f"unit: expected one of auto, m, cm, mm, in, ft; got {got}"}
 
 
 def test_a_home_that_can_be_read_is_taken_below_a_line_on_its_rooms(answers):
@@ -171,7 +185,7 @@ def test_bad_bodies_are_answered_in_json(answers, count):
 
     def bad() -> tuple[str, bytes]:
         question = dice.choice(
-            ("look", "look", "opening", "furnish", "values", "moves", "svg", "read/auto", "read/in", "home")
+            ("look", "look", "opening", "furnish", "values", "moves", "svg", "read", "read?unit=in", "home")
         )
         document: Any = json.loads(json.dumps(dice.choice(ROOMS)))
         if not question.startswith("read"):

@@ -22,7 +22,7 @@ export const ask = (question, body) =>
     body: JSON.stringify(body),
   });
 
-export const read = (file, unit) => json(`/api/read/${unit}`, { method: "POST", body: file });
+export const read = (file, unit) => json(`/api/read?unit=${unit}`, { method: "POST", body: file });
 
 // A home of Sweet Home 3D: a new one of the room; or the one that it was read from, with others of its rooms.
 // `left` is a line on the others that it is saved without.

@@ -6,7 +6,7 @@ import { offerKinds } from "./building.js";
 import "./edit.js";
 import "./furnish.js";
 import { known, render, say } from "./page.js";
-import { fromLink, offer, shown } from "./saving.js";
+import { fromLink, offer, offerUnits, shown } from "./saving.js";
 import { sourceOf } from "./store.js";
 
 const FIRST = "bedroom";
@@ -15,6 +15,7 @@ try {
   const said = await begin();
   Object.assign(known, said, { fronts: new Set(said.fronts), raised: new Set(said.raised) });
   offerKinds();
+  offerUnits();
   const gallery = sourceOf(known.gallery);
   offer(gallery);
   const first = known.gallery.find(({ room }) => room.room_type === FIRST);

@@ -6,7 +6,7 @@ import { canTravel, commit, item, openings, outdated, sourceOf, state, words } f
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
-export const known = { gallery: [], palette: {}, fronts: new Set(), raised: new Set() }; // what the server said at first
+export const known = { gallery: [], palette: {}, fronts: new Set(), raised: new Set(), units: [] }; // what the server said at first
 
 export function element(tag, attributes = {}, ...children) {
   const node = Object.assign(document.createElement(tag), attributes);

@@ -56,6 +56,8 @@ document.addEventListener("looked", () => {
   source.pictures.get(room.id)?.replaceChildren(...thumbnail(room, look.box, known).children);
 });
 
+export const offerUnits = () => $("unit").append(...known.units.map((unit) => new Option(unit)));
+
 let last = null; // the file that was opened last, and its entries in the strip
 
 async function opened(file, entries = []) {
