@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -48,8 +47,16 @@ MOST_ITEMS = 40
 MOST_ROOMS = 100  # of a file
 LARGEST_LINE = MOST_ROOMS * LARGEST_BODY  # bytes about the rooms of a home
 LONGEST_NAME = 60  # letters of a room's that are said
-OPTIONS = re.compile(r" \((?:categories|into)=[^)]*\)|, or room_type=<type>")
 STEPS = (0.05, 1.0)  # metres between the places of a heat map
+
+# What lines on a file say of options of commands, and the page in its place.
+OPTIONS = {
+    " (categories=<file> names it)": "",
+    " (into=<id>)": "",
+    ", or room_type=<type>": "",
+    "(unit=m if they are)": "(choose unit m if they are)",
+    "(unit=in if lengths are inches)": "(choose unit in if lengths are inches)",
+}
 
 # What a fault is, to who has not read of it.
 WORDS = {
@@ -281,7 +288,9 @@ def source_of(path: Path, unit: str) -> Source:
 
 def in_words_of_the_page(line: str, path: Path, name: str = "file") -> str:
     """A line on a file, without its path, and without options of commands that the page does not have."""
-    return OPTIONS.sub("", line.replace(str(path), name)).replace("unit=", "choose unit ")
+    for option, words in OPTIONS.items():
+        line = line.replace(option, words)
+    return line.replace(str(path), name)
 
 
 def room_in(asked: Any) -> Room:

@@ -337,6 +337,13 @@ def test_what_is_said_of_a_home_names_no_option_of_commands(answers, tmp_path):
         assert "=" not in line
 
 
+def test_names_of_rooms_are_said_as_they_are(answers):
+    name = "unit=cm (into=the attic)"
+    with pytest.raises(InputError, match="room_type: missing") as found:
+        answers.read(json.dumps({"id": name}).encode())
+    assert name in str(found.value)
+
+
 def test_a_home_tells_what_is_fixed_and_is_saved_with_all_its_rooms(answers, tmp_path):
     shelf = piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
     content = home_file(tmp_path / "flat.sh3d", shelf + FLAT).read_bytes()
