@@ -27,22 +27,38 @@ from layoutrl.rooms.sources.sweethome3d import Home, HomePiece, read_home
 
 VERSION = "5300"
 WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
-USUAL = {  # centimetres high, furniture
-    1.0: RUGS,
-    40.0: ("platform",),
-    45.0: ("bench", "coffee_table", "stool"),
-    50.0: ("bed", "nightstand", "tv_unit"),
-    55.0: ("bathtub", "side_table"),
-    85.0: (
-        *("armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed", "dresser", "sideboard"),
-        *("cooktop", "laundry_cabinet", "sink", "vanity", "washer", "washing_machine"),
-    ),
-    90.0: ("chair", "counter"),
-    120.0: ("plant_rack",),
-    185.0: ("fridge",),
-    200.0: ("bookcase", "shower", "wardrobe"),
+HEIGHTS = {  # centimetres, of furniture
+    **dict.fromkeys(RUGS, 1.0),
+    "platform": 40.0,
+    "bench": 45.0,
+    "coffee_table": 45.0,
+    "stool": 45.0,
+    "bed": 50.0,
+    "nightstand": 50.0,
+    "tv_unit": 50.0,
+    "bathtub": 55.0,
+    "side_table": 55.0,
+    "armchair": 85.0,
+    "loveseat": 85.0,
+    "lounge_chair": 85.0,
+    "sofa": 85.0,
+    "sofa_bed": 85.0,
+    "dresser": 85.0,
+    "sideboard": 85.0,
+    "cooktop": 85.0,
+    "laundry_cabinet": 85.0,
+    "sink": 85.0,
+    "vanity": 85.0,
+    "washer": 85.0,
+    "washing_machine": 85.0,
+    "chair": 90.0,
+    "counter": 90.0,
+    "plant_rack": 120.0,
+    "fridge": 185.0,
+    "bookcase": 200.0,
+    "shower": 200.0,
+    "wardrobe": 200.0,
 }
-HEIGHTS = {category: high for high, categories in USUAL.items() for category in categories}
 HEIGHT = 75.0  # centimetres, of what is not named, such as tables, desks and toilets
 APART = 0.3  # metres, of what stands beside a room
 NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
