@@ -21,6 +21,7 @@ from layoutrl.demo.home import fixed, home_of, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
+from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
@@ -186,8 +187,9 @@ class Answers:
     def read(self, content: bytes, unit: str = "auto") -> Answer:
         """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
 
-        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other files say it themselves. Of a home
-        each room tells what of its furniture is `fixed`: the home is not written back with it elsewhere.
+        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other files say it themselves.
+        Furniture is called by our categories, where its names are known. Of a home each room tells what of its
+        furniture is `fixed`: the home is not written back with it elsewhere.
         """
         if unit not in ("auto", *UNITS):
             raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit[:20]!r}")
@@ -203,11 +205,15 @@ class Answers:
         name = "line" if suffix == ".jsonl" else "file"
         left_out = [in_words_of_the_page(f"{where}: {wrong}", path, name) for where, wrong in collection.left_out]
         left_out += [in_words_of_the_page(note, path) for note in collection.notes]
-        rooms = []
+        rooms, names = [], names_of()
         for room in collection.rooms[:MOST_ROOMS]:
             try:
-                stays = {"fixed": fixed(source, room)} if isinstance(source, Home) else {}
-                rooms.append(shown(limited(room)) | stays)
+                entry = shown(limited(room))
+                if isinstance(source, Home):
+                    entry["fixed"] = fixed(source, room)
+                else:
+                    entry["room"] = names.ours(entry["room"])
+                rooms.append(entry)
             except InputError as error:
                 left_out.append(f"{room.id}: {error}")
         if (more := len(collection.rooms) - MOST_ROOMS) > 0:

@@ -337,6 +337,14 @@ def test_what_is_said_of_a_home_names_no_option_of_commands(answers, tmp_path):
         assert "=" not in line
 
 
+def test_furniture_of_a_file_may_have_everyday_names(answers):
+    room = room_to_dict(next(room for room in ROOMS if room.room_type == "study"))
+    everyday = [item | {"category": item["category"].replace("desk", "Schreibtisch")} for item in room["furniture"]]
+    assert everyday != room["furniture"]
+    (entry,) = answers.read(json.dumps(room | {"furniture": everyday}).encode())["rooms"]
+    assert entry["room"]["furniture"] == room["furniture"]
+
+
 def test_names_of_rooms_are_said_as_they_are(answers):
     name = "unit=cm (into=the attic)"
     with pytest.raises(InputError, match="room_type: missing") as found:
