@@ -631,6 +631,32 @@ def test_a_file_is_read_anew_in_the_unit_that_is_chosen(page):
     expect(page.locator("#gallery li")).to_have_count(count + 1)
 
 
+def test_who_edited_a_file_is_asked_before_it_is_read_anew(page):
+    asked = []
+    page.evaluate(DROP, json.dumps(SQUARE))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    before = item(page, "stool").get_attribute("transform")
+    dragged(page, item(page, "stool"), 0.5, 0)
+    page.once("dialog", lambda dialog: asked.append(dialog.message) or dialog.dismiss())
+    page.locator("#saving summary").click()
+    page.locator("#unit").select_option("m")
+    expect(page.locator("#unit")).to_have_value("auto")
+    assert asked == ["Read room.json anew? Edits in it that are not saved are lost."]
+    assert room_of(page)["furniture"][0]["center"][0] == pytest.approx(2, abs=0.03)  # which saves it
+    dragged(page, item(page, "stool"), -0.2, 0)
+    assert not is_left(page)
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.locator("#unit").select_option("m")
+    expect(item(page, "stool")).to_have_attribute("transform", before)
+    settled(page)
+    assert is_left(page)
+    assert room_of(page)["furniture"][0]["center"] == SQUARE["furniture"][0]["center"]
+    page.locator("#undo").click()  # to the room before the file
+    settled(page)
+    expect(page.locator("#title")).not_to_have_attribute("data-room", SQUARE["id"])
+    assert is_left(page)
+
+
 def test_rooms_of_a_file_of_several_have_their_names_in_the_strip(page, tmp_path):
     long = SQUARE | {"id": "the guests' study on the second floor"}
     page.evaluate(DROP, json.dumps([OWN, long]))
@@ -706,30 +732,32 @@ def test_what_is_locked_is_locked_in_json(page, tmp_path):
     assert locked() == [True, False]
 
 
-def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):
-    def is_left() -> bool:
-        return page.evaluate("dispatchEvent(new Event('beforeunload', { cancelable: true }))")
+def is_left(page: Page) -> bool:
+    """Whether who leaves the page is not asked first."""
+    return page.evaluate("dispatchEvent(new Event('beforeunload', { cancelable: true }))")
 
+
+def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):
     page.evaluate(DROP, json.dumps([OWN, SQUARE]))
     expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
-    assert is_left()
+    assert is_left(page)
     page.locator("#gallery").get_by_title(SQUARE["id"]).click()
     expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
     dragged(page, item(page, "stool"), 0.5, 0)
-    assert not is_left()
+    assert not is_left(page)
     page.locator("#undo").click()
     settled(page)
-    assert is_left()
+    assert is_left(page)
     page.locator("#redo").click()
     settled(page)
     take(page, "bedroom", 0)
-    assert not is_left()
+    assert not is_left(page)
     saved(page, "json")  # of another room
-    assert not is_left()
+    assert not is_left(page)
     page.locator("#gallery").get_by_title(OWN["id"]).click()
     expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])
     saved(page, "json")
-    assert is_left()
+    assert is_left(page)
 
 
 def test_a_saved_file_is_named_in_the_letters_of_the_room(page):

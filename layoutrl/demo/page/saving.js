@@ -3,7 +3,7 @@
 import { ask, home, read } from "./api.js";
 import { $, element, known, open, render, say } from "./page.js";
 import { thumbnail } from "./plan.js";
-import { anyUnsaved, markSaved, packed, snapshot, sourceOf, state, unpacked, words } from "./store.js";
+import { anyUnsaved, forget, markSaved, packed, snapshot, sourceOf, state, unpacked, unsaved, words } from "./store.js";
 
 const LARGEST = 5e6; // bytes that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
@@ -58,22 +58,23 @@ document.addEventListener("looked", () => {
 
 export const offerUnits = () => $("unit").append(...known.units.map((unit) => new Option(unit)));
 
-let last = null; // the file that was opened last, and its entries in the strip
+let last = null; // the file that was opened last, the unit, and what was read: its source, and its entries in the strip
 
-async function opened(file, entries = []) {
+async function opened(file, before = { source: null, entries: [] }) {
   if (!file) return;
-  const mine = { file, entries };
+  const mine = { ...before, file, unit: $("unit").value };
   last = mine;
   state.lines = [];
   render();
   if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
-    const { rooms, left_out, home: whole } = await read(content, $("unit").value);
+    const { rooms, left_out, home: whole } = await read(content, mine.unit);
     const source = sourceOf(rooms, file.name.replace(/(?<=.)\.\w+$/, ""), whole ? content : null);
-    entries.forEach((entry) => entry.remove());
-    mine.entries = offer(source, true);
+    before.entries.forEach((entry) => entry.remove());
+    Object.assign(mine, { source, entries: offer(source, true) });
     await shown(rooms[0], source);
+    forget(before.source);
     state.lines = left_out;
     render();
   } catch (error) {
@@ -109,7 +110,13 @@ async function saveHome() {
 }
 
 $("file").onchange = () => opened($("file").files[0]);
-$("unit").onchange = () => last && opened(last.file, last.entries);
+$("unit").onchange = () => {
+  if (!last) return;
+  const { file, unit, source } = last;
+  const kept = source && unsaved(source) && !confirm(`Read ${file.name} anew? Edits in it that are not saved are lost.`);
+  if (kept) $("unit").value = unit;
+  else opened(file, last);
+};
 document.addEventListener("dragover", (event) => event.preventDefault());
 document.addEventListener("drop", (event) => {
   event.preventDefault();

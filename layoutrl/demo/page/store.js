@@ -41,8 +41,15 @@ function keep() {
 
 export const markSaved = (source, ids) => ids.forEach((id) => source.saved.set(id, source.now.get(id)));
 
-export const anyUnsaved = () =>
-  [...sources].some(({ now, saved }) => [...now].some(([id, text]) => text !== saved.get(id)));
+export const unsaved = ({ now, saved }) => [...now].some(([id, text]) => text !== saved.get(id));
+
+export const anyUnsaved = () => [...sources].some(unsaved);
+
+// Keep nothing of a source that was read anew: undo does not come back to it.
+export function forget(source) {
+  sources.delete(source);
+  for (const texts of [past, future]) texts.splice(0, Infinity, ...texts.filter((entry) => entry.source !== source));
+}
 
 // Keep how things are now, so that undo comes back here.
 export function commit() {
