@@ -732,6 +732,27 @@ def test_what_is_locked_is_locked_in_json(page, tmp_path):
     assert locked() == [True, False]
 
 
+def test_what_the_page_locks_is_not_locked_in_json(page):
+    stands, waits = ({"category": "stool", "size": [0.5, 0.5]} | more for more in ({"center": [1, 2]}, {}))
+    furniture = [stands, stands | {"center": [2, 2], "locked": True}, stands | {"center": [2, 1]}, waits]
+    page.evaluate(DROP, json.dumps(SQUARE | {"furniture": furniture}))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    settled(page)
+
+    def locked() -> list[bool]:
+        return ["locked" in entry for entry in json.loads(saved(page, "json"))["furniture"]]
+
+    expect(page.locator("#plan .item.locked")).to_have_count(3)
+    assert locked() == [False, True, False, False]
+    page.locator("#plan [data-item='2']").focus()
+    expect(page.locator("#lock")).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("l")
+    expect(page.locator("#plan .item.locked")).to_have_count(2)
+    page.keyboard.press("l")
+    expect(page.locator("#plan .item.locked")).to_have_count(3)
+    assert locked() == [False, True, True, False]
+
+
 def is_left(page: Page) -> bool:
     """Whether who leaves the page is not asked first."""
     return page.evaluate("dispatchEvent(new Event('beforeunload', { cancelable: true }))")

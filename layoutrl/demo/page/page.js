@@ -76,7 +76,7 @@ export async function open(room, locked = [], source = sourceOf()) {
     const said = await answered("look", { room });
     Object.assign(state, { room: said.room, source, look: said, problem: "", notice: "", mode: "edit" });
     Object.assign(state, { selected: null, thoughts: null, ...outdated });
-    state.locked = said.room.furniture.map((_, k) => Boolean(locked[k]));
+    state.locked = said.room.furniture.map((_, k) => locked[k] || false);
     state.room.furniture.forEach((item) => delete item.locked); // who edits may unlock it
     commit();
     render();
@@ -165,7 +165,7 @@ function renderSelected() {
   $("delete").disabled = Boolean(chosen && state.locked[selected.index]);
   $("wrong").textContent = chosen ? state.problem || wrongWith(selected.index).join("; ") : "";
   if (!chosen) return;
-  const lock = state.locked[selected.index];
+  const lock = Boolean(state.locked[selected.index]);
   $("lock").setAttribute("aria-pressed", lock);
   $("turn").disabled = lock || !chosen.center;
   $("only").disabled = lock;

@@ -7,6 +7,7 @@ import { anyUnsaved, forget, markSaved, packed, snapshot, sourceOf, state, unpac
 
 const LARGEST = 5e6; // bytes that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
+const PAGE = "page"; // what the page has locked, and nobody else
 
 function download(content, kind, ending, name = state.room.id) {
   const file = `${name.replace(/[^\p{L}\p{M}\p{N}_-]+/gu, "_")}.${ending}`;
@@ -15,15 +16,17 @@ function download(content, kind, ending, name = state.room.id) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-// What is fixed in a home is locked, what JSON says is, and what stands where other furniture is to be placed.
+// What JSON says is locked; and, by the page (PAGE), what is fixed in a home, and what stands where other furniture is to
+// be placed.
 function locks({ furniture }, fixed) {
   const waits = furniture.some(({ center }) => !center);
-  return furniture.map(({ center, locked }, k) => locked || fixed.includes(k) || (waits && Boolean(center)));
+  return furniture.map(({ center, locked }, k) => locked || ((fixed.includes(k) || (waits && center)) && PAGE));
 }
 
-// The room as JSON has it: with what is locked of that which stands.
+// The room as JSON has it: with what the user has locked of that which stands, or JSON had.
 function withLocks({ room, locked }) {
-  const furniture = room.furniture.map((item, k) => (locked[k] && item.center ? { ...item, locked: true } : item));
+  const held = (item, k) => item.center && locked[k] === true;
+  const furniture = room.furniture.map((item, k) => (held(item, k) ? { ...item, locked: true } : item));
   return { ...room, furniture };
 }
 

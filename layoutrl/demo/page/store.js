@@ -2,7 +2,7 @@
 
 export const state = {
   room: null, // as in its JSON
-  locked: [], // of each piece of furniture
+  locked: [], // of each piece of furniture: true, false, or "page" where nobody else locked it
   source: null, // that the room is from, made by sourceOf
   look: null, // what the server last said of the room
   problem: "", // why the server refuses the room as it is
