@@ -13,6 +13,8 @@ def usable_device(device: torch.device | str, *others: str) -> torch.device:
         chosen = torch.device(device)
         torch.zeros(1, device=chosen).item()  # which a device without memory refuses
     except (RuntimeError, AssertionError, TypeError) as error:
-        expected, reason = ", ".join([*others, "cpu"]), str(error).partition("\n")[0]
-        raise InputError(f"device: expected {expected} or a GPU of this machine; got {device} ({reason})") from None
+        known, reason = ", ".join([*others, "cpu"]), str(error).partition("\n")[0]
+        raise InputError(
+            f"device: expected {known} or a GPU of this machine, as cuda:0; got {device} ({reason})"
+        ) from None
     return chosen
