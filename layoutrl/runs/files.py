@@ -65,7 +65,7 @@ def check_writable(folder: Path, option: str) -> None:
     """Raise InputError unless files can be made in a folder, or in one that is to be made; `option` names it."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
-        raise InputError(f"{option}: {folder} cannot be written to; expected a folder to write to")
+        raise InputError(f"{option}: {folder} cannot be written to; expected another, as {option}=<name>")
 
 
 @contextmanager

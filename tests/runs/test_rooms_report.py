@@ -47,7 +47,7 @@ def test_it_is_scored_again_alike(trained: Path, tmp_path: Path) -> None:
 
 
 ONCE = r"^starts: a whole room is furnished once, from nothing; expected 1; got 2$"
-NOWHERE = r"^out: /dev/null cannot be written to; expected a folder to write to$"
+NOWHERE = r"^out: /dev/null cannot be written to; expected another, as out=<name>$"
 MASKED = r"^on_illegal of whole rooms: expected one of mask; got stop$"
 
 
