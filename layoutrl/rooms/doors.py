@@ -107,8 +107,9 @@ def _kept_free(room: Room) -> shapely.Geometry:
 @lru_cache(maxsize=1024)
 def _leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
     border, hung = room.indoor.boundary, list[tuple[Leaf, Leaf] | None]()
-    for door, width in zip(room.doors, door_widths(room), strict=True):
+    for door in room.doors:
         along, through = along_and_through(door.shape, border)
+        width = float(np.hypot(*along))
         middle = np.array(door.shape.minimum_rotated_rectangle.centroid.coords[0])
         beyond = through * (0.5 + TOLERANCE / np.hypot(*through))
         off = shapely.distance(room.indoor, shapely.points([middle + beyond, middle - beyond]))
