@@ -19,6 +19,7 @@ import numpy as np
 from cells import PLANIT, asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
 from printing import Estimate, Row, Table, ceiling, compared, estimates, listed, row, show, write
 
+from layoutrl.rivals.planit.scoring import how_many
 from layoutrl.runs.commands import answers_errors
 
 
@@ -260,14 +261,14 @@ def planit_tables(folder: Path, rooms: Iterable[str]) -> list[Table]:
 
 
 def of_all(found: Row | None, words: str) -> Estimate | None:
-    """Of whole rooms, as many as a budget evaluates. Mean over seeds; the error is that of one."""
+    """Of whole rooms, as many as PlanIT furnishes. Mean over seeds; the error is that of one."""
     if not found:
         return None
     every = [cell["all items"][words] for cell in found.cells.values()]
     errors = [cell["standard_error"] for cell in every]
     mean = float(np.mean([cell["mean_iou"] for cell in every]))
     error = None if None in errors else float(np.mean(errors))
-    [n] = {cell["config"]["budget"]["evaluation_rooms"] for cell in found.cells.values()}
+    [n] = {how_many(cell["config"]["budget"]["evaluation_rooms"], cell["rooms"]) for cell in found.cells.values()}
     return Estimate({"mean_iou": mean, "standard_error": error, "n": n, "seeds": len(every)}, found)
 
 

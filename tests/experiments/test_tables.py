@@ -9,7 +9,9 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import real_rooms
 import table1
@@ -19,6 +21,7 @@ from cell_config import RESULTS, CellConfig, folder_of, name_of
 from cells import stated
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
+from printing import Row
 
 from layoutrl import InputError
 from layoutrl.runs.config import composed, config_directory
@@ -162,6 +165,14 @@ def test_make_tables_takes_a_type_where_one_is_given():
     assert [command.split() for command in commands("DATA=/nowhere")] == [[script] for script in scripts]
     given = commands("DATA=/nowhere", "ROOM=kitchen", "budget=smoke")
     assert [command.split() for command in given] == [[script, "room=kitchen", "budget=smoke"] for script in scripts]
+
+
+@pytest.mark.parametrize(("asked", "there", "n"), [(64, 1000, 24), (64, 6, 6), (1, 6, 1)])
+def test_whole_rooms_count_as_many_as_planit_furnished(asked, there, n):
+    of_all = {"mean_iou": 0.5, "standard_error": 0.1, "missing": 0.0}
+    cell = {"rooms": there, "config": {"budget": {"evaluation_rooms": asked}}, "all items": {"told": of_all}}
+    found = Row(np.zeros((1, there)), np.arange(there), [], {Path("cell.json"): cell})
+    assert table1.of_all(found, "told").numbers["n"] == n
 
 
 def configurations(table: str, sweep: dict[str, str]) -> Iterator[CellConfig]:

@@ -294,12 +294,17 @@ def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
     return Furnished(items, group, iou, missing / max(missing + placed, 1))
 
 
+def how_many(furnished: int, rooms: int) -> int:
+    """Rooms that are furnished from nothing, where `furnished` are asked for and so many `rooms` are there."""
+    return min(furnished, FURNISHED, rooms)
+
+
 def score_all(
     placer: Placer, furnished: int, seed: np.random.SeedSequence
 ) -> tuple[dict[str, Places], dict[str, Furnished]]:
-    """One item in every room, and all items in the first `furnished` of them, FURNISHED at most."""
+    """One item in every room, and all items in the first of them: see `how_many`."""
     one_seed, all_seed = seed.spawn(2)
-    few = min(furnished, FURNISHED)
+    few = how_many(furnished, len(placer.rooms))
     every = Placer(placer.model, placer.rooms[:few], placer.scenes[:few])
     return place_targets(placer, one_seed), furnish_all(every, all_seed)
 
@@ -309,7 +314,7 @@ def evaluated(placer: Placer, furnished: int, seed: np.random.SeedSequence) -> d
     one, every = score_all(placer, furnished, seed)
     return {
         "rooms": len(placer.rooms),
-        "furnished_rooms": min(furnished, FURNISHED, len(placer.rooms)),
+        "furnished_rooms": how_many(furnished, len(placer.rooms)),
         "one item": {name: found.score.as_dict() | {"missing": found.missing} for name, found in one.items()},
         "all items": {name: found.as_dict() for name, found in every.items()},
     }
