@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from layoutrl import InputError
 from layoutrl.figures import STYLE, save
 from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.ranges import within
 
 UPDATES = 10**7  # more than there is time for
 
@@ -64,6 +65,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30)
     parser.add_argument("--runs", type=Path, default=Path("runs/soak"))
     options, overrides = parser.parse_known_args()
+    within("--minutes", options.minutes, options.minutes > 0, "more than 0")
     runs = options.runs.expanduser()
     runs.mkdir(parents=True, exist_ok=True)
     often = ["budget.reports=10000", "budget.evaluations=10000"]  # of so many updates
@@ -73,7 +75,7 @@ def main() -> None:
     with (runs / "soak.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("minutes", "memory_mb", "checkpoints_mb", "other_files_mb"), *seen])
     minutes, memory, saved, other = np.array(seen).T
-    settled = minutes > minutes[-1] / 10
+    settled = (minutes > minutes[-1] / 10) | (minutes == minutes[-1])  # the last, where it is the only one
     for name, values in (("memory", memory), ("checkpoints", saved), ("other files", other)):
         first, last = values[settled][[0, -1]]
         print(f"{name}: {first:.1f} MB after {minutes[settled][0]:.1f} minutes, {last:.1f} MB at the end")

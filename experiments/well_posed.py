@@ -23,6 +23,7 @@ from layoutrl.rooms.designer.generator import design_room, design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
+from layoutrl.runs.ranges import within
 
 KEPT = RESULTS / "well_posed"
 
@@ -54,6 +55,8 @@ def main() -> None:
     parser.add_argument("--test", type=int, default=1000, help="held-out rooms")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    for name, count in (("--train", options.train), ("--test", options.test)):
+        within(name, count, count >= 1, "1 or more")
 
     began = time.perf_counter()
     training = design_rooms(options.room_type, "train", options.seed, options.train)

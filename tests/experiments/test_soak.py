@@ -82,3 +82,10 @@ def test_what_was_watched_is_written_drawn_and_told(
     config = composed("train", *asked[3:])
     assert config.method.updates["default"] == soak.UPDATES
     assert (config.room.type, config.method.batch, config.runs) == ("tatami", 8, str(tmp_path))
+
+
+def test_no_time_is_answered_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["soak.py", "--minutes=0"])
+    monkeypatch.setattr(soak, "watched", None)  # before anything is done
+    with pytest.raises(SystemExit, match=r"^error: --minutes: expected more than 0; got 0\.0$"):
+        soak.main()

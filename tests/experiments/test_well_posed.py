@@ -19,3 +19,10 @@ def test_well_posed_measures_a_type(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert 0 < told["iou_with_second_place"] < 0.9  # else it would not be another place
     assert 0 <= told["tries_rejected_as_ties"] < 0.2
     assert all(0 <= share < 1 for share in result["reject_rate"].values())
+
+
+@pytest.mark.parametrize("option", ["--train", "--test"])
+def test_no_rooms_are_answered_in_a_line(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["well_posed.py", "tatami", f"{option}=0"])
+    with pytest.raises(SystemExit, match=f"^error: {option}: expected 1 or more; got 0$"):
+        well_posed.main()
