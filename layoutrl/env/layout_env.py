@@ -8,73 +8,24 @@ from typing import Any, Literal, SupportsFloat
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.error import ResetNeeded
 
-from layoutrl import InputError
+from layoutrl.env.arguments import (
+    begun,
+    check_at_least_one,
+    check_render_mode,
+    checked_action,
+    checked_options,
+    checked_room,
+    given_or_default,
+    standing_or_some,
+)
 from layoutrl.env.geometry import snap
 from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.single import SingleSimulator
-from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Point, Room
-
-
-def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
-    """The rooms, or ten designed bedrooms where None are given. Raises InputError for any but a list of one or more."""
-    if rooms is None:
-        return design_rooms("bedroom", "train", seed=0, count=10).rooms
-    if not (isinstance(rooms, Sequence) and all(isinstance(room, Room) for room in rooms)):
-        raise InputError(f"rooms: expected a list of rooms, as read_rooms(file).rooms is; got {rooms!r:.60}")
-    if not rooms:
-        raise InputError("rooms: expected at least one room")
-    return rooms
-
-
-def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
-    """As `given_or_some`. Raises InputError where the item that moves has no center, too."""
-    rooms = given_or_some(rooms)
-    for room in rooms:
-        if room.moving.center is None:
-            raise InputError(
-                f"rooms: the {room.moving.category} of {room.id} has no center; expected the designer's place of what "
-                "moves (layoutrl/Rooms-v0 takes rooms that are still to be furnished)"
-            )
-    return rooms
-
-
-def given_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves, Reward]:
-    """Moves and a reward, the project's where None are given. Raises ValueError for what is neither."""
-    for name, given, kind in (("moves", moves, Moves), ("reward", reward, Reward)):
-        if not (given is None or isinstance(given, kind)):
-            raise ValueError(f"{name}: expected {kind.__name__}(...) or None; got {given!r:.60}")
-    return moves or Moves(), reward or Reward()
-
-
-def checked_options(options: dict[str, Any] | None, *names: str) -> dict[str, Any]:
-    """The options of a reset, which may have these names. Raises ValueError for all else."""
-    if not (options is None or (isinstance(options, dict) and options.keys() <= {*names})):
-        raise ValueError(f"options: expected a dict of {' and '.join(names)}; got {options!r:.60}")
-    return options or {}
-
-
-def check_at_least_one(**counts: int) -> None:
-    """Raises ValueError, with its name, for what is no count of one or more."""
-    for name, count in counts.items():
-        if not is_whole(count) or count < 1:
-            raise ValueError(f"{name}: expected a whole number, 1 or more; got {count!r}")
-
-
-def check_render_mode(mode: str | None) -> None:
-    """Raises ValueError for what is no way to render."""
-    if mode not in (None, "rgb_array"):
-        raise ValueError(f"render_mode: expected rgb_array or None; got {mode!r}")
-
-
-def is_whole(number: object) -> bool:
-    """Whether it is a whole number; True and False are none here."""
-    return isinstance(number, int | np.integer) and not isinstance(number, bool)
 
 
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -102,6 +53,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
+    action_space: spaces.Discrete
 
     def __init__(
         self,
@@ -144,9 +96,8 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         return self._observation(), self._arrive() | {"illegal": False}
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
-        self._check_begun()
-        if isinstance(action, bool) or not self.action_space.contains(action):
-            raise ValueError(f"action: expected a whole number from 0 to {len(self._legal) - 1}; got {action!r}")
+        begun(self._path)
+        action = checked_action(action, self.action_space)
         illegal = not self._legal[action]
         if not illegal:
             self._path.append(self._reached[action])
@@ -157,26 +108,20 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def action_masks(self) -> np.ndarray:
         """The moves that are legal now: bool (A,)."""
-        self._check_begun()
+        begun(self._path)
         return self._legal.copy()
 
     def render(self) -> np.ndarray | None:
         """The way so far, uint8 (384, 384, 3): start pale, item red, the designer's place outlined."""
-        self._check_begun()
+        begun(self._path)
         if self.render_mode != "rgb_array":
             return None
         return story(self.simulator.rooms[self._room], np.array(self._path))
 
-    def _check_begun(self) -> None:
-        if not self._path:
-            raise ResetNeeded("expected a call of reset before step, render and action_masks")
-
     def _chosen(self, options: dict[str, Any]) -> tuple[int | None, np.ndarray | None]:
         """Room and position (2,) that the options of a reset ask for; None for what is to be drawn."""
-        room: int | None = options.get("room")
         given, count = options.get("position"), len(self.simulator.rooms)
-        if room is not None and not (is_whole(room) and 0 <= room < count):
-            raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
+        room = checked_room(options.get("room"), count)
         if given is None:
             return room, None
         if room is None and count > 1:

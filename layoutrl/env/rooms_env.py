@@ -10,16 +10,17 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium import spaces
-from gymnasium.error import ResetNeeded
 
 from layoutrl import InputError
-from layoutrl.env.layout_env import (
+from layoutrl.env.arguments import (
+    begun,
     check_at_least_one,
     check_render_mode,
+    checked_action,
     checked_options,
+    checked_room,
     given_or_default,
     given_or_some,
-    is_whole,
 )
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished_picture
@@ -53,6 +54,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
+    action_space: spaces.Discrete
 
     def __init__(
         self,
@@ -75,9 +77,8 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        room, count = checked_options(options, "room").get("room"), len(self.simulator.rooms)
-        if room is not None and not (is_whole(room) and 0 <= room < count):
-            raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
+        count = len(self.simulator.rooms)
+        room = checked_room(checked_options(options, "room").get("room"), count)
         super().reset(seed=seed)
         drawn = self.np_random.integers(count)  # with a room that was asked for, in vain
         self._state = self.simulator.begin(np.array([drawn if room is None else room], dtype=np.int64), self.np_random)
@@ -86,8 +87,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
         state = self._running
-        if isinstance(action, bool) or not self.action_space.contains(action):
-            raise ValueError(f"action: expected a whole number from 0 to {len(self._legal) - 1}; got {action!r}")
+        action = checked_action(action, self.action_space)
         illegal = not self._legal[action]
         if not illegal:
             item, center, quarter = (where[:, action] for where in self._reached)
@@ -116,9 +116,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     @property
     def _running(self) -> State[np.ndarray]:
-        if self._state is None:
-            raise ResetNeeded("expected a call of reset before step, render and action_masks")
-        return self._state
+        return begun(self._state)
 
     def _arrive(self) -> dict[str, Any]:
         """Reward and next moves as the room is now, told as info."""

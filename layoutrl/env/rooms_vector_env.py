@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium import spaces
-from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
+from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode, refuse_options
 from layoutrl.env.device import usable_device
-from layoutrl.env.layout_env import check_at_least_one, check_render_mode
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
@@ -73,8 +72,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        if options:
-            raise ValueError(f"options: expected none; got {options}")
+        refuse_options(options)
         self._streams = reseeded(self, seed, self._streams)
         self._generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
         return self._begun()
@@ -115,9 +113,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     @property
     def _running(self) -> State[Tensor]:
-        if self._state is None:
-            raise ResetNeeded("expected a call of reset before step, render and action_masks")
-        return self._state
+        return begun(self._state)
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Observations and info of episodes that are about to begin."""

@@ -8,22 +8,23 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from gymnasium import spaces
-from gymnasium.error import ResetNeeded
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.device import usable_device
-from layoutrl.env.episodes import Episodes
-from layoutrl.env.layout_env import (
-    LayoutEnv,
+from layoutrl.env.arguments import (
+    begun,
     check_at_least_one,
     check_render_mode,
     given_or_default,
+    refuse_options,
     standing_or_some,
 )
+from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.device import usable_device
+from layoutrl.env.episodes import Episodes
+from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import observation_of
 from layoutrl.env.render import story
 from layoutrl.env.reward import Reward, RewardTerms
@@ -86,8 +87,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        if options:
-            raise ValueError(f"options: expected none; got {options}")
+        refuse_options(options)
         self._streams = reseeded(self, seed, self._streams)
         generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
         self._episodes = Episodes(self.simulator, np.zeros(self.num_envs, dtype=int), self.max_moves, generator)
@@ -124,9 +124,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     @property
     def _running(self) -> Episodes:
-        if self._episodes is None:
-            raise ResetNeeded("expected a call of reset before step, render and action_masks")
-        return self._episodes
+        return begun(self._episodes)
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
         """Observations and info of episodes that are about to make their first move."""
