@@ -99,10 +99,14 @@ class Episodes:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from where others were."""
-        self.room, self.position = (state[name].to(self._simulator.device) for name in ("room", "position"))
+        self.stand_at(state["room"], state["position"])
         self._age = np.array(state["age"])
         self._whole = np.array(state.get("whole", [True] * len(self._age)))  # checkpoints of before do not say it
         self._generator.set_state(state["generator"].cpu())
+
+    def stand_at(self, room: Tensor, position: Tensor) -> None:
+        """Put the items of all episodes elsewhere, into rooms (B,) at positions (B, 2)."""
+        self.room, self.position = (where.to(self._simulator.device) for where in (room, position))
         self._length, self.legal = self._simulator.reach(self.room, self.position)
 
     def _begin_anew(self, ended: Tensor) -> None:

@@ -132,8 +132,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if self._streams is not None:  # where LayoutEnv would begin
             rooms = [np.array([stream.integers(len(self.simulator.rooms))]) for stream in self._streams]
             starts = list(map(self._reference.starts, rooms, self._streams))
-            drawn = {"room": torch.tensor(np.concatenate(rooms)), "position": torch.tensor(np.concatenate(starts))}
-            episodes.load_state_dict(episodes.state_dict() | drawn)
+            episodes.stand_at(torch.tensor(np.concatenate(rooms)), torch.tensor(np.concatenate(starts)))
         room, position, legal = episodes.room, episodes.position, episodes.legal
         self._path = [position]
         terms = self.simulator.reward(room, position)
