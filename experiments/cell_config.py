@@ -16,7 +16,7 @@ from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import PlanitMethodConfig, TrainConfig
-from layoutrl.runs.ranges import check_furnishing, one_of
+from layoutrl.runs.ranges import check_annealer, check_search, one_of
 
 RESULTS = Path(__file__).parent / "results"
 SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
@@ -41,7 +41,8 @@ class CellConfig(TrainConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.planit.check("planit")
-        check_furnishing(self.search, self.annealer)
+        check_search(self.search)
+        check_annealer(self.annealer)
         one_of("protocol", self.protocol, "unseen", "scene")
         one_of("trained_on", self.trained_on, "own", "designer", "both")
         one_of("planit_time", self.planit_time, "agent", "updates")

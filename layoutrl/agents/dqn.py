@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 import copy
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import smooth_l1_loss
 
 from layoutrl.agents.replay import Transitions
-from layoutrl.env.symmetry import Symmetry
-
-
-class Observe(Protocol):
-    """What an agent sees of poses; GeometryObservation, ImageObservation or ScenesObservation."""
-
-    def __call__(self, room: Tensor, position: Tensor, /) -> Tensor:
-        """Observations (B, ...) of rooms (B,) or scenes (B, columns) with the item at positions (B, 2)."""
-
-    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
-        """How the same rooms look mirrored and turned."""
 
 
 class UpdateStats(NamedTuple):

@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN, Observe
+from layoutrl.agents.dqn import DQN
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.method import Method
@@ -18,7 +18,7 @@ from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Begin, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.observation import COLUMNS, categories_of, observation_of
+from layoutrl.env.observation import COLUMNS, Observe, categories_of, observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, RoomsObservation

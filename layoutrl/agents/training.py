@@ -12,11 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from layoutrl.agents.dqn import DQN, Observe, UpdateStats
+from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
 from layoutrl.env.episodes import Episodes, Step
+from layoutrl.env.observation import Observe, in_every_view
 from layoutrl.env.symmetry import Symmetry, shares
 
 Begin = Callable[[torch.Generator], Episodes]  # episodes that draw by the generator
@@ -242,8 +243,3 @@ def _turned(
 def _in_turn(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
     """What there is of each move (B, A), an equal share of it as the moves are in each symmetry."""
     return torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, by_move)])
-
-
-def in_every_view(observe: Observe, symmetries: Sequence[Symmetry], observation: Tensor) -> Tensor:
-    """The same observations (B, ...), an equal share of them in each symmetry."""
-    return torch.cat([observe.turned(share, symmetry) for symmetry, share in shares(symmetries, observation)])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 import shapely
@@ -19,7 +19,7 @@ from torch import Tensor
 from layoutrl.env import coverage
 from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
-from layoutrl.env.symmetry import Symmetry
+from layoutrl.env.symmetry import Symmetry, shares
 from layoutrl.rooms.clearances import period
 from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
 
@@ -31,6 +31,21 @@ X, Y, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
 )
 STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # what else stands in a room is one of these
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
+
+
+class Observe(Protocol):
+    """What an agent sees of poses; GeometryObservation, ImageObservation or ScenesObservation."""
+
+    def __call__(self, room: Tensor, position: Tensor, /) -> Tensor:
+        """Observations (B, ...) of rooms (B,) or scenes (B, columns) with the item at positions (B, 2)."""
+
+    def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
+        """How the same rooms look mirrored and turned."""
+
+
+def in_every_view(observe: Observe, symmetries: Sequence[Symmetry], observation: Tensor) -> Tensor:
+    """The same observations (B, ...), an equal share of them in each symmetry."""
+    return torch.cat([observe.turned(share, symmetry) for symmetry, share in shares(symmetries, observation)])
 
 
 def observation_of(

@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from layoutrl.agents.dqn import Observe
 from layoutrl.agents.gains import gains
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.observation import Observe
 from layoutrl.env.scenes import Scenes, destinations
 from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun
 

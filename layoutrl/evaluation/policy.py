@@ -10,10 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from layoutrl.agents.dqn import Observe
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import out_of_line
+from layoutrl.env.observation import Observe, out_of_line
 from layoutrl.env.scenes import Scenes, destinations, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.gains_policy import GainsPolicy

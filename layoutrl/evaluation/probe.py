@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.measures import measured
+from layoutrl.env.observation import Observe
 from layoutrl.env.render import furnished_picture, story
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher

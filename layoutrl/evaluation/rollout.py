@@ -12,9 +12,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from layoutrl.agents.dqn import Observe
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
+from layoutrl.env.observation import Observe
 from layoutrl.env.scenes import Scenes
 from layoutrl.env.symmetry import Symmetry
 

@@ -28,7 +28,7 @@ from layoutrl.rooms.collection import FOLDS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
-from layoutrl.runs.ranges import check_data, check_furnishing, check_method, one_of, within
+from layoutrl.runs.ranges import check_annealer, check_data, check_method, check_search, one_of, within
 
 PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
@@ -284,7 +284,8 @@ class PlaceConfig:
             one_of("by", self.by, "agents", "search", "annealer")
         within("seconds", self.seconds, 0 < self.seconds <= MOST_SECONDS, f"more than 0, {MOST_SECONDS} at most")
         within("seed", self.seed, self.seed >= 0, "0 or more")
-        check_furnishing(self.search, self.annealer)
+        check_search(self.search)
+        check_annealer(self.annealer)
 
 
 @dataclass
@@ -298,7 +299,7 @@ class DemoConfig:
     def __post_init__(self) -> None:
         within("port", self.port, 0 <= self.port <= 65535, "0 to 65535")
         within("timeout", self.timeout, self.timeout > 0, "more than 0")
-        check_furnishing(self.search, MISSING)
+        check_search(self.search)
 
 
 @dataclass

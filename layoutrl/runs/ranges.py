@@ -69,8 +69,8 @@ def check_on_illegal(name: str, method: Method) -> None:
     one_of(name, method.on_illegal, "stop", "mask")
 
 
-def check_furnishing(search: Any, annealer: Any) -> None:
-    """Raises InputError for what is out of range in `search` and `annealer` of a configuration, if it has them."""
+def check_search(search: Any) -> None:
+    """Raises InputError for what is out of range in `search` of a configuration, if it has one."""
     if isinstance(search, Searching):  # it is the text MISSING otherwise
         within("search.grid", search.grid, search.grid > 0, "more than 0")
         for name in ("best", "nodes"):
@@ -78,6 +78,10 @@ def check_furnishing(search: Any, annealer: Any) -> None:
             within(f"search.{name}", value, value >= 1, "1 or more")
         within("search.noise", search.noise, search.noise >= 0, "0 or more")
         _named_numbers("search.weights", search.weights, PREFERENCES, PREFERENCES)
+
+
+def check_annealer(annealer: Any) -> None:
+    """As `check_search`, of `annealer`."""
     if isinstance(annealer, Annealing):
         within("annealer.chains", annealer.chains, annealer.chains >= 1, "1 or more")
         within("annealer.cold", annealer.cold, 0 <= annealer.cold < 1, "0 <= cold < 1")

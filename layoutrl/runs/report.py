@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from torch import nn
 
-from layoutrl.agents.dqn import Observe
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import observation_of
+from layoutrl.env.observation import Observe, observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
