@@ -45,7 +45,7 @@ class RoomsSimulator:
 
     `briefs` are rooms with items to place; `designs`, where they are known, the same rooms as the designer has them:
     the first term of the reward is 0 where they are not. An item may take the place of any of the designer's that is
-    the same (category, size, form); the highest IoU counts.
+    the same (category, size, form, whether tucked); the highest IoU counts.
 
     Of the items (rooms, N): `count` (rooms,) is how many each room has to place, `ways` how many ways an item can face
     that look different, `degrees` (rooms, N, 4) its rotation in each, and `entry` (rooms, N, 4) the room of `simulator`
@@ -303,8 +303,10 @@ def _takes_floor(floor: Item, other: Item) -> bool:
 
 
 def _same(item: Item, other: Item) -> bool:
-    """Whether the one stands where the other could."""
-    return item.center is not None and replace(item, center=None, rotation=other.rotation) == other
+    """Whether the one stands where the other could: items of one category, size and form, both tucked or neither."""
+    if item.center is None:
+        return False
+    return replace(item, center=None, rotation=other.rotation, locked=other.locked) == other
 
 
 def _with(shell: Room, item: Item, envelope: Polygon) -> Room:

@@ -167,6 +167,13 @@ def test_equal_items_may_stand_for_each_other() -> None:
         assert simulator.reward(put).iou == pytest.approx(1)
 
 
+def test_an_item_may_stand_where_the_designer_has_locked_it() -> None:
+    simulator = simulator_of(rectangular_room(4, 3, replace(BED, locked=True)))
+    center, quarter = simulator.designed()
+    state = simulator.begin(np.array([0]), np.random.default_rng(0))
+    assert simulator.reward(simulator.put(state, np.array([0]), center[:, 0], quarter[:, 0])).iou == pytest.approx(1)
+
+
 def test_a_turn_stays_in_place_and_is_legal_where_the_item_fits_so_turned() -> None:
     wardrobe = Item("wardrobe", (0.6, 2.8), (0.3, 1.5), 0.0)
     simulator = simulator_of(rectangular_room(2.0, 3.0, wardrobe))  # 2.4 m wide with its walls
