@@ -67,20 +67,25 @@ HOLDS = {
 
 
 class Names:
-    """The table: what a name of another program is here, and the names that nobody knew."""
+    """What a name of another program is here, and the names that nobody knew.
 
-    def __init__(self, table: Mapping[str, Iterable[str]]):
+    Of tables, the last that has a name says what it is.
+    """
+
+    def __init__(self, *tables: Mapping[str, Iterable[str]]):
         self._furniture: dict[str, str] = {}
         self._rooms: dict[str, str] = {}
         self._first: set[str] = set()  # furniture with a star
         self._winning: set[str] = set()  # rooms with a star
-        for ours, theirs in table.items():
+        for ours, theirs in chain.from_iterable(table.items() for table in tables):
             rooms = ours in MAIN_ITEM or ours == NO_ROOM
             for name in (ours, *theirs):
                 (self._rooms if rooms else self._furniture)[plain(name)] = ours
             starred = {plain(name) for name in theirs if name.endswith("*")}
             (self._winning if rooms else self._first).update(starred)
-        self._rooms = dict(sorted(self._rooms.items(), key=lambda entry: entry[0] in ENSUITE))
+        order = [*dict.fromkeys(chain(*tables))]
+        by_type = sorted(self._rooms.items(), key=lambda entry: (entry[0] in ENSUITE, order.index(entry[1])))
+        self._rooms = dict(by_type)
         self.unknown: Counter[tuple[str, str]] = Counter()  # (name, what it is called as an obstacle), how often
 
     @cached_property
@@ -209,12 +214,8 @@ def _parts(name: str) -> list[str]:
 
 
 def names_of(file: Path | None = None) -> Names:
-    """The package's table, with what a user's file adds to it. Raises InputError where that is no such file."""
-    table = {ours: list(theirs) for ours, theirs in _own_table().items()}
-    if file is not None:
-        for ours, theirs in _users(Path(file)).items():
-            table.setdefault(ours, []).extend(theirs)
-    return Names(table)
+    """The package's table, and a user's file, whose names win. Raises InputError where that is no such file."""
+    return Names(_own_table()) if file is None else Names(_own_table(), _users(Path(file)))
 
 
 @cache

@@ -180,6 +180,19 @@ def test_a_users_file_adds_names(tmp_path: Path) -> None:
     assert names_of().category("Sitzlandschaft") == ("sitzlandschaft", False)
 
 
+@pytest.mark.parametrize(("first", "second"), [("armchair", "wardrobe"), ("wardrobe", "armchair")])
+def test_a_users_names_win_over_ours(tmp_path: Path, first: str, second: str) -> None:
+    """Wherever in our table the name stands, and the category that the user has for it."""
+    own = yaml.safe_load(files("layoutrl.rooms").joinpath("categories.yaml").read_text(encoding="utf-8"))
+    file = tmp_path / "my.yaml"
+    file.write_text(f"{first}: [{own[second][-1]}, {second}]\nbedroom: [Utility]\n{NO_ROOM}: [Bedroom]\n")
+    names = names_of(file)
+    assert names.category(own[second][-1]) == names.category(second) == (first, True)
+    assert names.room_type("Utility 2", []) == "bedroom"
+    assert names.room_type("Bedroom 2", ["bed"]) == NO_ROOM
+    assert names.room_type("Kitchen / Bedroom", []) == names_of().room_type("Kitchen / Utility", [])
+
+
 @pytest.mark.parametrize(
     "text", ["sofa: couch", "- sofa", "sofa: [1]", "a: [b", "", "1: [a]", "sofa: ['#']", "&a [*a]"]
 )
