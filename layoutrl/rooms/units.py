@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from math import inf
 from statistics import median
 from typing import Any
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}  # in a metre
 LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room: below 1.3 m none is one, above 13 m few are
-WIDEST = {"m": 8.0, "cm": 300.0}  # door or window: the narrowest of a room is between 0.3 and 3 m
+WIDEST = {"m": 8.0, "cm": 300.0}  # door or window: the narrowest of most rooms is between 0.3 and 3 m
 INCHES = (20.0, 45.0)  # most doors, as wide in inches; in centimetres nobody fits through
 LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
 
@@ -42,14 +43,14 @@ def _door_widths(document: Any) -> list[float]:
 
 
 def _guess(document: Any) -> str | None:
-    """The unit of a room: metres where it is no larger than a house, else by its doors, else by its own size."""
+    """The unit of a room: the first in which it is no larger than rooms are, or its narrowest opening no wider."""
     try:
         side = _extent(document["outline"])
         if side <= LONGEST["m"]:
             return "m"
         widths = [_extent(door["polygon"]) for kind in ("doors", "windows") for door in document[kind]]
-        limits = WIDEST if widths else LONGEST
-        return next((unit for unit, limit in limits.items() if min(widths or [side]) <= limit), "mm")
+        narrowest = min(widths, default=inf)
+        return next((unit for unit in WIDEST if side <= LONGEST[unit] or narrowest <= WIDEST[unit]), "mm")
     except (LookupError, TypeError, ValueError, ArithmeticError):  # no room; it is left out later, and said why
         return None
 

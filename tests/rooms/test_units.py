@@ -12,6 +12,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
+from tests.builders import opening, rectangular_room
 
 NUMBERS = st.floats(-1e3, 1e3) | st.integers(-1000, 1000)
 ANYTHING: st.SearchStrategy[Any] = st.recursive(
@@ -33,6 +34,14 @@ def test_metric_units_are_told_by_the_rooms(room_type: str, unit: str) -> None:
     assert unit_of(scaled(document, unit) for document in documents) == unit
     most = [scaled(document, unit) for document in documents[:8]]
     assert unit_of([*most, *documents[8:]]) == unit  # as most of a file are
+
+
+@given(st.floats(3.2, 13), st.floats(3.05, 13), st.sampled_from(["door", "window"]))
+def test_a_room_whose_only_opening_is_wide_may_be_in_centimetres(side: float, wide: float, kind: str) -> None:
+    only = opening(kind, 0.0, -0.2, min(side, wide), 0.0)
+    document = room_to_dict(rectangular_room(side, 3.0, openings=(only,)))
+    assert unit_of([scaled(document, "cm")]) == "cm"
+    assert unit_of([document]) == "m"
 
 
 @given(ANYTHING)
