@@ -253,6 +253,8 @@ def wall_band(
     room = Polygon(outline)
     band = room.buffer(thickness, join_style="mitre").difference(room)
     taken = shapely.union_all([o.shape for o in openings])
+    noise = TOLERANCE + FIT  # by which openings may be drawn off their walls: what is left of a wall there is none
+    beside = taken.buffer(noise, join_style="mitre")
     walls: list[Ring] = [hole[::-1] for hole in holes]
     for (x0, y0), (x1, y1) in zip(outline, outline[1:] + outline[:1], strict=True):
         length = math.dist((x0, y0), (x1, y1))
@@ -261,6 +263,9 @@ def wall_band(
         strip = Polygon(((x0, y0), (x0 + ay, y0 - ax), (x1 + ay, y1 - ax), (x1, y1)))  # on its right: outside
         wall = strip.intersection(band).difference(taken)
         taken = taken.union(wall)
+        sliver = wall.intersection(beside).difference(without_narrow(wall, noise))
+        if sliver.area > TOLERANCE**2:
+            wall = wall.difference(sliver)
         walls.extend(rings(without_films(wall)))
     walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
     return tuple(walls)

@@ -299,6 +299,17 @@ def test_an_opening_a_hair_thinner_than_the_wall_still_parts_it() -> None:
         assert box(*Polygon(wall).bounds).intersection(door.shape).area < 1e-9
 
 
+@given(st.floats(-TOLERANCE, TOLERANCE), st.floats(0, 90), st.integers(0, 5))
+def test_a_door_drawn_off_the_outline_has_no_wall_across_it(off: float, degrees: float, edge: int) -> None:
+    outline = tuple(rotate(Polygon(L_OUTLINE), degrees, origin=(0, 0)).exterior.coords[:-1])
+    door = door_in(outline, edge)
+    (ax, ay), (bx, by), *_others = door.polygon  # from the outline outwards, 0.2 m
+    x, y = (bx - ax) * off / 0.2, (by - ay) * off / 0.2
+    drawn = replace(door, polygon=tuple((px + x, py + y) for px, py in door.polygon))
+    across = joined([Polygon(wall) for wall in wall_band(outline, (), (drawn,))]).intersection(door.shape)
+    assert across.area < AREA
+
+
 # envelopes of many rooms at once
 
 
