@@ -374,7 +374,7 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
     if config.pictures is None:
         return None
     if config.drawing == "dxf" and find_spec("ezdxf") is None:
-        raise InputError("drawing: dxf needs ezdxf; expected it to be installed, as by pip install 'layoutrl[dxf]'")
+        raise InputError("drawing: dxf needs ezdxf; expected it: in the checkout, pip install '.[dxf]'")
     shard, shards = config.part
     folder = Path(config.pictures) / (f"{shard}of{shards}" if shards > 1 else "")
     folder.mkdir(parents=True, exist_ok=True)

@@ -35,7 +35,7 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
     The picture needs Chromium and playwright; it is left out without them.
     """
     if lacking := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
-        raise InputError(f"parts: demo needs {' and '.join(lacking)}; install them: pip install 'layoutrl[demo]'")
+        raise InputError(f"parts: demo needs {' and '.join(lacking)}; in the checkout, pip install '.[demo]'")
     looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
     # As the page asks first: for one layout, which it plays while the others are found.
     furnishing = [look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1} for look in looks]

@@ -16,7 +16,7 @@ from layoutrl.runs.config import DemoConfig
 def run(config: DemoConfig) -> None:
     """Serve the page until Ctrl-C. Raises InputError where the extra or the port is missing."""
     if missing := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
-        raise InputError(f"demo: {' and '.join(missing)} missing; install them: pip install 'layoutrl[demo]'")
+        raise InputError(f"demo: {' and '.join(missing)} missing; in the checkout, pip install '.[demo]'")
     from layoutrl.demo.server import serve
 
     with listening(config.port) as listener:

@@ -215,7 +215,7 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
         return f"{found[1]}: has a value already; expected {found[1]}=<value>, without +"
     if found := re.search(r"Could not find '(.+)/([^']*)'", text):
         if found[1] == "hydra/launcher" and found[2].startswith(("joblib", "submitit")):
-            return f"{found[1]}: {found[2]} is not installed; expected it to be, as by pip install 'layoutrl[tables]'"
+            return f"{found[1]}: {found[2]} is not installed; expected it: in the checkout, pip install '.[tables]'"
         offered = re.findall(r"^\t(\S+)$", text, re.MULTILINE)
         return f"{found[1]}: expected one of {', '.join(offered)}; got {found[2] or 'nothing'}"
     unknown = isinstance(cause, ConfigAttributeError | ConfigKeyError) or "No match in the defaults list" in text

@@ -288,5 +288,5 @@ def test_ctrl_c_is_left_to_programs_of_others(tmp_path: Path) -> None:
 def test_a_launcher_that_is_not_installed_is_answered_with_what_installs_it() -> None:
     error = HydraException("Could not find 'hydra/launcher/joblib'\n\nAvailable options in 'hydra/launcher':\n\tbasic")
     assert explained(error, TrainCommand, []) == (
-        "hydra/launcher: joblib is not installed; expected it to be, as by pip install 'layoutrl[tables]'"
+        "hydra/launcher: joblib is not installed; expected it: in the checkout, pip install '.[tables]'"
     )
