@@ -45,7 +45,7 @@ bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS=
 demo: setup  ## a page to try it on, at http://127.0.0.1:8765
 	$(BIN)/python -m layoutrl.demo $(ARGS)
 
-tables: setup  ## the paper's tables, and real rooms: make tables ROOM=kitchen budget=smoke DATA=../shared/data
+tables: setup  ## the paper's tables, and real rooms: make tables ROOM=kitchen budget=smoke DATA=data
 	@status=0; trap 'exit 130' INT; \
 	$(BIN)/python experiments/table1.py $(TYPES) $(OPTIONS) || status=1; \
 	$(BIN)/python experiments/table2.py $(TYPES) $(OPTIONS) || status=1; \
