@@ -139,7 +139,8 @@ def main() -> None:
         "updates": updates,
         "seeds": arguments.seeds,
     }
-    file = KEPT / f"{arguments.room_type}{'' if scope == 'item' else '-rooms'}.json"
+    ending = "" if scope == "item" else "-rooms"
+    file = KEPT / f"{arguments.room_type}{ending}.json"
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept[name] != value]:
@@ -148,7 +149,7 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
 
     def evaluation(change: str, seed: int) -> dict[str, Any]:
-        name = f"{change.replace(' ', '-').replace(',', '')}-{updates}-seed{seed}"
+        name = f"{change.replace(' ', '-').replace(',', '')}{ending}-{updates}-seed{seed}"
         budget = [*ALWAYS[scope], f"seed={seed}", f"method.updates.default={updates}"]
         found = trained(arguments.room_type, name, [*budget, *changes[change]], runs)
         print(f"{change}, seed {seed}: {found['rows']['agent']['mean_iou']:.3f}", flush=True)

@@ -64,7 +64,7 @@ def run(config: WatchConfig) -> list[Path]:
         pictures = list(frames(episodes, config.width))
     own = Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}"
     write(pictures, files := asked or files_of(own))
-    moves = np.mean([len(episode.way) - 1 for episode in episodes])
+    moves = np.mean([episode.moves for episode in episodes])
     mean = np.mean([episode.iou for episode in episodes])
     print(f"mean IoU {mean:.3f} in {len(chosen)} rooms, {moves:.1f} moves each")
     for file in files:
@@ -77,9 +77,13 @@ class Episode:
     """What happens in a room, and how it should have ended."""
 
     room: Room  # without what moves
-    way: list[tuple[int, Item]]  # which item moves, and the item where it then is; where it moved last it stays
+    way: list[tuple[int, Item]]  # which item moves, and the item where it then is, and stays; empty: nothing fits
     designed: list[Item]
     iou: float
+
+    @property
+    def moves(self) -> int:
+        return max(len(self.way) - 1, 0)
 
 
 def one_item(room: Room, path: np.ndarray, iou: float) -> Episode:
@@ -116,12 +120,13 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
         draw_room(axes, episode.room, names=None)
         axes.set_title(" ")
     drawn: list[Artist] = []
-    for step in range(FRAMES_A_MOVE * (max(len(episode.way) for episode in episodes) - 1) + 1):
+    for step in range(FRAMES_A_MOVE * max(episode.moves for episode in episodes) + 1):
         for artist in drawn:
             artist.remove()
         drawn = []
         for axes, episode in zip(grid, episodes, strict=False):
-            drawn += _drawn(axes, episode, min(step / FRAMES_A_MOVE, len(episode.way) - 1))
+            if episode.way:
+                drawn += _drawn(axes, episode, min(step / FRAMES_A_MOVE, episode.moves))
         yield _picture(canvas)
     for axes, episode in zip(grid, episodes, strict=False):
         for item in episode.designed:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import errno
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from layoutrl import InputError
-from layoutrl.watch import files_of, write
+from layoutrl.watch import Episode, files_of, frames, write
+from tests.builders import rectangular_room
 
 
 def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,6 +42,15 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, monkeypatch: 
     assert [file.read_bytes() for file in files] == before
     write(pictures, files)
     assert [file.read_bytes() for file in files] != before
+
+
+def test_a_room_where_nothing_has_a_place_is_shown_bare() -> None:
+    room = rectangular_room(3.0, 2.0)
+    placed, shell = room.moving, replace(room, furniture=(), target=None)
+    nothing, something = Episode(shell, [], [], 0.0), Episode(shell, [(0, placed), (0, placed)], [placed], 1.0)
+    assert (nothing.moves, something.moves) == (0, 1)
+    assert len(list(frames([nothing], width=60))) == 2
+    assert len(list(frames([nothing, something], width=60))) == len(list(frames([something], width=60)))
 
 
 def test_a_film_is_named_with_a_suffix_of_its_own_or_without() -> None:

@@ -19,7 +19,7 @@ def test_ablation_trains_every_change_on_every_seed_once(
     monkeypatch.setattr(ablation, "KEPT", tmp_path / "results")
     monkeypatch.setattr("subprocess.run", commands.run)
     changes = {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]}
-    monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"usable": [*LITTLE, "reward=usable"]}})
+    monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"no slides": [*LITTLE, "reward=usable"]}})
     monkeypatch.setattr(ablation, "ALWAYS", {"item": [], "room": ["scope=room"]})
     monkeypatch.setenv("HOME", str(tmp_path))
     arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", "--runs=~"]
@@ -54,8 +54,8 @@ def test_ablation_trains_every_change_on_every_seed_once(
     ablation.main()
     whole = json.loads((tmp_path / "results" / "tatami-rooms.json").read_text())
     assert "faultless" in ablation.table(whole).markdown()
-    assert 0 <= whole["rows"]["usable"]["faultless"] <= 1
-    assert "theta4: -100" in (tmp_path / "tatami" / "usable-5-seed0" / "config.yaml").read_text()
+    assert 0 <= whole["rows"]["no slides"]["faultless"] <= 1
+    assert "theta4: -100" in (tmp_path / "tatami" / "no-slides-rooms-5-seed0" / "config.yaml").read_text()
 
     monkeypatch.setattr("sys.argv", [*arguments[:2], "--updates=6", *arguments[3:]])
     with pytest.raises(
