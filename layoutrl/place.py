@@ -27,8 +27,8 @@ from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
-from layoutrl.rooms.files import check_new, files_below
-from layoutrl.rooms.formats import FORMATS, Source, format_of, opened, to_place, unread
+from layoutrl.rooms.files import FORMATS, check_new, files_below
+from layoutrl.rooms.formats import Source, format_of, opened, to_place, unread
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line

@@ -18,6 +18,7 @@ from layoutrl.rooms.room import Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
 
 SUFFIXES = (".json", ".jsonl")
+FORMATS = (".json", ".jsonl", ".gz", ".sh3d")  # that rooms and homes are read from
 PART = ".part"  # the suffix of a folder in which a file grows
 
 
@@ -93,6 +94,14 @@ def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) ->
 
     found = [path] if path.is_file() else filter(suits, path.rglob("*"))
     return sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows
+
+
+def name_of(file: Path, root: Path) -> str:
+    """What a file at or below `root` is called among the others: its way from there, without the suffix."""
+    way = Path(file.name) if file == root else file.relative_to(root)
+    while way.suffix.lower() in FORMATS:  # of .jsonl.gz both; what else follows a dot is of the name
+        way = way.with_suffix("")
+    return way.as_posix()
 
 
 def documents_of(file: Path) -> Iterator[tuple[str, Any]]:

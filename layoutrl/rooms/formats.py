@@ -21,8 +21,8 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.files import FORMATS, check_new, files_below, write_rooms
 from layoutrl.rooms.files import SUFFIXES as JSON_SUFFIXES
-from layoutrl.rooms.files import check_new, files_below, write_rooms
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
 from layoutrl.rooms.sources.front3d import MODELS
@@ -30,7 +30,6 @@ from layoutrl.rooms.sources.procthor import ASSETS
 from layoutrl.rooms.sources.procthor import SUFFIXES as HOUSE_SUFFIXES
 from layoutrl.rooms.sources.sweethome3d import read_folder, read_home
 
-FORMATS = (".json", ".jsonl", ".gz", ".sh3d")
 SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
 READ = {  # suffixes of the files that are read of a folder, by its format
     "json": JSON_SUFFIXES,

@@ -20,7 +20,7 @@ from shapely.geometry import Polygon
 from layoutrl import InputError
 from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import files_below
+from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
 from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, lengths, loaded, oblong
 
@@ -74,12 +74,13 @@ def read(root: Path, names: Names) -> Collection:
     models = _models(folder / MODELS)
     collection = Collection(f"front3d {root}")
     for file in files:
-        house: Storey[Piece] = Storey(file.stem)
+        name = name_of(file, root)
+        house: Storey[Piece] = Storey(name)
         try:
             if file.stat().st_size > LARGEST_FILE:
                 raise RoomError("text", f"expected a house, of at most {LARGEST_FILE >> 20} MB")
             _draw(house, loaded(file.read_bytes()), models, names)
-            collection.rooms += [room for room, _ in house.finished(names, file.stem)]
+            collection.rooms += [room for room, _ in house.finished(names, name)]
         except OSError as error:
             collection.left_out.append((str(file), f"cannot be read ({error.strerror})"))
         except RoomError as error:

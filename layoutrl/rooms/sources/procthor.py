@@ -21,7 +21,7 @@ from shapely.geometry import Polygon
 from layoutrl import InputError
 from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import files_below
+from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
 from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, floor_of, length, lengths, loaded, oblong
 
@@ -45,10 +45,10 @@ def read(root: Path, names: Names) -> Collection:
     sizes = _sizes(folder / ASSETS)
     collection = Collection(f"procthor {root}")
     for file in files:
-        stem = file.name.partition(".")[0] if file == root else file.relative_to(root).as_posix().partition(".")[0]
+        name = name_of(file, root)
         try:
             for number, text in _lines(file):
-                _add(collection, text, f"{stem}/{number}", sizes, names)
+                _add(collection, text, f"{name}/{number}", sizes, names)
         except (OSError, EOFError) as error:
             collection.left_out.append((str(file), f"the file cannot be read to its end ({str(error)[:60]})"))
     collection.notes += names.notes()

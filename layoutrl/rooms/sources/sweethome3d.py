@@ -24,7 +24,7 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import check_new, files_below
+from layoutrl.rooms.files import check_new, files_below, name_of
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
 from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong, unused
 from layoutrl.rooms.sources.home_xml import (
@@ -157,7 +157,7 @@ def read_folder(root: Path, names: Names, *, move: str | None = None) -> tuple[C
     collection = Collection(f"homes {root}")
     stood: list[tuple[Item, ...]] = []
     for file in files:
-        name = file.stem if file == root else file.relative_to(root).with_suffix("").as_posix()
+        name = name_of(file, root)
         try:
             home = _home(file, name, names, move, None, None)
         except InputError as error:

@@ -54,6 +54,13 @@ def write(folder: Path, document: Any, name: str = "house-1.json") -> Path:
     return folder / name
 
 
+def test_rooms_of_different_files_have_different_names(tmp_path: Path) -> None:
+    for folder in ("train", "test"):
+        (tmp_path / folder).mkdir()
+        write(tmp_path / folder, house())
+    assert {room.group for room in read(tmp_path, names_of()).rooms} == {"train/house-1", "test/house-1"}
+
+
 def test_a_house_is_its_rooms(tmp_path: Path) -> None:
     write(tmp_path, house())
     (room,) = read(tmp_path, names_of()).rooms

@@ -62,6 +62,15 @@ def write(folder: Path, *houses: Any, name: str = "train.jsonl", packed: bool = 
     return folder / name
 
 
+def test_rooms_of_different_files_have_different_names(tmp_path: Path) -> None:
+    for folder in ("v1.0", "v1.1"):
+        (tmp_path / folder).mkdir()
+        for name in ("train.a.jsonl", "train.b.jsonl"):
+            write(tmp_path, house()).replace(tmp_path / folder / name)
+    groups = {room.group for room in read(tmp_path, names_of()).rooms}
+    assert groups == {f"v1.{k}/train.{name}/1" for k in (0, 1) for name in "ab"}
+
+
 @pytest.mark.parametrize("packed", [False, True])
 def test_every_room_of_a_house_is_a_room(packed: bool, tmp_path: Path) -> None:
     write(tmp_path, house(), name="train.jsonl.gz" if packed else "train.jsonl", packed=packed)
