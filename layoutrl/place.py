@@ -27,7 +27,7 @@ from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
-from layoutrl.rooms.files import FORMATS, check_new, files_below
+from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below
 from layoutrl.rooms.formats import Source, format_of, opened, to_place, unread
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
@@ -337,11 +337,7 @@ def source_of(config: PlaceConfig) -> Source | None:
     """The file, read whole; None of rooms in JSON, which come one after the other."""
     path = Path(config.rooms)
     if config.rooms == STANDARD or format_of(path) == "json":
-        for name in ("into", "room_type", "categories"):
-            if getattr(config, name) is not None:
-                raise InputError(
-                    f"{name}: rooms of {config.rooms} say themselves what and where they are; expected no {name}="
-                )
+        check_unsaid(config.rooms, into=config.into, room_type=config.room_type, categories=config.categories)
         return None
     if config.unit != "auto":
         raise InputError(f"unit: {config.rooms} says itself how long a metre is; expected no unit=")

@@ -213,7 +213,7 @@ def _parts(name: str) -> list[str]:
     return [plain(part) for part in (name, *parts)]
 
 
-def names_of(file: Path | None = None) -> Names:
+def names_of(file: Path | str | None = None) -> Names:
     """The package's table, and a user's file, whose names win. Raises InputError where that is no such file."""
     return Names(_own_table()) if file is None else Names(_own_table(), _users(Path(file)))
 

@@ -22,7 +22,7 @@ FORMATS = (".json", ".jsonl", ".gz", ".sh3d")  # that rooms and homes are read f
 PART = ".part"  # the suffix of a folder in which a file grows
 
 
-def read_rooms(path: Path, strict: bool = False, unit: str = "auto") -> Collection:
+def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto") -> Collection:
     """Read one .json or .jsonl file, or every such file below a folder.
 
     Lengths are in `unit`: m, cm, mm, in, ft, or auto, which tells the first three by how large a file's rooms and doors
@@ -62,6 +62,13 @@ def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
     """Write rooms to a .jsonl file, one a line (or one room to a .json file)."""
     lines = "".join(json.dumps(room_to_dict(room)) + "\n" for room in rooms)
     Path(path).write_text(lines, encoding="utf-8", newline="\n")
+
+
+def check_unsaid(rooms: Path | str, **said: object) -> None:
+    """Raise InputError where something is said that rooms in JSON say themselves; None is not said."""
+    for name, value in said.items():
+        if value is not None:
+            raise InputError(f"{name}: rooms of {rooms} say themselves what and where they are; expected no {name}=")
 
 
 def check_new(out: Path, suffix: str) -> None:

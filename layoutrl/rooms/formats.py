@@ -21,7 +21,7 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import FORMATS, check_new, files_below, write_rooms
+from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, write_rooms
 from layoutrl.rooms.files import SUFFIXES as JSON_SUFFIXES
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
@@ -78,14 +78,15 @@ class RoomsSource:
 
 
 def opened(
-    path: Path,
+    path: Path | str,
     *,
     move: str | None = None,
     into: str | None = None,
     room_type: str | None = None,
-    categories: Path | None = None,
+    categories: Path | str | None = None,
 ) -> Source:
-    """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read.
+    """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read, and for
+    what is said of rooms that is not of their format.
 
     The format is found out from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d), houses of
     ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
@@ -96,9 +97,12 @@ def opened(
       room whose type knows it and that has floor for it.
     - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
       left out.
-    - `categories`: a YAML file with names of furniture, beside those that are known. Of all but rooms in JSON.
+    - `categories`: a YAML file with names of furniture, beside those that are known; of all but rooms in JSON.
     """
+    path = Path(path)
     kind = format_of(path)
+    if kind == "json":
+        check_unsaid(path, into=into, room_type=room_type, categories=categories)
     if kind == "sweethome3d" and path.is_file():
         return read_home(path, move=move, into=into, room_type=room_type, names=names_of(categories))
     for name, value in (("into", into), ("room_type", room_type)):

@@ -16,6 +16,7 @@ from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.formats import format_of, opened, to_place
 from layoutrl.rooms.room import Item, Room
+from layoutrl.rooms.sources import read_homes
 from tests.builders import rectangular_room, rooms
 
 
@@ -48,6 +49,24 @@ def test_what_is_locked_stays_whatever_is_to_move() -> None:
     for move in ("bed,desk", "all"):
         room = replace(rectangular_room(5, 3), furniture=(bed, desk))
         assert to_place(room, move).furniture == (bed, *lifted([desk], {0}))
+
+
+@pytest.mark.parametrize("option", ["into", "room_type", "categories"])
+def test_what_rooms_in_json_say_themselves_is_refused(option: str, tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl"
+    write_rooms(path, [rectangular_room()])
+    with pytest.raises(InputError, match=rf"{option}: rooms of .*rooms\.jsonl say themselves .*expected no {option}="):
+        opened(path, **{option: "bedroom"})
+    with pytest.raises(InputError, match=r"categories: rooms of .* say themselves"):
+        read_homes("json", path, categories=path)
+
+
+def test_a_path_may_be_a_text(tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl"
+    write_rooms(path, [rectangular_room()])
+    for kind in (str, Path):
+        assert opened(kind(path)).collection.rooms == read_rooms(kind(path)).rooms == [rectangular_room()]
+        assert opened(kind(tmp_path)).collection.rooms == [rectangular_room()]
 
 
 @pytest.mark.parametrize("field", ["jid", "floorPolygon", "mesh", "scene"])

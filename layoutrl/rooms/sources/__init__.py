@@ -8,7 +8,7 @@ from typing import Literal
 from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import read_rooms
+from layoutrl.rooms.files import check_unsaid, read_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources import designer_rooms, floorplans, front3d, procthor, sweethome3d
 
@@ -47,7 +47,13 @@ def read_files(
 
 
 def read_homes(
-    source: str, root: Path, strict: bool = False, unit: str = "auto", categories: Path | None = None
+    source: str, root: Path, strict: bool = False, unit: str = "auto", categories: Path | str | None = None
 ) -> Collection:
-    """The rooms of all types in files of a source whose files do not say which type they hold."""
-    return read_rooms(root, strict, unit) if source == "json" else READERS[source](root, names_of(categories))
+    """The rooms of all types in files of a source whose files do not say which type they hold.
+
+    Raises InputError for categories of rooms in JSON.
+    """
+    if source == "json":
+        check_unsaid(root, categories=categories)
+        return read_rooms(root, strict, unit)
+    return READERS[source](root, names_of(categories))
