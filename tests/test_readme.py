@@ -18,6 +18,7 @@ PROJECT = Path(__file__).resolve().parents[1]
 PAGES = {path: path.read_text(encoding="utf-8") for path in (PROJECT / "README.md", *(PROJECT / "docs").glob("*.md"))}
 README, PLACE = (PAGES[PROJECT / name] for name in ("README.md", "docs/place.md"))
 COMMAND = re.compile(r"(?:python -m layoutrl\.|^    layoutrl )([\w.]+) ([^#\n]*)", re.MULTILINE)
+NO_RIVALS = ("designer", "agent")
 COMMANDS = sorted({command for page in PAGES.values() for command in COMMAND.findall(page)})
 
 
@@ -91,12 +92,25 @@ def tables(text: str) -> list[str]:
     return re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE)
 
 
-def test_a_reader_sees_one_animation_one_figure_and_one_narrow_table_first() -> None:
-    first = README.partition("## How it works")[0]
+def test_a_reader_sees_one_animation_one_figure_and_two_narrow_tables_before_trainings() -> None:
+    first, _, later = README.partition("## Train, watch, score")
     assert len(re.findall(r"!\[|<img", first)) == 2
-    (table,) = tables(first)
-    assert table.splitlines()[0].count("|") - 1 <= 6
-    assert re.findall(r"^    make (\w+)", first, flags=re.MULTILINE) == ["train", "test"]
+    items, rooms = tables(first)
+    assert all(table.splitlines()[0].count("|") - 1 <= 6 for table in (items, rooms))
+    assert re.findall(r"^    make (\w+)", later, flags=re.MULTILINE) == ["train", "test"]
+    assert README.index("## Your own rooms") < README.index("## Results")
+
+
+def test_the_table_of_whole_rooms_has_the_numbers_of_table_3() -> None:
+    page = PAGES[PROJECT / "docs/whole_rooms.md"].partition("<!-- table3-best -->")[2]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in tables(page)[0].splitlines()[2:]]
+    of = {(row[0], row[1]): (row[2].split()[0], row[5].split()[0]) for row in rows}
+    shown = [[cell.strip(" *") for cell in line.split("|")[1:-1]] for line in tables(README)[1].splitlines()[2:]]
+    assert len(shown) == 8
+    for room_type, iou, faultless, rival, its_iou, its_faultless in shown:
+        assert of[room_type, "agent"] == (iou, faultless)
+        assert of[room_type, rival] == (its_iou, its_faultless)
+        assert its_iou == max(of[row[0], row[1]][0] for row in rows if row[0] == room_type and row[1] not in NO_RIVALS)
 
 
 def test_no_table_is_wider_than_eight_columns() -> None:
