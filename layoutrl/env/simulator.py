@@ -42,6 +42,8 @@ class Moves:
     slide: bool = True
 
     def __post_init__(self) -> None:
+        if self.unit not in ("metre", "pixel"):
+            raise InputError(f"unit: expected one of metre, pixel; got {self.unit}")
         least = GRID if self.unit == "metre" else 0.0  # shorter ones would lead nowhere
         if not self.steps or not all(least < step < math.inf for step in self.steps):
             raise InputError(f"steps: expected finite lengths above zero, in metres above {GRID:g}; got {self.steps}")

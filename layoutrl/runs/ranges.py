@@ -22,7 +22,6 @@ def check_method(prefix: str, method: Method) -> None:
     one_of(f"{prefix}.scope", method.scope, "item", "room")
     if method.scope == "room":
         one_of(f"{prefix}.observation of whole rooms", method.observation, "geometry")
-    one_of(f"{prefix}.unit", method.unit, "metre", "pixel")
     check_on_illegal(f"{prefix}.on_illegal", method)
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
         value = getattr(method, name)
@@ -37,7 +36,7 @@ def check_method(prefix: str, method: Method) -> None:
     most = MOST_ACTIONS // 4 - method.slide  # in four directions each, as slides are
     within(f"{prefix}.steps", method.steps, len(method.steps) <= most, f"at most {most} lengths")
     try:
-        method.moves  # noqa: B018  which says itself what steps may be
+        method.moves  # noqa: B018  which says itself what steps and their unit may be
     except InputError as error:
         raise InputError(f"{prefix}.{error}") from None
     given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default

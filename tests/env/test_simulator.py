@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Polygon
 
+from layoutrl import InputError
 from layoutrl.env.geometry import CONTACT, FIT, GRID, fitting_positions
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator, pixel_size
@@ -257,6 +258,11 @@ def test_a_pixel_is_a_120th_of_the_longest_side_of_the_envelope() -> None:
 def test_steps_that_are_no_multiples_of_the_shortest_are_refused(steps: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="expected"):
         Moves(steps)
+
+
+def test_another_unit_than_metres_and_pixels_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^unit: expected one of metre, pixel; got inch$"):
+        Moves(unit="inch")
 
 
 def test_there_are_four_actions_a_step_and_four_slides() -> None:
