@@ -26,6 +26,7 @@ DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below,
 # Metres: a slide ends at the next contact that is further away than this. No distance on a decimal grid equals it, so
 # that rounding never decides which contact is.
 TOUCHING = 1e-4 + GRID / 3
+TRIES = 10_000  # to draw a start from the box around all that there are
 
 
 @dataclass(frozen=True)
@@ -109,12 +110,17 @@ class Simulator:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope."""
         position = np.empty((len(room), 2))
         left = np.arange(len(room))
-        while len(left):
+        for _ in range(TRIES):
+            if not len(left):
+                return position
             low, high = self._legal_bounds[room[left], :2], self._legal_bounds[room[left], 2:]
             drawn = snap(rng.uniform(low, high))
             fits = self.is_legal(room[left], drawn)
             position[left[fits]] = drawn[fits]
             left = left[~fits]
+        for b in left:  # the item hardly fits: of the box nearly nothing is free
+            drawn = _anywhere(self.legal[room[b]], rng)
+            position[b] = snap(drawn) if self.is_legal(room[b], snap(drawn)) else drawn
         return position
 
     def is_legal(self, room: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -215,6 +221,18 @@ class Simulator:
         ways = shapely.linestrings(np.stack([position[b], destinations[b, k]], 1))
         legal[b, k] = shapely.covers(self.legal[room[b]], ways)
         return np.where(legal[..., None], snap(destinations), position[:, None]), legal
+
+
+def _anywhere(region: shapely.Geometry, rng: np.random.Generator) -> np.ndarray:
+    """A place (2,) drawn uniformly from a region, a grid's step off its border where that leaves any."""
+    inner = shapely.buffer(region, -GRID, join_style="mitre")
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(region if inner.is_empty else inner))
+    share = shapely.area(triangles)
+    a, b, c, _ = shapely.get_coordinates(triangles[rng.choice(len(triangles), p=share / share.sum())])
+    v, w = rng.random(2)
+    if v + w > 1:  # in the other half of the parallelogram
+        v, w = 1 - v, 1 - w
+    return a + v * (b - a) + w * (c - a)
 
 
 def _shapes_of(rooms: Sequence[Room]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -183,6 +183,19 @@ def test_an_item_that_does_not_fit_is_answered_with_room_and_item() -> None:
         simulator_of(fits, too_long)
 
 
+@pytest.mark.parametrize("spare", [0.0, -7.9e-6])
+def test_starts_are_found_where_an_item_hardly_fits(spare: float) -> None:
+    """A bed as wide as a corridor that leans: what a start is drawn from is a few micrometres of a box of 2 m."""
+    corridor = replace(rectangular_room(4, 1, Item("bed", (1.0, 1.4 - spare), (2.0, 0.5))), walls=()).rotated(40)
+    corridor = replace(corridor, walls=wall_band(corridor.outline, (), ()))
+    simulator = simulator_of(corridor, rectangular_room())
+    room = np.repeat([0, 1], 20)
+    starts = simulator.starts(room, np.random.default_rng(0))
+    assert simulator.is_legal(room, starts).all()
+    along = starts[:20] @ (math.cos(math.radians(40)), math.sin(math.radians(40)))
+    assert along.max() - along.min() > 2
+
+
 # steps
 
 
