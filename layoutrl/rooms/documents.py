@@ -286,9 +286,8 @@ def _target(index: Any, furniture: tuple[Item, ...], main_item: str) -> int | No
         candidates = [k for k, item in enumerate(furniture) if item.category == main_item]
         return candidates[0] if len(candidates) == 1 else None
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(furniture):
-        raise RoomError(
-            "target", f"expected the index of a piece of furniture, 0 to {len(furniture) - 1}; got {_show(index)}"
-        )
+        which = f"0 to {len(furniture) - 1}" if furniture else "of which there is none"
+        raise RoomError("target", f"expected the index of a piece of furniture, {which}; got {_show(index)}")
     return index
 
 

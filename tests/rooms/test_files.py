@@ -171,6 +171,11 @@ FAULTS: dict[str, tuple[Change, str, str]] = {
     "furniture is null": (put("furniture", None), "furniture", "list"),
     "target too large": (put("target", 2), "target", "0 to 1"),
     "target negative": (put("target", -1), "target", "0 to 1"),
+    "target of no furniture": (
+        lambda room: room.update(furniture=[], target=0),
+        "target",
+        "of which there is none; got 0",
+    ),
     "target a name": (put("target", "bed"), "target", "index"),
     "target boolean": (put("target", True), "target", "index"),
     "target a fraction": (put("target", 0.0), "target", "index"),
