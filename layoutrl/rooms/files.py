@@ -59,9 +59,11 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto") -> Co
 
 
 def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
-    """Write rooms to a .jsonl file, one a line (or one room to a .json file)."""
-    lines = "".join(json.dumps(room_to_dict(room)) + "\n" for room in rooms)
-    Path(path).write_text(lines, encoding="utf-8", newline="\n")
+    """Write rooms to a .jsonl file, one a line; or to a .json file, one by itself, others as a list."""
+    lines = [json.dumps(room_to_dict(room)) for room in rooms]
+    if Path(path).suffix.lower() == ".json" and len(lines) != 1:
+        lines = ["[" + ",\n".join(lines) + "]"]
+    Path(path).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
 
 
 def check_unsaid(rooms: Path | str, **said: object) -> None:

@@ -30,9 +30,11 @@ def write(path: Path, *lines: str | dict[str, Any]) -> Path:
 # round trips
 
 
-@given(st.lists(rooms(), max_size=3, unique_by=lambda room: room.id))
-def test_written_rooms_are_read_back_equal(tmp_path_factory: pytest.TempPathFactory, written: list[Room]) -> None:
-    path = tmp_path_factory.mktemp("rooms") / "rooms.jsonl"
+@given(st.lists(rooms(), max_size=3, unique_by=lambda room: room.id), st.sampled_from(["jsonl", "json", "JSON"]))
+def test_written_rooms_are_read_back_equal(
+    tmp_path_factory: pytest.TempPathFactory, written: list[Room], suffix: str
+) -> None:
+    path = tmp_path_factory.mktemp("rooms") / f"rooms.{suffix}"
     write_rooms(path, written)
     collection = read_rooms(path, strict=True)
     assert collection.rooms == written
