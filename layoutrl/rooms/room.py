@@ -263,9 +263,10 @@ def wall_band(
         strip = Polygon(((x0, y0), (x0 + ay, y0 - ax), (x1 + ay, y1 - ax), (x1, y1)))  # on its right: outside
         wall = strip.intersection(band).difference(taken)
         taken = taken.union(wall)
-        sliver = wall.intersection(beside).difference(without_narrow(wall, noise))
+        solid = wall.buffer(0)  # without the lines along which it touches others: GEOS overlays no mixed collections
+        sliver = solid.intersection(beside).difference(without_narrow(solid, noise))
         if sliver.area > TOLERANCE**2:
-            wall = wall.difference(sliver)
+            wall = solid.difference(sliver)
         walls.extend(rings(without_films(wall)))
     walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
     return tuple(walls)
