@@ -28,7 +28,8 @@ def resolve_constructors(module: str) -> None:
     They are functions of no module, or of one that lacks a base's imports: there pdoc looks names up in vain.
     """
     for thing in vars(importlib.import_module(module)).values():
-        if isinstance(thing, type) and thing.__module__ == module and "__annotations__" in vars(thing):
+        fields = getattr(thing, "__dataclass_fields__", None) or getattr(thing, "_fields", None)
+        if isinstance(thing, type) and thing.__module__ == module and fields:
             hints = get_type_hints(thing)
             for constructor in (thing.__new__, thing.__init__):
                 annotations = getattr(constructor, "__annotations__", {})
