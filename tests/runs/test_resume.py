@@ -38,6 +38,7 @@ from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
 from tests.commands import SERVER
 from tests.commands import layoutrl as command
+from tests.rooms.sources.test_sweethome3d import home_file
 
 resource = pytest.importorskip(
     "resource", reason="lives are begun by a fork server and ended by signals, as POSIX has it"
@@ -481,11 +482,14 @@ def test_a_sweep_tells_apart_what_its_runs_names_do_not(rooms, tmp_path):
     assert sorted(folder.name for folder in tmp_path.glob("runs/tatami/*")) == made
 
 
-def test_files_that_are_named_from_here_are_those_that_a_run_names(rooms, tmp_path, monkeypatch):
+def test_files_that_are_named_from_here_are_those_that_a_run_names(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("more.yaml").write_text("{}")
-    few = ("method.updates.smoke=2", "budget.reports=1", "budget.evaluations=1", "data.categories=more.yaml")
-    config = configured(rooms, tmp_path, *few)
+    for name in range(10):
+        home_file(tmp_path / "homes" / f"{name}.sh3d")
+    names = ("room=bedroom", "data=sweethome3d", "data.root=homes", "data.categories=more.yaml")
+    few = ("method.updates.smoke=2", "budget.reports=1", "budget.evaluations=1")
+    config = part(composed("train", *names, f"runs={tmp_path}", "name=one", *SHORT, *few), TrainConfig)
     folder = run(config)
     assert resume.begun(config) == folder
     assert trained_run(RunConfig(str(folder))).data.categories == str(tmp_path / "more.yaml")
