@@ -170,7 +170,12 @@ def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
 
 
 def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
-    """p-values against the rival that is best in IoU, and the one that is best in faultless, in the rooms of both."""
+    """p-values against the rival that is best in IoU, and the one that is best in faultless, in the rooms of both.
+
+    Raises InputError where a rival furnished other rooms.
+    """
+    for rival in rivals.values():
+        own.same_rooms(rival)
     return {
         "p_iou": p_value(own.iou.mean(0), [rival.iou.mean(0) for rival in rivals.values()], own),
         "p_faultless": p_value(faultless(own), [faultless(rival) for rival in rivals.values()], own),

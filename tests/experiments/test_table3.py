@@ -61,6 +61,15 @@ def test_the_table_compares_with_the_best_rival_in_the_rooms_of_both(tmp_path, d
     assert "Table 3: what is wrong with them?" in (folder / "table3.md").read_text()
 
 
+def test_rivals_of_other_rooms_are_not_compared(tmp_path, designed):
+    fill(config := configured(tmp_path, *TINY, "column=random", designed))
+    fill(configured(tmp_path, *TINY, "column=search", designed, "data.train_rooms=5"))  # which it does not see
+    assert table3.tables(folder_of(config))
+    fill(configured(tmp_path, *TINY, "column=nearest", designed, "data.seed=1"))
+    with pytest.raises(InputError, match=r"cells of different data\.seed cannot be compared"):
+        table3.tables(folder_of(config))
+
+
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"the real rooms are not in {REAL}")
 def test_real_rooms_are_a_table_of_their_own(tmp_path):
     real = ("data=designer_rooms", f"data.root={REAL / 'designer_rooms'}")
