@@ -120,9 +120,9 @@ def agent_seconds(config: CellConfig, device: torch.device) -> float:
 def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
     """Raise InputError where two configurations of cells are not scored in the same rooms."""
     one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
-    for part in (one, other):  # without what does not say which rooms are held out
-        part["room"] = part["room"] | {"updates": None}
-        part["data"] = part["data"] | {"train_rooms": None, "disturbed": None}
+    for said in (one, other):  # without what does not say which rooms are held out
+        said["room"] = said["room"] | {"updates": None}
+        said["data"] = said["data"] | {"train_rooms": None, "disturbed": None}
     if others := differences(one, other):
         raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")
 

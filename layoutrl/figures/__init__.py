@@ -65,7 +65,10 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
             continue
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
         if names:
-            axes.text(*item.center, item.category.replace("_", "\n"), fontsize=names, ha="center", va="center")
+            x0, y0, x1, y1 = item.footprint.bounds
+            along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: a narrow item has its name within it
+            name = item.category.replace("_", "\n")
+            axes.text(*item.center, name, fontsize=names, rotation=along, ha="center", va="center")
     axes.autoscale_view()
 
 
