@@ -184,5 +184,4 @@ BATHROOM = RoomType(
         "line": Template(line, 60, lambda shell: row(shell) >= LINE),
         "square": Template(square, 40, is_squarish),
     },
-    passage=50,
 )

@@ -20,6 +20,7 @@ from typing import Literal
 
 from tqdm import tqdm
 
+from layoutrl.rooms.clearances import passage
 from layoutrl.rooms.designer.balcony import BALCONY
 from layoutrl.rooms.designer.bathroom import BATHROOM
 from layoutrl.rooms.designer.bedroom import BEDROOM
@@ -67,7 +68,7 @@ def design_room(room_type: str, part: Part, seed: int, index: int) -> Design:
             continue
         name = dice.pick(suiting)
         try:
-            choices = design(shell, kind.templates[name].steps(dice, shell), kind.passage)
+            choices = design(shell, kind.templates[name].steps(dice, shell), round(100 * passage(room_type)))
         except NoDesign as reason:
             rejected.append((name, str(reason)))
             continue

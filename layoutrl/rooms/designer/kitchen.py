@@ -272,5 +272,4 @@ KITCHEN = RoomType(
         "u_shaped": Template(u_shaped, 25, suits_u),
         "two_line": Template(two_line, 20, suits_two_line),
     },
-    passage=50,
 )

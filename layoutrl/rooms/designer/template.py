@@ -25,9 +25,8 @@ class Template:
 
 @dataclass(frozen=True)
 class RoomType:
-    """Bare rooms, the templates by name, and the passage in centimetres that must lead to every item."""
+    """Bare rooms, and the templates by name."""
 
     name: str
     shell: Callable[[Dice], Shell]
     templates: Mapping[str, Template]
-    passage: int = 60

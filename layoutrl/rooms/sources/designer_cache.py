@@ -21,7 +21,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from layoutrl.rooms import designer, room
+from layoutrl.rooms import clearances, designer, room
 from layoutrl.rooms.designer.generator import Designs, Part, design_each, joined
 from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Opening, Ring, Room
@@ -57,9 +57,9 @@ def default_cache() -> Path:
 
 @cache
 def rules_hash() -> str:
-    """Of the designer's source code and of what a room is: a changed rule never meets old rooms."""
+    """Of the source code of the designer, of clearances and of what a room is: a changed rule never meets old rooms."""
     rules = sorted(Path(designer.__path__[0]).glob("*.py"))
-    code = b"".join(file.read_bytes() for file in [*rules, Path(room.__file__)])
+    code = b"".join(file.read_bytes() for file in [*rules, Path(clearances.__file__), Path(room.__file__)])
     return hashlib.sha256(code).hexdigest()[:12]
 
 

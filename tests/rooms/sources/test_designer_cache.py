@@ -21,6 +21,7 @@ from pathlib import Path
 
 import pytest
 
+from layoutrl.rooms import clearances
 from layoutrl.rooms import designer as rules
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_room, design_rooms
@@ -217,6 +218,15 @@ def test_a_changed_rule_never_reads_old_rooms(tmp_path: Path, monkeypatch: pytes
     assert designer_cache.rules_hash() == before
     file = tmp_path / "changed" / "bedroom.py"
     file.write_text(file.read_text().replace("front=60", "front=65", 1))
+    designer_cache.rules_hash.cache_clear()
+    assert designer_cache.rules_hash() != before
+
+
+def test_a_changed_clearance_never_meets_old_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = designer_cache.rules_hash()
+    file = tmp_path / "clearances.py"
+    file.write_text(Path(clearances.__file__).read_text().replace("PASSAGE = 0.6", "PASSAGE = 0.7"))
+    monkeypatch.setattr(clearances, "__file__", str(file))
     designer_cache.rules_hash.cache_clear()
     assert designer_cache.rules_hash() != before
 
