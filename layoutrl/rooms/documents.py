@@ -37,7 +37,18 @@ from shapely.validation import explain_validity
 
 from layoutrl.rooms.categories import NO_ROOM, names_of
 from layoutrl.rooms.clearances import may_tuck
-from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, WALL_THICKNESS, Item, Opening, Ring, Room, RoomError, wall_band
+from layoutrl.rooms.room import (
+    MAIN_ITEM,
+    TOLERANCE,
+    WALL_THICKNESS,
+    Item,
+    Opening,
+    Ring,
+    Room,
+    RoomError,
+    sole,
+    wall_band,
+)
 from layoutrl.rooms.units import UNITS
 
 REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
@@ -283,8 +294,7 @@ def _item(entry: Any, field: str) -> Item:
 
 def _target(index: Any, furniture: tuple[Item, ...], main_item: str) -> int | None:
     if index is None:
-        candidates = [k for k, item in enumerate(furniture) if item.category == main_item]
-        return candidates[0] if len(candidates) == 1 else None
+        return sole(furniture, main_item)
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(furniture):
         which = f"0 to {len(furniture) - 1}" if furniture else "of which there is none"
         raise RoomError("target", f"expected the index of a piece of furniture, {which}; got {_show(index)}")

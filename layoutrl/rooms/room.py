@@ -243,6 +243,12 @@ def rotation(degrees: float) -> np.ndarray:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
+def sole(furniture: Sequence[Item], category: str) -> int | None:
+    """The index of the item of a category; None where there is none, or several."""
+    found = [k for k, item in enumerate(furniture) if item.category == category]
+    return found[0] if len(found) == 1 else None
+
+
 def wall_band(
     outline: Ring, holes: tuple[Ring, ...], openings: tuple[Opening, ...], thickness: float = WALL_THICKNESS
 ) -> tuple[Ring, ...]:

@@ -25,7 +25,7 @@ from shapely.ops import split
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, TOLERANCE, Item, Opening, Ring, Room, rings
+from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, TOLERANCE, Item, Opening, Ring, Room, rings, sole
 
 FILES = {"bedroom": "bedroom/*/*.json", "tatami": "tatami/*.json"}
 
@@ -121,7 +121,6 @@ def room_of(layout: Any, room_type: str, label: str, group: str) -> Room:
         for opening in clipped(kind, rectangle(drawn["points"]), walls)
     ]
     furniture = [item for zone in layout["functionZones_layout"] for item in items_of(zone, CATEGORIES[room_type])]
-    main = [k for k, item in enumerate(furniture) if item.category == MAIN_ITEM[room_type]]
     room = Room(
         id=label,
         room_type=room_type,
@@ -129,7 +128,7 @@ def room_of(layout: Any, room_type: str, label: str, group: str) -> Room:
         walls=tuple(cut(walls, openings)),
         openings=tuple(openings),
         furniture=tuple(furniture),
-        target=main[0] if len(main) == 1 else None,
+        target=sole(furniture, MAIN_ITEM[room_type]),
         group=group,
     )
     if room.target is not None and not room.holds(room.moving):

@@ -15,7 +15,7 @@ from shapely.geometry import Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import Item, Opening, Ring, Room, wall_band
+from layoutrl.rooms.room import Item, Opening, Ring, Room, sole, wall_band
 from layoutrl.rooms.sources.plans import (
     BASIN,
     DASHED,
@@ -120,7 +120,6 @@ def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, gr
         facing = FACING[_back(bounds, row.back, name, (outline, *holes))]
         drawn.append(_item(name, bounds, facing))
         moved.append(_item(name, _snapped(bounds, name == "toilet", (outline, *holes)), facing))
-    main = [k for k, item in enumerate(drawn) if item.category == MAIN_ITEM[room_type]]
     room = Room(
         id=room_id,
         room_type=room_type,
@@ -128,7 +127,7 @@ def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, gr
         walls=wall_band(outline, holes, tuple(openings), 2 * plan.half_wall * scale),
         openings=tuple(openings),
         furniture=tuple(moved if snapped else drawn),
-        target=main[0] if len(main) == 1 else None,
+        target=sole(drawn, MAIN_ITEM[room_type]),
         holes=holes,
         group=group,
     )
