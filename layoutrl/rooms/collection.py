@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+from layoutrl import InputError
 from layoutrl.rooms.room import FIT, Room
 
 FOLDS = 5  # one fifth of the groups is held out
@@ -27,6 +29,16 @@ class Collection:
     inside: bool = False
     notes: list[str] = field(default_factory=list)
     homeless: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def or_left_out(self, label: str) -> Iterator[None]:
+        """Leave out what is read inside where it cannot be used: for its InputError, or what else its fields raise."""
+        try:
+            yield
+        except InputError as error:
+            self.left_out.append((label, str(error)))
+        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
+            self.left_out.append((label, "a field is missing or is not of the expected kind"))
 
     def __str__(self) -> str:
         kept = {room.id for room in self.rooms}

@@ -7,7 +7,7 @@ centre and a size. Everything geometric is derived from polygons, with shapely.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -29,6 +29,7 @@ WALL_THICKNESS = 0.2  # metres, of the band that is assumed where a room names n
 FIT = 4e-6  # metres by which an item may overstep what holds it: rounding, far below anything that can be built
 TOLERANCE = 0.01  # metres: gaps and overlaps below a centimetre are drawing noise
 FILM = 0.002  # metres: no wall is thinner
+TWIN = 0.5  # two openings, or icons, are one drawn twice when they share this much of the smaller
 CIRCLE_SEGMENTS = 64  # a quarter: a 256-gon has 0.9999 of its circle's area
 
 # The eight room types of the paper's Tables 1 and 2, and the item that moves by default in each.
@@ -328,6 +329,11 @@ def _envelopes(rooms: Sequence[Room]) -> np.ndarray:
     for k in np.flatnonzero(shapely.get_num_geometries(joined) > 1):
         joined[k] = max(joined[k].geoms, key=lambda part: part.area)
     return shapely.polygons(shapely.get_exterior_ring(joined))
+
+
+def is_drawn_before(shape: Polygon, others: Iterable[Polygon]) -> bool:
+    """Whether it all but coincides with what was drawn before."""
+    return any(shape.intersection(other).area > TWIN * min(shape.area, other.area) for other in others)
 
 
 def along_and_through(

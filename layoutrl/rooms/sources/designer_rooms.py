@@ -50,7 +50,7 @@ CORNER_GAP = 0.06  # metres: where a wall of 0.1 meets one of 0.2, they are draw
 LARGEST = 1e6  # millimetres, of a coordinate
 
 
-class Unreadable(ValueError):
+class Unreadable(InputError):
     """Why a layout is left out: a fixed sentence, so that equal reasons can be counted."""
 
 
@@ -76,17 +76,13 @@ def read(root: Path, room_type: str) -> Collection:
         folder = path.parent.relative_to(root).as_posix()
         for k, layout in enumerate(layouts_in(path)):
             label = f"{folder}/{name}#{number or 0}" + (f".{k}" if k else "")
-            try:
+            with collection.or_left_out(label):
                 room = room_of(layout, room_type, label, group=f"{room_type}/{' '.join(name.split())}")
                 content = (room.outline, room.walls, room.openings, room.furniture)
                 if content in seen:
                     raise Unreadable("it is an exact duplicate of a layout already read")
                 seen.add(content)
                 collection.rooms.append(room)
-            except Unreadable as reason:
-                collection.left_out.append((label, str(reason)))
-            except (LookupError, TypeError, ValueError, ArithmeticError):
-                collection.left_out.append((label, "a field is missing or is not of the expected kind"))
     collection.rooms = grouped(collection.rooms)
     return collection
 

@@ -28,12 +28,12 @@ from layoutrl.rooms.room import (
     Room,
     RoomError,
     along_and_through,
+    is_drawn_before,
     rings,
     rotation,
     without_films,
     without_narrow,
 )
-from layoutrl.rooms.sources.plans import is_drawn_before
 
 NARROW = 0.18  # metres: what is narrower of a floor is none
 JOG = 0.04  # metres: jogs of a floor's border that are smaller are slips of the hand
@@ -47,7 +47,7 @@ MOST_CROSSING = 100  # corners of a border that may cross itself
 LEAST = 0.01  # square metres indoors, of what reaches through a wall: less is in nobody's way
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a room, the largest that fits
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
-HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
+HIGHEST = 0.3  # metres: what hangs higher is decor
 FLATTEST = 0.1  # metres: carpets are lower
 
 

@@ -15,7 +15,7 @@ from shapely.geometry import Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.room import Item, Opening, Ring, Room, sole, wall_band
+from layoutrl.rooms.room import Item, Opening, Ring, Room, is_drawn_before, sole, wall_band
 from layoutrl.rooms.sources.plans import (
     BASIN,
     DASHED,
@@ -26,7 +26,6 @@ from layoutrl.rooms.sources.plans import (
     gaps_in,
     icons_in,
     inner_area,
-    is_drawn_before,
     kind_of,
     near_copies,
     read_plan,

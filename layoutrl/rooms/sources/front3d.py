@@ -22,11 +22,10 @@ from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
-from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, lengths, loaded, oblong
+from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, lengths, loaded, oblong
 
 MODELS = "model_info.json"
 LARGEST_FILE = 2**25  # bytes; houses take a tenth
-HIGHEST = 0.3  # metres: what hangs higher is decor
 SEAM = 0.005  # metres: floors are drawn in parts that all but touch
 MOST = 5000  # triangles of a floor, and corners of a door
 WIDTH = {"door": 0.8, "window": 1.5}  # metres, of those that are titled alone, before they are scaled
@@ -76,21 +75,22 @@ def read(root: Path, names: Names) -> Collection:
     for file in files:
         name = name_of(file, root)
         house: Storey[Piece] = Storey(name)
-        try:
-            if file.stat().st_size > LARGEST_FILE:
-                raise RoomError("text", f"expected a house, of at most {LARGEST_FILE >> 20} MB")
-            _draw(house, loaded(file.read_bytes()), models, names)
+        with collection.or_left_out(str(file)):
+            _draw(house, loaded(_text(file)), models, names)
             collection.rooms += [room for room, _ in house.finished(names, name)]
-        except OSError as error:
-            collection.left_out.append((str(file), f"cannot be read ({error.strerror})"))
-        except RoomError as error:
-            collection.left_out.append((str(file), str(error)))
-        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
-            collection.left_out.append((str(file), "a field is missing or is not of the expected kind"))
         collection.left_out += house.left_out
         collection.notes += house.notes
     collection.notes += names.notes()
     return collection
+
+
+def _text(file: Path) -> bytes:
+    try:
+        if file.stat().st_size > LARGEST_FILE:
+            raise RoomError("text", f"expected a house, of at most {LARGEST_FILE >> 20} MB")
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})") from None
 
 
 def _models(file: Path) -> dict[str, Any]:

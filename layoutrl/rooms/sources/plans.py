@@ -19,6 +19,7 @@ from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
+from layoutrl.rooms.room import is_drawn_before
 
 # Of rooms, as labelled.
 WET_ROOMS = ("bathroom", "restroom", "washing_room")
@@ -37,7 +38,6 @@ SNAP_END = (4, 0.02)
 ENTRANCE = (6, 0.03)
 HALF_WALL = 0.0098  # of the plan's extent: about 7 cm
 CORNER = 0.5  # pixels: what lies closer to the line between its neighbours is no corner
-TWIN = 0.5  # two icons, or openings, are one drawn twice when they share this much of the smaller
 
 # The scale of a plan is the median over what it shows of these, in metres.
 ROOM_SIZE = {"restroom": (0.80, 1.32), "bathroom": (1.28, 1.73)}  # short and long side
@@ -315,11 +315,6 @@ def icons_in(plan: Plan, face: int) -> list[tuple[str, Row]]:
             if shape.intersection(plan.faces[face]).area > shape.area / 2 and not is_drawn_before(shape, twins):
                 found.append((category, row))
     return found
-
-
-def is_drawn_before(shape: Polygon, others: Iterable[Polygon]) -> bool:
-    """Whether it all but coincides with what was drawn before."""
-    return any(shape.intersection(other).area > TWIN * min(shape.area, other.area) for other in others)
 
 
 def _scales(plan: Plan) -> Iterator[float]:

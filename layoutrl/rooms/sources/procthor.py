@@ -22,12 +22,22 @@ from layoutrl import InputError
 from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below, name_of
-from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
-from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, floor_of, length, lengths, loaded, oblong
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item
+from layoutrl.rooms.sources.drawn import (
+    FLATTEST,
+    HIGHEST,
+    Gap,
+    Piece,
+    Storey,
+    floor_of,
+    length,
+    lengths,
+    loaded,
+    oblong,
+)
 
 ASSETS = "asset-database.json"
 SUFFIXES = (".json", ".jsonl", ".gz")
-HIGHEST = 0.3  # metres: what hangs higher is decor
 MOST = 200_000  # houses in a file
 LARGEST_LINE = 2**23  # bytes; a house of ten rooms takes a tenth
 BENT = re.compile(r"Countertop_[CL]_")  # the box of such a counter is mostly floor: it is not moved as one
@@ -99,7 +109,7 @@ def _numbered(lines: IO[bytes] | gzip.GzipFile, most: int) -> Iterator[tuple[int
 def _add(collection: Collection, text: bytes, label: str, sizes: Mapping[str, tuple[str, Size]], names: Names) -> None:
     """Add the rooms of a house, or the reason to leave it out."""
     house: Storey[Piece] = Storey(label)
-    try:
+    with collection.or_left_out(label):
         document = loaded(text)
         for room in document["rooms"]:
             number = str(room["id"]).rpartition("|")[2]
@@ -109,10 +119,6 @@ def _add(collection: Collection, text: bytes, label: str, sizes: Mapping[str, tu
             if piece := _piece(thing, sizes, names):
                 house.put(piece)
         collection.rooms += [room for room, _ in house.finished(names, label)]
-    except RoomError as error:
-        collection.left_out.append((label, str(error)))
-    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
-        collection.left_out.append((label, "a field is missing or is not of the expected kind"))
     collection.left_out += house.left_out
     collection.notes += house.notes
 

@@ -26,7 +26,7 @@ from layoutrl.rooms.categories import ALL, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below, name_of
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
-from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, Wall, floor_of, oblong, unused
+from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, Wall, floor_of, oblong, unused
 from layoutrl.rooms.sources.home_xml import (
     GROUP,
     HOME,
@@ -40,6 +40,7 @@ from layoutrl.rooms.sources.home_xml import (
     xml_of,
 )
 
+HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
 MOST_PAIRS = 15_000  # of a room and a wall
 ARC_STEP = math.radians(15)  # of round walls
 WINDOWS = ("window", "bay", "fenetre", "shutter")
