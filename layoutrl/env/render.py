@@ -16,6 +16,7 @@ from shapely.geometry import LineString
 from layoutrl.rooms.room import Room
 
 SIDE_PX = 128
+LARGE_PX = 384  # for people
 SPAN_SHARE = 120 / 128  # of the picture's side, which the longest side of the envelope fills
 
 WHITE = (255, 255, 255)
@@ -58,25 +59,24 @@ class View:
         return self.offset + np.asarray(points) * (self.scale, -self.scale)
 
 
-def background(room: Room, side: int = SIDE_PX) -> np.ndarray:
-    """All that does not move, as an RGB picture: uint8 (side, side, 3)."""
-    return np.rint(_painted_background(room, View(room, side), outlined=False)).astype(np.uint8)
+def background(room: Room) -> np.ndarray:
+    """All that does not move, as an RGB picture: uint8 (SIDE_PX, SIDE_PX, 3)."""
+    return np.rint(_painted_background(room, View(room), outlined=False)).astype(np.uint8)
 
 
-def picture(room: Room, position: Sequence[float], side: int = SIDE_PX) -> np.ndarray:
-    """What the agent sees with its item at `position`: uint8 (side, side, 3)."""
-    view = View(room, side)
-    image = background(room, side).astype(float)
-    paint(image, view, room.moving.footprint_at((position[0], position[1])), MOVING)
+def picture(room: Room, position: Sequence[float]) -> np.ndarray:
+    """What the agent sees with its item at `position`: uint8 (SIDE_PX, SIDE_PX, 3)."""
+    image = background(room).astype(float)
+    paint(image, View(room), room.moving.footprint_at((position[0], position[1])), MOVING)
     return np.rint(image).astype(np.uint8)
 
 
-def story(room: Room, path: np.ndarray, side: int = 384) -> np.ndarray:
+def story(room: Room, path: np.ndarray) -> np.ndarray:
     """A picture for people: start (pale), path (n, 2), end (red) and the designer's place (outline).
 
-    Returns uint8 (side, side, 3); a path of one position is a room with its item there.
+    Returns uint8 (LARGE_PX, LARGE_PX, 3); a path of one position is a room with its item there.
     """
-    view = View(room, side)
+    view = View(room, LARGE_PX)
     line = 1.5 / view.scale  # metres a line is wide
     image = _painted_background(room, view, outlined=True)
     start, end = (room.moving.footprint_at(tuple(path[k])) for k in (0, -1))
@@ -92,9 +92,9 @@ def story(room: Room, path: np.ndarray, side: int = 384) -> np.ndarray:
     return np.rint(image).astype(np.uint8)
 
 
-def furnished_picture(room: Room, side: int = 384) -> np.ndarray:
-    """A picture for people of what stands in a room, its target in red: uint8 (side, side, 3)."""
-    view = View(room, side)
+def furnished_picture(room: Room) -> np.ndarray:
+    """A picture for people of what stands in a room, its target in red: uint8 (LARGE_PX, LARGE_PX, 3)."""
+    view = View(room, LARGE_PX)
     image = _painted_background(room, view, outlined=True)
     if room.target is not None:
         paint(image, view, room.moving.footprint, MOVING, 0.8)

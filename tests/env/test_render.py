@@ -152,14 +152,6 @@ def test_the_red_area_of_a_picture_is_the_area_of_the_item():
     assert share.sum() == pytest.approx(0.45 * (120 / 4) ** 2, rel=2e-3)
 
 
-@pytest.mark.parametrize("side", [128, 200])
-def test_the_side_of_a_picture_can_be_chosen(side):
-    image = picture(painted_room(), (2.6, 1.4), side)
-    assert image.shape == (side, side, 3)
-    assert color_at(image, 2.6, 1.4) == render.MOVING
-    assert color_at(image, -0.1, 1.5) == render.BLACK
-
-
 def test_no_white_seam_shows_between_touching_walls_and_openings():
     image = background(painted_room())
     ring = [(-0.1, y) for y in np.arange(-0.15, 3.1, 0.01)] + [(x, -0.1) for x in np.arange(-0.15, 4.15, 0.01)]

@@ -25,10 +25,10 @@ def read_files(
     source: str,
     room_type: str,
     root: Path | None,
-    labels: Literal["snapped", "raw"] = "snapped",
-    strict: bool = False,
-    unit: str = "auto",
-    categories: Path | None = None,
+    labels: Literal["snapped", "raw"],
+    strict: bool,
+    unit: str,
+    categories: Path | None,
 ) -> Collection:
     """The rooms of one type that a source's files hold. Raises InputError where the source or its files are unknown."""
     if source not in FILES:

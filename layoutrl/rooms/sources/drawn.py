@@ -207,7 +207,7 @@ def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
     return _parts(shapely.make_valid(polygon))[0]
 
 
-def tidy(floor: Polygon, walls: shapely.Geometry | None = None) -> list[Polygon]:
+def tidy(floor: Polygon, walls: shapely.Geometry | None) -> list[Polygon]:
     """A floor without what walls take of it, what is too narrow to be floor, and slips of the hand; largest part first.
 
     People trace thresholds of doors and jogs of a few centimetres, and one floor through a door frame, on both sides of

@@ -104,15 +104,14 @@ def read_home(
     into: str | None = None,
     room_type: str | None = None,
     names: Names | None = None,
-    name: str | None = None,
 ) -> Home:
-    """A home, every room of every level as a room of its own; `name` begins their ids, by default the file's.
+    """A home, every room of every level as a room of its own; the file's name begins their ids.
 
     `move`, `into` and `room_type` are those of `layoutrl.rooms.formats.opened`. Raises InputError for a file that is
     no home.
     """
     names = names or names_of()
-    home = _home(path, name or path.stem, names, move, into, room_type)
+    home = _home(path, path.stem, names, move, into, room_type)
     home.collection.notes += names.notes()
     return home
 

@@ -12,7 +12,7 @@ from shapely.geometry import box
 from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.sources import read_files
+from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.sources.procthor import LARGEST_LINE, read
 
 SIZES = {"Bed_1": ("Bed", 1.5, 0.9, 2.0), "Chair_1": ("Chair", 0.5, 0.9, 0.5), "TV_1": ("Television", 1.0, 0.6, 0.2)}
@@ -92,7 +92,7 @@ def test_every_room_of_a_house_is_a_room(packed: bool, tmp_path: Path) -> None:
 
 def test_rooms_of_one_type_are_read_as_of_every_source(tmp_path: Path) -> None:
     write(tmp_path, house(), "no house", house())
-    collection = read_files("procthor", "kitchen", tmp_path)
+    collection = Data("procthor", str(tmp_path)).read("kitchen")
     assert [room.id for room in collection.rooms] == ["train/1/Kitchen 3", "train/3/Kitchen 3"]
     assert ("train/2", "text: expected whole JSON; Expecting value") in collection.left_out
 
