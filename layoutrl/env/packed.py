@@ -163,7 +163,7 @@ class Shapes:
         center = bounds.reshape(-1, 2, 2).mean(1)
         self._discs = table(np.column_stack([center, diameter / 2])[is_circle], room[is_circle])
 
-    def ious(self, room: Tensor, position: Tensor, others: Footprints | None = None) -> tuple[Tensor, Tensor, Tensor]:
+    def ious(self, room: Tensor, position: Tensor, others: Footprints | None) -> tuple[Tensor, Tensor, Tensor]:
         """IoU, summed, with all elements and others; share indoors; IoU with the indoor area: (B,) each."""
         item, at, half, box = self._item_at(room, position)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 Spent = Callable[[int], float]  # the share of a budget that is spent after so many updates; training ends at 1
@@ -13,8 +12,8 @@ def updates_budget(updates: int) -> Spent:
     return lambda made: made / updates
 
 
-def seconds_budget(seconds: float, clock: Callable[[], float] = time.perf_counter) -> Spent:
-    """So many seconds from when it is first asked. By `time.process_time` no other work on the machine counts."""
+def seconds_budget(seconds: float, clock: Callable[[], float]) -> Spent:
+    """So many seconds of a clock since it is first asked. By `time.process_time` no other work counts."""
     began: list[float] = []
 
     def spent(_: int) -> float:

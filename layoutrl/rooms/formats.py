@@ -111,7 +111,7 @@ def opened(
     if kind == "sweethome3d":
         collection, stood = read_folder(path, names_of(categories), move=move)
     else:
-        collection = read_homes(kind, path, categories=categories)
+        collection = read_homes(kind, path, categories)
         stood = [read.furniture for read in collection.rooms]
         collection.rooms = [to_place(read, move) for read in collection.rooms]
     collection.notes += unread(path, kind)

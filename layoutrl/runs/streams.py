@@ -48,7 +48,7 @@ class Entry:
     stood: tuple[Item, ...] = ()  # its furniture as the file has it, what is to be placed, too
 
 
-def json_entries(config: PlaceConfig, first: int = 0, step: int = 1) -> Iterator[Entry | None]:
+def json_entries(config: PlaceConfig, first: int, step: int) -> Iterator[Entry | None]:
     """The rooms in JSON of a file, a folder, or standard input (STANDARD), one after the other: each `step`-th.
 
     None where who writes to standard input may wait for an answer.

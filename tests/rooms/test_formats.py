@@ -58,7 +58,7 @@ def test_what_rooms_in_json_say_themselves_is_refused(option: str, tmp_path: Pat
     with pytest.raises(InputError, match=rf"{option}: rooms of .*rooms\.jsonl say themselves .*expected no {option}="):
         opened(path, **{option: "bedroom"})
     with pytest.raises(InputError, match=r"categories: rooms of .* say themselves"):
-        read_homes("json", path, categories=path)
+        read_homes("json", path, path)
 
 
 def test_a_path_may_be_a_text(tmp_path: Path) -> None:

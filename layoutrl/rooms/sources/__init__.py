@@ -39,7 +39,7 @@ def read_files(
         return floorplans.read(root, room_type, labels)
     if source == "designer_rooms":
         return designer_rooms.read(root, room_type)
-    collection = read_homes(source, root, strict, unit, categories)
+    collection = read_homes(source, root, categories, strict, unit)
     others = [room for room in collection.rooms if room.room_type != room_type]
     collection.left_out += [(room.id, f"the room is a {room.room_type}, not a {room_type}") for room in others]
     collection.rooms = [room for room in collection.rooms if room.room_type == room_type]
@@ -47,7 +47,7 @@ def read_files(
 
 
 def read_homes(
-    source: str, root: Path, strict: bool = False, unit: str = "auto", categories: Path | str | None = None
+    source: str, root: Path, categories: Path | str | None, strict: bool = False, unit: str = "auto"
 ) -> Collection:
     """The rooms of all types in files of a source whose files do not say which type they hold.
 

@@ -146,7 +146,7 @@ def read(root: Path, names: Names) -> Collection:
     return read_folder(root, names, move="")[0]
 
 
-def read_folder(root: Path, names: Names, *, move: str | None = None) -> tuple[Collection, list[tuple[Item, ...]]]:
+def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collection, list[tuple[Item, ...]]]:
     """The rooms of all homes below a folder, or of one file, each as `read_home` reads it, and what stood in each.
 
     A home that cannot be read is left out. Raises InputError where there is none.
