@@ -59,9 +59,8 @@ class Lines:
         """From segments x0, y0, x1, y1 (n, 4) and their rooms (n,); crossed up to `margin` metres beyond their ends."""
         columns, rows = [], []
         for axis in (0, 1):
-            upright = segments[:, 1 - axis] != segments[:, 3 - axis]
-            columns.append(crossings(segments[upright], axis, margin))
-            rows.append(2 * room[upright] + axis)
+            columns.append(crossings(segments, axis, margin))
+            rows.append(2 * room[segments[:, 1 - axis] != segments[:, 3 - axis]] + axis)  # of those that are crossed
         row = np.concatenate(rows)
         order = np.argsort(row, kind="stable")
         table = padded(np.concatenate(columns)[order], row[order], 2 * rooms)
@@ -69,13 +68,13 @@ class Lines:
             table = np.full((2 * rooms, 1, 7), np.nan)
         table = np.moveaxis(table.reshape(rooms, 2, -1, 7), 3, 1)  # (rooms, columns, axis, lines)
         # From where to where it stretches across the axis (NaN: nowhere), and its place along it.
-        self._upright = _tensor(table[:, :3], like)
+        self._line = _tensor(table[:, :3], like)
         self._slant = _tensor(table[:, 3:], like) if np.nan_to_num(table[:, 4]).any() else None
 
     def crossed(self, room: Tensor, across: Tensor) -> Tensor:
         """Where the line along each axis through `across` (B, axis) is crossed: (axis, lines, B), infinity for not."""
         across = across[..., None]
-        low, high, place = self._upright.index_select(0, room).unbind(1)
+        low, high, place = self._line.index_select(0, room).unbind(1)
         if self._slant is not None:
             at, slope, least, most = self._slant.index_select(0, room).unbind(1)
             place = torch.clamp(place + slope * (across - at), least, most)
