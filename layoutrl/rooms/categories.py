@@ -181,7 +181,7 @@ class Names:
 
 def category_of(name: str) -> str | None:
     """The category that the table has for a name, if any."""
-    names = names_of()
+    names = own_names()
     found = names.category(name) if names.knows(name) else None
     return found[0] if found else None
 
@@ -216,6 +216,12 @@ def _parts(name: str) -> list[str]:
 def names_of(file: Path | str | None = None) -> Names:
     """The package's table, and a user's file, whose names win. Raises InputError where that is no such file."""
     return Names(_own_table()) if file is None else Names(_own_table(), _users(Path(file)))
+
+
+@cache
+def own_names() -> Names:
+    """The package's table, made once: to look names up in, where nobody asks which were unknown."""
+    return names_of()
 
 
 @cache

@@ -35,7 +35,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.validation import explain_validity
 
-from layoutrl.rooms.categories import NO_ROOM, names_of
+from layoutrl.rooms.categories import NO_ROOM, own_names
 from layoutrl.rooms.clearances import may_tuck
 from layoutrl.rooms.room import (
     MAIN_ITEM,
@@ -253,7 +253,7 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
 
 def _meant(room_type: str) -> str:
     """What a type of another name is here, by the table of names."""
-    ours = names_of().room_type(room_type, ())
+    ours = own_names().room_type(room_type, ())
     return f", which is a {ours} here" if ours and ours != NO_ROOM else ""
 
 
