@@ -106,6 +106,7 @@ def design_rooms(room_type: str, part: Part, seed: int, count: int) -> Designs:
 
 
 def joined(parts: Iterable[Designs]) -> Designs:
+    """All designs in one, in the order of the parts."""
     whole = Designs()
     for some in parts:
         whole.rooms += some.rooms

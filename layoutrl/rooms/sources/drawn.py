@@ -254,7 +254,7 @@ def room_of(
     furniture: Sequence[Item],
     group: str,
 ) -> tuple[Room, dict[int, Item]]:
-    """A room around a tidy floor, and what it holds of `furniture`, by its index: `within`.
+    """A room around a tidy floor, and what it holds of `furniture`, by its index: `cut_to`.
 
     `walls` are all that are near, of which each side takes the one that it lies along; None where none are drawn.
     Of `gaps` those that lie in its walls are its doors and windows. Raises RoomError where no room can be made.
@@ -284,11 +284,11 @@ def room_of(
         "group": group,
     }
     bare = room_from_dict(document)
-    held = {k: kept for k, item in enumerate(furniture) if (kept := within(bare, item))}
+    held = {k: kept for k, item in enumerate(furniture) if (kept := cut_to(bare, item))}
     return room_from_dict(document | {"furniture": [_document(item) for item in held.values()]}), held
 
 
-def within(room: Room, item: Item) -> Item | None:
+def cut_to(room: Room, item: Item) -> Item | None:
     """The item, where it is to be placed or the room holds it; else what of it lies indoors, as an obstacle.
 
     People draw furniture a few centimetres through a wall: nothing else may stand there. None where next to nothing of

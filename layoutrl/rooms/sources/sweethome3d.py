@@ -347,9 +347,8 @@ def _moved(element: Element, item: Item) -> dict[int, dict[str, float]]:
     assert item.center is not None
     old = complex(element.number("x"), element.number("y"))
     new = complex(item.center[0], -item.center[1]) * 100
-    before = element.number("angle", 0.0)
-    angle = before if item.rotation is None or item.form == "circle" else math.radians(270 - item.rotation)
-    turn = angle - before
+    stays = item.rotation is None or item.form == "circle"
+    turn = 0.0 if stays else math.radians(270 - item.degrees) - element.number("angle", 0.0)
     inner = [e for e in within(element) if e.tag in (*PIECES, OPENING, GROUP)]
     changes = {}
     for each in (element, *inner):

@@ -20,7 +20,7 @@ from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import Item
-from layoutrl.rooms.sources.drawn import within
+from layoutrl.rooms.sources.drawn import cut_to
 from layoutrl.rooms.sources.sweethome3d import Home, read, read_home
 from tests.builders import rectangular_room
 
@@ -283,7 +283,7 @@ def test_what_is_cut_to_a_room_lies_in_it_and_where_the_piece_lay(
     x: float, y: float, depth: float, width: float, degrees: float
 ) -> None:
     room, item = rectangular_room(), Item("dresser", (depth, width), (x, y), degrees)
-    kept = within(room, item)
+    kept = cut_to(room, item)
     if room.holds(item):
         assert kept is item
     elif kept is not None:
@@ -298,11 +298,11 @@ def test_what_is_cut_to_a_room_lies_in_it_and_where_the_piece_lay(
 @pytest.mark.parametrize(("x", "degrees"), [(3.9, 0), (3.9, 90), (0.1, 180), (0.1, 270)])
 def test_what_is_upright_is_cut_along_the_wall(x: float, degrees: float) -> None:
     room, item = rectangular_room(), Item("dresser", (1.0, 1.2), (x, 1.5), degrees)
-    kept = within(room, item)
+    kept = cut_to(room, item)
     assert kept is not None
     assert kept.footprint.symmetric_difference(item.footprint.intersection(room.indoor)).area < 1e-9
-    assert within(room, replace(item, center=(9.0, 9.0))) is None
-    assert within(room, replace(item, center=None)) == replace(item, center=None)
+    assert cut_to(room, replace(item, center=(9.0, 9.0))) is None
+    assert cut_to(room, replace(item, center=None)) == replace(item, center=None)
 
 
 # What is to be placed
