@@ -32,7 +32,7 @@ from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms.baselines import random_layout
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rivals.rooms.search import search
-from layoutrl.rooms.brief import furnished, missing
+from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.designer import generator
 from layoutrl.rooms.designer.generator import Designs, design_rooms
@@ -342,7 +342,7 @@ def test_a_home_is_rooms_or_an_error_of_its_own(count, tmp_path):
         home = answered(lambda: read_home(path, move="all"), InputError, content)
         if home is not None:
             read += 1
-            layouts = [furnished(room, dict.fromkeys(missing(room), ((1.0, -1.0), 90.0))) for room in home.rooms]
+            layouts = [with_poses(room, dict.fromkeys(missing(room), ((1.0, -1.0), 90.0))) for room in home.rooms]
             answered(lambda home=home, layouts=layouts: home.write(layouts, out), InputError, content)
             out.unlink(missing_ok=True)
     assert 0.1 * count < read < 0.9 * count

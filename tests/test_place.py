@@ -31,7 +31,7 @@ from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import rival
 from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rivals.rooms.rival import same
-from layoutrl.rooms.brief import furnished, missing
+from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
 from layoutrl.rooms.formats import to_place
@@ -337,7 +337,7 @@ class Middle:
 
     def layout(self, brief: Room) -> Room:
         (center,) = brief.indoor.centroid.coords
-        return furnished(brief, dict.fromkeys(missing(brief), (center, 0.0)))
+        return with_poses(brief, dict.fromkeys(missing(brief), (center, 0.0)))
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destination
 from layoutrl.env.simulator import TOUCHING, Moves
 from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong
 from layoutrl.evaluation.policy import greedy
-from layoutrl.rooms.brief import Pose, facings, furnished, missing
+from layoutrl.rooms.brief import Pose, facings, missing, with_poses
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.oddities import AT_A_WALL
 from layoutrl.rooms.room import Item, Point, Room, rotation
@@ -436,7 +436,7 @@ def _turned_back(found: Furnished, brief: Room) -> Furnished:
     path = [(k, *back(k, center, degrees)) for k, center, degrees in found.path]
     items = found.layout.furniture
     poses = {k: back(k, center, items[k].degrees) for k in missing(brief) if (center := items[k].center)}
-    return Furnished(furnished(brief, poses), found.value, path)
+    return Furnished(with_poses(brief, poses), found.value, path)
 
 
 def spread(first: int, count: int) -> np.ndarray:

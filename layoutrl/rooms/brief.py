@@ -82,7 +82,7 @@ def _apart(one: float, other: float) -> float:
     return off(one - other, 90.0)
 
 
-def furnished(brief: Room, poses: Mapping[int, Pose]) -> Room:
+def with_poses(brief: Room, poses: Mapping[int, Pose]) -> Room:
     """The brief with items at the poses given by their index; the others are left as they are."""
     items = list(brief.furniture)
     for k, (center, degrees) in poses.items():

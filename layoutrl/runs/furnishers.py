@@ -28,7 +28,7 @@ from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.brief import furnished, largest_first, missing, ways
+from layoutrl.rooms.brief import largest_first, missing, ways, with_poses
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.oddities import oddities
@@ -173,7 +173,7 @@ class Mover:
                 ends = [n for n, (of, _) in enumerate(turned) if of == k]
                 best = max(ends, key=lambda n: value[n])
                 center = (round(float(place[best][0]), 4), round(float(place[best][1]), 4))
-                layouts[k] = furnished(layouts[k], {item: (center, rooms[best].moving.degrees)})
+                layouts[k] = with_poses(layouts[k], {item: (center, rooms[best].moving.degrees)})
                 values[k] = np.append(values[k], value[best])
         made = zip(briefs, layouts, values, strict=True)
         return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
@@ -201,7 +201,7 @@ def facing_all_ways(room: Room, item: int) -> list[Room]:
     The simulator is for rooms whose answer is known. Here it is none: any place will do, and nothing looks at it.
     """
     return [
-        replace(furnished(room, {item: (room.outline[0], degrees)}), target=item)
+        replace(with_poses(room, {item: (room.outline[0], degrees)}), target=item)
         for degrees in ways(room, room.furniture[item])
     ]
 

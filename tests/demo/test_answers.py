@@ -17,7 +17,7 @@ from layoutrl import InputError
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.rivals.rooms.rival import same
-from layoutrl.rooms.brief import brief_of, furnished, missing
+from layoutrl.rooms.brief import brief_of, missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
@@ -221,7 +221,7 @@ def test_who_furnishes_in_an_agents_place_is_named(answers, monkeypatch):
     class Piler:
         def furnish(self, briefs, choices, seed):
             (brief,) = briefs
-            return [[Furnished(furnished(brief, dict.fromkeys(missing(brief), ((1.0, 1.0), 0.0))), 0.0)]]
+            return [[Furnished(with_poses(brief, dict.fromkeys(missing(brief), ((1.0, 1.0), 0.0))), 0.0)]]
 
     room, movable = ROOMS[3], [*range(len(ROOMS[3].furniture))]
     said = answers.answer("furnish", body(room, movable=movable))

@@ -11,7 +11,7 @@ import irregular_rooms
 import pytest
 from irregular_rooms import at_the_wall
 
-from layoutrl.rooms.brief import Pose, furnished, missing
+from layoutrl.rooms.brief import Pose, missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
@@ -42,7 +42,7 @@ class Remembers:
         for brief in briefs:
             assert len(missing(brief)) == len(brief.furniture)
             places = {k: self._pose(brief, k) for k in missing(brief)}
-            layouts.append([Furnished(furnished(brief, places), 0.0)])
+            layouts.append([Furnished(with_poses(brief, places), 0.0)])
         return layouts
 
     def _pose(self, brief: Room, k: int) -> Pose:

@@ -9,7 +9,7 @@ from pathlib import Path
 import peoples_rooms
 import pytest
 
-from layoutrl.rooms.brief import furnished, missing
+from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import furnishers
@@ -23,7 +23,7 @@ class InTheMiddle:
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         middles = [brief.indoor.centroid.coords[0] for brief in briefs]
         return [
-            [Furnished(furnished(brief, dict.fromkeys(missing(brief), (middle, 0.0))), 0.0)]
+            [Furnished(with_poses(brief, dict.fromkeys(missing(brief), (middle, 0.0))), 0.0)]
             for brief, middle in zip(briefs, middles, strict=True)
         ]
 

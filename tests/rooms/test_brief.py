@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from layoutrl.rooms.brief import brief_of, facings, furnished, largest_first, lifted, missing, ways
+from layoutrl.rooms.brief import brief_of, facings, largest_first, lifted, missing, ways, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Item, Ring
@@ -76,5 +76,5 @@ def test_the_ways_of_an_item_look_different() -> None:
 def test_a_layout_is_the_brief_with_poses() -> None:
     room = rectangular_room(3.0, 4.0, Item("bed", (2.0, 1.5), (1.0, 2.0), 90.0))
     brief = brief_of(room)
-    assert replace(furnished(brief, {0: ((1.0, 2.0), 90.0)}), target=room.target) == room
-    assert furnished(brief, {}) == brief
+    assert replace(with_poses(brief, {0: ((1.0, 2.0), 90.0)}), target=room.target) == room
+    assert with_poses(brief, {}) == brief

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rooms.brief import furnished, missing
+from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import Item
 from layoutrl.runs import pretrained
@@ -122,7 +122,7 @@ def test_no_place_is_where_another_stands() -> None:
     brief = room_with(bed, bed, desk)
 
     def places(*centers: tuple[float, float]) -> list[bool]:
-        layout = furnished(brief, {k: (center, 0.0) for k, center in enumerate(centers)})
+        layout = with_poses(brief, {k: (center, 0.0) for k, center in enumerate(centers)})
         return [item.center is not None for item in unstacked(brief, layout).furniture]
 
     assert places((1.0, 0.7), (1.0, 2.2)) == [True, True, True]

@@ -14,7 +14,7 @@ import torch
 from layoutrl.agents.learner import q_network
 from layoutrl.env.observation import categories_of
 from layoutrl.evaluation.furnishing import Furnisher, one_thread
-from layoutrl.rooms.brief import brief_of, furnished
+from layoutrl.rooms.brief import brief_of, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
@@ -42,7 +42,7 @@ class Known:
 def turned_round(design: Room) -> Room:
     """Every item at the designer's place, its front at the wall."""
     poses = {k: (item.center, (item.rotation + 180) % 360) for k, item in enumerate(design.furniture)}
-    return furnished(design, poses)
+    return with_poses(design, poses)
 
 
 def lacking(layout: Room) -> Room:
@@ -68,7 +68,7 @@ def test_of_layouts_to_choose_from_the_worse_give_way_to_those_of_the_search_and
     design, bad = DESIGNS[0], turned_round(DESIGNS[0])
     middle = np.array(design.indoor.centroid.coords[0])
     inwards = [0.8 * np.array(item.center) + 0.2 * middle for item in design.furniture]
-    moved = furnished(design, {k: (tuple(inwards[k]), item.rotation) for k, item in enumerate(design.furniture)})
+    moved = with_poses(design, {k: (tuple(inwards[k]), item.rotation) for k, item in enumerate(design.furniture)})
     one, another = Known(design, bad), Known(moved, lacking(design), design)
     (found,) = Helped(one, another).furnish([brief_of(design)], 3, 0)
     worse, worst = sorted(shortcomings([brief_of(design)] * 2, [[Furnished(bad, 0.0)], [Furnished(moved, 0.0)]]))
@@ -92,7 +92,7 @@ def test_who_searches_longer_is_asked_where_each_layout_has_a_fault() -> None:
 def test_what_is_put_where_something_stands_has_no_place() -> None:
     design = DESIGNS[1]
     (center,) = design.indoor.centroid.coords
-    piled = furnished(brief_of(design), dict.fromkeys(range(len(design.furniture)), (center, 0.0)))
+    piled = with_poses(brief_of(design), dict.fromkeys(range(len(design.furniture)), (center, 0.0)))
     ((answer,),) = Helped(Known(piled), Known(brief_of(design))).furnish([brief_of(design)], 1, 0)
     areas = [item.area for item in brief_of(design).furniture]
     assert [item.center is not None for item in answer.layout.furniture] == [area == max(areas) for area in areas]

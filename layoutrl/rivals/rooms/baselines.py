@@ -11,7 +11,7 @@ import shapely
 
 from layoutrl.env.geometry import CONTACT, fitting_positions
 from layoutrl.rivals.rules import play
-from layoutrl.rooms.brief import Pose, facings, furnished, missing
+from layoutrl.rooms.brief import Pose, facings, missing, with_poses
 from layoutrl.rooms.clearances import off
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
@@ -21,7 +21,7 @@ OTHER_CATEGORY = 2.0  # metres that an item without a counterpart counts, and an
 
 def random_layout(brief: Room, rng: np.random.Generator) -> Room:
     """Every item at a drawn place indoors, facing a drawn way. One that fits nowhere has no place."""
-    return furnished(brief, {k: pose for k in missing(brief) if (pose := _drawn(brief, k, rng))})
+    return with_poses(brief, {k: pose for k in missing(brief) if (pose := _drawn(brief, k, rng))})
 
 
 def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> Room:
@@ -39,7 +39,7 @@ def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> 
     for k, item, other in zip(asked, items, others, strict=True):
         if pose := (other and _pushed(brief, item, model, other)) or _drawn(brief, k, rng):
             poses[k] = pose
-    return furnished(brief, poses)
+    return with_poses(brief, poses)
 
 
 class Library:

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.affinity import rotate
 
-from layoutrl.rooms.brief import facings, furnished
+from layoutrl.rooms.brief import facings, with_poses
 from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before
 from layoutrl.rooms.doors import DOOR_CLEARANCE, entrance, way_width
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
@@ -76,7 +76,7 @@ class Scene:
                 given = self.brief.furniture[k].rotation
                 turned = float(facings(self.brief)[int(quarter[k])]) if given is None else given
                 poses[int(k)] = ((x, y), turned)
-        return furnished(self.brief, poses)
+        return with_poses(self.brief, poses)
 
 
 def scene_of(brief: Room) -> Scene:
