@@ -14,8 +14,8 @@ from itertools import chain
 import numpy as np
 import shapely
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, may_stand_before
-from layoutrl.rooms.doors import entrance, kept_free, way_width
+from layoutrl.rooms.clearances import HOSTS, RAISED, RUGS, front_depth, may_stand_before, period
+from layoutrl.rooms.doors import bars, entrance, kept_free, way_width
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
 ROUNDING = 1e-9  # square metres: no area
@@ -67,6 +67,9 @@ class Items:
     degrees: np.ndarray  # (N,), NaN where it is to be chosen
     round: np.ndarray  # (N,)
     tucked: np.ndarray  # (N,)
+    bars: np.ndarray  # (N,), whether a door that meets it does not open, as `doors.bars` has it
+    period: np.ndarray  # (N,), degrees as `clearances.period` has them
+    front: np.ndarray  # (N,), metres as `clearances.front_depth` has them
 
     @classmethod
     def of(cls, layouts: Sequence[Room]) -> Items:
@@ -80,6 +83,9 @@ class Items:
             np.array([np.nan if item.rotation is None else item.rotation for item in items], dtype=float),
             np.array([item.form == "circle" for item in items], dtype=bool),
             np.array([item.tucked for item in items], dtype=bool),
+            np.array([bars(item) for item in items], dtype=bool),
+            np.array([period(item) for item in items], dtype=float),
+            np.array([front_depth(item) for item in items], dtype=float),
         )
 
     @cached_property
@@ -105,18 +111,6 @@ class Items:
     def hosts(self) -> np.ndarray:
         """Whether what is tucked may stand under it: (N,)."""
         return np.isin(self.category, list(HOSTS)) & ~self.tucked
-
-    @property
-    def period(self) -> np.ndarray:
-        """Degrees after which it looks as before, as `clearances.period` has it: (N,)."""
-        square = self.round | (np.isnan(self.front) & (self.size[:, 0] == self.size[:, 1]))
-        return np.where(square, 90.0, np.where(np.isnan(self.front), 180.0, 360.0))
-
-    @property
-    def front(self) -> np.ndarray:
-        """How much floor it keeps free before it, in metres; NaN where it has no front: (N,)."""
-        depth = np.array([FRONT_DEPTH.get(category, np.nan) for category in self.category])
-        return np.where(self.round, np.nan, depth)
 
 
 def rectangles(center: np.ndarray, size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
@@ -247,8 +241,7 @@ def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
     is not placed.
     """
     radius = np.array([way_width(layout) / 2 for layout in layouts])
-    stands = ~items.tucked & ~np.isin(items.category, list(RAISED))
-    floor = free_floor(layouts, items, stands, radius - TOLERANCE / 2)
+    floor = free_floor(layouts, items, items.bars, radius - TOLERANCE / 2)
     entered = unions(floor.part[floor.entered], floor.room[floor.entered], len(layouts))[items.room]
     touched = shapely.dwithin(entered, items.footprint, radius[items.room] + TOLERANCE)
     return touched | (items.placed & np.isin(items.category, list(RUGS)))

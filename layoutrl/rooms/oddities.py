@@ -7,7 +7,6 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import shapely
 
-from layoutrl.rooms.clearances import RAISED
 from layoutrl.rooms.doors import leaves
 from layoutrl.rooms.faults import Fault, Items, pairs, unions
 from layoutrl.rooms.room import TOLERANCE, Room
@@ -74,7 +73,7 @@ def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
     result = items.tucked & items.placed & ~shapely.is_empty(hosts)
     those = np.flatnonzero(result)
     result[those] = ~shapely.intersects(items.footprint[those], hosts[those])
-    those = those[~np.isnan(items.front[those])]
+    those = those[items.period[those] == 360]  # what has a front
     corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
     quarter = (corners[:, 3] - corners[:, 0]) / 4
     front = shapely.points(np.stack([corners[:, 0] + quarter, corners[:, 3] - quarter], 1))
@@ -105,7 +104,7 @@ def in_swings(layouts: Sequence[Room], items: Items) -> np.ndarray:
     hung = [(room, both) for room, layout in enumerate(layouts) for both in leaves(layout) if both]
     of = np.array([room for room, _ in hung], dtype=int)
     swept = np.array([[leaf.swept for leaf in both] for _, both in hung], dtype=object).reshape(-1, 2)
-    stands = np.flatnonzero(items.placed & ~items.tucked & ~np.isin(items.category, list(RAISED)))
+    stands = np.flatnonzero(items.placed & items.bars)
     a, door = pairs(items.room[stands], of)
     cut = shapely.intersects(items.grown(-TOLERANCE)[stands[a], None], swept[door])
     shut = np.zeros((len(hung), 2), dtype=bool)
