@@ -18,7 +18,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.room import TOLERANCE, Room
+from layoutrl.rooms.room import TOLERANCE, Item, Room
 
 ARCHITECTURE = ("wall", "door", "window")  # the first categories of nodes
 FRONT, BACK, LEFT, RIGHT = range(4)  # of the anchor
@@ -84,6 +84,11 @@ class Scene:
         return tuple(chain(*(_seen_from(self, anchor) for anchor in range(len(self.category)))))
 
 
+def standing(room: Room) -> list[Item]:
+    """The furniture that has a place, in the order of its nodes."""
+    return [item for item in room.furniture if item.center is not None]
+
+
 def scene_of(room: Room) -> Scene:
     """The nodes of a room. Raises InputError for one that is not upright: its graph would need other rays."""
     outline, *holes = room.outline, *(Polygon(hole).exterior.normalize().coords[:-1] for hole in room.holes)
@@ -104,7 +109,7 @@ def scene_of(room: Room) -> Scene:
         frame.append((wall, len(boxes), 0.0))
         boxes.append(box)
         facing.append(facing[wall])
-    items = [item for item in room.furniture if item.center is not None]
+    items = standing(room)
     for polygon in (*room.walls, *(opening.polygon for opening in openings)):
         sides = np.diff(np.array([*polygon, polygon[0]]), axis=0)
         if (np.abs(sides).min(1) > TOLERANCE).any():

@@ -14,7 +14,7 @@ from torch import nn
 from layoutrl.agents.networks import weights_of
 from layoutrl.rivals.planit.canvas import FIXED_CHANNELS, box_of, overlapping
 from layoutrl.rivals.planit.generator import GraphNetwork
-from layoutrl.rivals.planit.graph import ARCHITECTURE, Kept, Scene, kept
+from layoutrl.rivals.planit.graph import ARCHITECTURE, Kept, Scene, kept, standing
 from layoutrl.rivals.planit.networks import LocationNetwork, PictureNetwork, SizeNetwork
 from layoutrl.rooms.room import Room
 
@@ -38,7 +38,7 @@ class Statistics:
 
 def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
     """Count the furniture of rooms and the edges of their scenes."""
-    items = [item for room in rooms for item in room.furniture if item.center is not None]
+    items = [item for room in rooms for item in standing(room)]
     weight: Counter[str] = Counter()
     for item in items:
         weight[item.category] += item.size[0] * item.size[1]  # type: ignore[assignment]
@@ -58,8 +58,7 @@ def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
 
 def _tucked(room: Room) -> Iterator[tuple[str, str]]:
     """The categories of items that stand partly under others, with those of the others."""
-    items = [item for item in room.furniture if item.center is not None]
-    for under, host in permutations(items, 2):
+    for under, host in permutations(standing(room), 2):
         if under.tucked and not host.tucked and overlapping(box_of(under), box_of(host)):
             yield under.category, host.category
 

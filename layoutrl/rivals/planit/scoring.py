@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -18,7 +18,7 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample
-from layoutrl.rivals.planit.graph import Graph, Relation, scene_of
+from layoutrl.rivals.planit.graph import Graph, Relation, scene_of, standing
 from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
 from layoutrl.rivals.planit.training import planned, with_last
 from layoutrl.rooms.brief import brief_of
@@ -87,10 +87,10 @@ def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random
 def _bare_query(placer: Placer, room: int) -> tuple[Query, int]:
     """The moving item among all others, as they stand, without an edge; and its node."""
     own, scene = placer.rooms[room], placer.scenes[room]
-    standing = [k for k, item in enumerate(own.furniture) if item.center is not None]
-    assert own.target in standing
-    target = scene.fixed + standing.index(own.target)
-    others = {scene.fixed + n: own.furniture[k] for n, k in enumerate(standing) if k != own.target}
+    stand = [k for k, item in enumerate(own.furniture) if item.center is not None]
+    assert own.target in stand
+    target = scene.fixed + stand.index(own.target)
+    others = {scene.fixed + n: own.furniture[k] for n, k in enumerate(stand) if k != own.target}
     return Query(room, scene.category[target], [], others), target
 
 
@@ -221,22 +221,27 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
         for kind in GRAPHS:
             for choice, whose in _variants(kind):
                 search = Search(rng, noise) if choice == "sampled" else Search()
-                layout = _fullest(placer, room, kind, whose, rng, search)
+                layout = _fullest(_layout(placer, room, kind, whose, rng, search) for _ in range(_tries(kind)))
                 found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
     return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
 
 
-def _fullest(placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search) -> Layout:
-    """A room's layout that lacks least, of TRIES graphs."""
-    standing = [item for item in placer.rooms[room].furniture if item.center is not None]
+def _fullest(layouts: Iterable[Layout]) -> Layout:
+    """The one that lacks least, of equals the first. After one that lacks nothing no other is made."""
     made: list[Layout] = []
-    for _ in range(_tries(kind)):
-        names, graph, stands_for = room_graph(placer, room, kind, rng)
-        sizes = [standing[k] for k in stands_for] if whose == "true size" else None
-        made.append(placer.furnish(room, names, graph, search, sizes))
-        if not made[-1].missing:
+    for layout in layouts:
+        made.append(layout)
+        if not layout.missing:
             break
     return min(made, key=lambda layout: len(layout.missing))
+
+
+def _layout(placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search) -> Layout:
+    """A room furnished by one graph."""
+    names, graph, stands_for = room_graph(placer, room, kind, rng)
+    own = standing(placer.rooms[room])
+    sizes = [own[k] for k in stands_for] if whose == "true size" else None
+    return placer.furnish(room, names, graph, search, sizes)
 
 
 def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
@@ -256,11 +261,8 @@ def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
         order = sorted(range(len(brief.furniture)), key=lambda k: important(brief.furniture[k].category))
         items = [brief.furniture[k] for k in order]
         names = [item.category for item in items]
-        made: list[Layout] = []
-        while not made or (made[-1].missing and len(made) < TRIES):
-            _, graph = _sampled(told, number, rng, names)
-            made.append(told.furnish(number, names, graph, Search(), items))
-        best = min(made, key=lambda layout: len(layout.missing))
+        graphs = (_sampled(told, number, rng, names)[1] for _ in range(TRIES))
+        best = _fullest(told.furnish(number, names, graph, Search(), items) for graph in graphs)
         furniture = list(brief.furniture)
         for n, k in enumerate(order):
             furniture[k] = best.placed.get(told.scenes[number].fixed + n, furniture[k])
@@ -272,13 +274,12 @@ def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -
     """(categories, graph, which of the room's standing items each stands for), as much of it given as `kind` says."""
     if kind == "sampled graph":
         return *_sampled(placer, room, rng), []
-    scene = placer.scenes[room]
-    standing = [item for item in placer.rooms[room].furniture if item.center is not None]
-    graph, _ = planned(placer.model.statistics, scene, standing)
+    scene, own = placer.scenes[room], standing(placer.rooms[room])
+    graph, _ = planned(placer.model.statistics, scene, own)
     if kind == "given graph":
-        return [scene.category[node] for node in scene.items], graph, list(range(len(standing)))
+        return [scene.category[node] for node in scene.items], graph, list(range(len(own)))
     order = [node - scene.fixed for node in graph]  # the most important first, as it was learned
-    given = [standing[k].category for k in order]
+    given = [own[k].category for k in order]
     return *_sampled(placer, room, rng, given), order
 
 

@@ -16,7 +16,16 @@ from layoutrl.agents.networks import weights_of
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.planit import generator
 from layoutrl.rivals.planit.canvas import Canvas, in_frame
-from layoutrl.rivals.planit.graph import MIRRORED, Graph, Relation, Scene, graph_of, graph_with_last, placing_order
+from layoutrl.rivals.planit.graph import (
+    MIRRORED,
+    Graph,
+    Relation,
+    Scene,
+    graph_of,
+    graph_with_last,
+    placing_order,
+    standing,
+)
 from layoutrl.rivals.planit.model import PlanIT, Statistics
 from layoutrl.rivals.planit.networks import HEAT_SIDE, SIDE, PictureNetwork, drawn, signed_distance
 from layoutrl.rooms.room import Item, Room
@@ -85,7 +94,7 @@ class Training:
         self._optimizer = torch.optim.Adam(model.networks.parameters(), learning_rate, weight_decay=1e-8, fused=True)
         self._judging = torch.optim.Adam(self._discriminator.parameters(), learning_rate, fused=True)
         self._recent: dict[str, list[Tensor]] = {}
-        self._furniture = [[item for item in room.furniture if item.center is not None] for room in rooms]
+        self._furniture = [standing(room) for room in rooms]
         self._planned: dict[int, tuple[Graph, list[int]]] = {}  # of rooms, once they are asked for
         self._last: dict[tuple[int, int], Graph] = {}  # of rooms and items
 
