@@ -29,6 +29,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import keep_freed_memory
 from layoutrl.runs.report import evaluate
+from layoutrl.runs.resume import seeds
 
 ENDLESS = 10**9  # updates, of a training that the clock stops
 REPORT = 5  # updates timed together
@@ -37,7 +38,7 @@ ACTING = ("act", "simulate", "store")  # stages of training that are not the lea
 
 def untrained(config: BenchConfig, rooms: Sequence[Room], device: torch.device, updates: int = ENDLESS) -> Learner:
     """The learner that `layoutrl.train` has with this seed."""
-    network_seed, training_seed = np.random.SeedSequence(config.seed).spawn(2)
+    network_seed, training_seed, *_ = seeds(config)
     return Learner(rooms, config.method, config.reward, updates, network_seed, training_seed, device)
 
 

@@ -64,7 +64,7 @@ def watched(
     probes: dict[str, Callable[[Probed], tuple[dict[str, float], list[np.ndarray]]]],
     folder: Path,
     updates: int,
-    evaluate_every: int,
+    evaluations: int,
 ) -> Iterator[float]:
     """Train an agent as `reported`. Its probes, "train" and "held_out", give numbers, "iou" first, and pictures."""
 
@@ -77,7 +77,7 @@ def watched(
                 board(image(f"{name}/{k}", picture, dataformats="HWC"), made)
         return found
 
-    yield from reported(training, CURVES, look, folder, updates, evaluate_every, LAYOUT)
+    yield from reported(training, CURVES, look, folder, updates, evaluations, LAYOUT)
 
 
 def reported(
@@ -86,16 +86,17 @@ def reported(
     look: Callable[[Board, int], dict[str, float]],
     folder: Path,
     updates: int,
-    evaluate_every: int,
+    evaluations: int,
     layout: dict[str, Any] | None = None,
 ) -> Iterator[float]:
-    """Train and show every report; every `evaluate_every` updates and at the end, evaluate and yield iou/train.
+    """Train and show every report; `evaluations` times in `updates`, and after the last, evaluate and yield iou/train.
 
-    `curves` are the tags of a report's numbers. `look` evaluates: it returns numbers by tag, iou/train and iou/held_out
-    among them, and may show more on the board. metrics.csv has a column for each of these. What the folder shows of
-    later updates than the training has made is dropped. Raises InputError when a loss is no number.
+    A training that ends at another update, as one of seconds does, is not evaluated for that. `curves` are the tags of
+    a report's numbers. `look` evaluates: it returns numbers by tag, iou/train and iou/held_out among them, and may show
+    more on the board. metrics.csv has a column for each of these. What the folder shows of later updates than the
+    training has made is dropped. Raises InputError when a loss is no number.
     """
-    made = training.updates
+    made, evaluate_every = training.updates, max(1, updates // evaluations)
     tags = {tag: tag.replace("/", "_") for tag in (*curves, "iou/train", "iou/held_out")}
     said: dict[str, float] = {}  # in the progress bar
     with shown(folder, list(tags.values()), made, updates) as (board, rows, bar, before):

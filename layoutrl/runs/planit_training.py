@@ -89,8 +89,7 @@ def train(
 
     curves = ("updates", *(f"loss/{name}" for name in LOSSES))
     with session(training, config, training_rooms.rooms, folder, device, "layoutrl.planit.train") as kept:
-        every = max(1, updates // budget.evaluations)
-        for iou in reported(training, curves, look, kept.folder, updates, every):
+        for iou in reported(training, curves, look, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     stopped = training.stopping and training.share < 1
     return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)

@@ -66,7 +66,6 @@ def train(
             probes[name] = Probe(Simulator(few, method.moves, reward), observe, rng, device)
     about = {"categories": learner.categories}
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
-        every = max(1, updates // budget.evaluations)
-        for iou in watched(training, policy, probes, kept.folder, updates, every):
+        for iou in watched(training, policy, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     return Trained(kept.folder, learner, kept.seconds)

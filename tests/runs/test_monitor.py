@@ -89,7 +89,7 @@ def test_reports_and_evaluations_are_shown_when_they_are_made(
     def look(_: Board, made: int) -> dict[str, float]:
         return {"iou/train": made / 10, "iou/held_out": 0.5, "lattice_ceiling/held_out": 1}
 
-    assert list(reported(reports, ["updates", "loss/a"], look, tmp_path, 9, 4)) == [0.4, 0.8, 0.9]
+    assert list(reported(reports, ["updates", "loss/a"], look, tmp_path, 9, 2)) == [0.4, 0.8, 0.9]
     assert (tmp_path / "metrics.csv").read_text().split() == [
         "updates,loss_a,iou_train,iou_held_out", "2,0.5,,", "4,0.25,0.4,0.5",
         f"6,{1 / 6},,", "8,0.125,0.8,0.5", f"9,{1 / 9},0.9,0.5",
@@ -106,7 +106,7 @@ def test_a_loss_that_is_no_number_is_refused(tmp_path: Path) -> None:
     (tmp_path / "config.yaml").write_text("seed: 0")
     reports = Reports([Report(2, {"a": 0.1}), Report(4, {"a": float("inf")})])
     with pytest.raises(InputError, match="the loss/a is inf after 4 updates; expected a number: begin another run"):
-        list(reported(reports, ["updates", "loss/a"], lambda *_: {}, tmp_path, 9, 9))
+        list(reported(reports, ["updates", "loss/a"], lambda *_: {}, tmp_path, 9, 1))
 
 
 @times(200, 10_000)
