@@ -19,7 +19,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import check_folder, ending, finish, seeds
+    from layoutrl.runs.resume import check_folder, ending, finish, going_on, seeds
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # said before the rooms are made, which takes a while
@@ -31,7 +31,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     if learner.agent.updates < learner.updates:
         raise Stopped(
             f"stopped after {learner.agent.updates} of {learner.updates} updates",
-            f"python -m layoutrl.train resume={folder}",
+            going_on(folder, "layoutrl.train"),
         )
     with ending(folder, "layoutrl.train"):
         network, categories = learner.agent.network, learner.categories

@@ -19,7 +19,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     from layoutrl.rivals.planit.scoring import evaluated, table
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.planit_training import train, usable
-    from layoutrl.runs.resume import check_folder, ending, finish, seeds
+    from layoutrl.runs.resume import check_folder, ending, finish, going_on, seeds
 
     device = device_of(config.device)  # said before the rooms are made, which takes a while
     check_folder(config, folder)
@@ -30,7 +30,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     if trained.stopped:
         raise Stopped(
             f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates",
-            f"python -m layoutrl.planit.train resume={folder}",
+            going_on(folder, "layoutrl.planit.train"),
         )
     with ending(folder, "layoutrl.planit.train"):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])

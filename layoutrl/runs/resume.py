@@ -57,6 +57,11 @@ def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
     return np.random.SeedSequence(config.seed).spawn(4)
 
 
+def going_on(folder: Path, entry_point: str) -> str:
+    """The command that goes on with a run."""
+    return f"python -m {entry_point} resume={folder}"
+
+
 def check_folder(config: AnyTraining, folder: Path | None) -> None:
     """Raise InputError where a new run, or one to go on with, cannot be written to or is in use by another process.
 
@@ -134,14 +139,14 @@ def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[
         begins = "the last checkpoint goes on" if checkpoints(folder) else "it begins anew, as nothing is saved yet"
         raise InputError(
             f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
-            f"to write to, where {begins}: python -m {entry_point} resume={folder}"
+            f"to write to, where {begins}: {going_on(folder, entry_point)}"
         ) from None
 
 
 @contextmanager
 def ending(folder: Path, entry_point: str) -> Iterator[None]:
     """Score inside what is trained, which no other process does meanwhile; if it is stopped, it is left to be done."""
-    later = f"python -m {entry_point} resume={folder}"
+    later = going_on(folder, entry_point)
     with locked(folder / LOCK, wait=False):
         try:
             yield
