@@ -124,7 +124,7 @@ def whole_rooms(config: CellConfig, device: torch.device) -> dict[str, Any]:
         | errors
         | {
             "mean_iou": numbers["iou"],
-            "iou": packed(np.round(found.iou * 65535), IOU),
+            "iou": packed_iou(found.iou),
             "faultless_rooms": packed(found.faultless, FLAG),
             "group": packed([names.index(group) for group in found.group], INDEX),
             "seconds": seconds / len(layouts),
@@ -148,14 +148,14 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
     for row, (room, place) in found.pop("places", {}).items():
         iou = simulator.reward(room, place).iou
         rows[row] = score(simulator, room, place).as_dict() | {
-            "iou": packed(np.round(iou * 65535), IOU),
+            "iou": packed_iou(iou),
             "place": packed(place, METRES),
             "group": packed([groups[simulator.rooms[k].group] for k in room], INDEX),
         }
     for row, put in found.pop("items", {}).items():  # one in each room, of a size of its own
         rows[row] = put.score.as_dict() | {
             "missing": put.missing,
-            "iou": packed(np.round(put.iou * 65535), IOU),
+            "iou": packed_iou(put.iou),
             "group": packed([groups[room.group] for room in simulator.rooms], INDEX),
         }
         if row == PLANIT:
@@ -184,6 +184,14 @@ def packed(values: Sequence[float] | np.ndarray, kind: np.dtype[Any]) -> str:
 
 def unpacked(text: str, kind: np.dtype[Any]) -> np.ndarray:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), kind)
+
+
+def packed_iou(iou: np.ndarray) -> str:
+    return packed(np.round(iou * 65535), IOU)
+
+
+def unpacked_iou(text: str) -> np.ndarray:
+    return unpacked(text, IOU) / 65535
 
 
 def multirun(table: str, chosen: Mapping[str, str]) -> int:

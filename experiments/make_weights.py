@@ -29,8 +29,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from cells import IOU, LAYOUTS, asked, cells_of, given, multirun, some_of
-from cells import unpacked as numbers
+from cells import LAYOUTS, asked, cells_of, given, multirun, some_of, unpacked_iou
 
 from layoutrl import InputError
 from layoutrl.env.measures import measured
@@ -168,7 +167,7 @@ def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | N
     cell = finished(room_type, PACKAGED, chosen)
     network = unpacked((WEIGHTS / before["file"]).read_bytes(), before, torch.device("cpu"))
     items, iou = items_of(network, cell["config"])
-    said = numbers(cell["rows"][LAYOUTS]["iou"], IOU)[: len(iou)] / 65535
+    said = unpacked_iou(cell["rows"][LAYOUTS]["iou"])[: len(iou)]
     if np.abs(said - iou).mean() > SAME:
         raise InputError(
             f"scores: the cell's rooms have an IoU of {said.mean():.4f}, and now {iou.mean():.4f}; fill it anew"

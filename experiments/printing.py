@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from cell_trainings import refuse_other_rooms
-from cells import INDEX, IOU, unpacked
+from cells import INDEX, unpacked, unpacked_iou
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value
@@ -141,7 +141,7 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
     if other := {name for cell in others for name in differences(first["config"], cell["config"])} - {"seed"}:
         raise InputError(f"{folder / name}: cells of different {', '.join(sorted(other))}; delete those of one")
     numbers = [cell["rows"][which] for cell in cells.values()]
-    iou = np.stack([unpacked(seed["iou"], IOU) / 65535 for seed in numbers])
+    iou = np.stack([unpacked_iou(seed["iou"]) for seed in numbers])
     # Starts in one scene are independent of each other.
     scene = first["config"]["protocol"] == "scene"
     group = np.arange(iou.shape[1]) if scene else unpacked(numbers[0]["group"], INDEX)

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from cell_config import RESULTS
-from cells import FLAG, IOU, METRES, unpacked
+from cells import FLAG, METRES, unpacked, unpacked_iou
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
@@ -108,7 +108,7 @@ def main() -> None:
     config.data.root = options.root
     rooms = two_parts(config.room.type, config.room.item, config.data, config.fold)[1]
     places = unpacked(cell["rows"]["agent"]["place"], METRES).reshape(-1, 2).astype(float)
-    stored = unpacked(cell["rows"]["agent"]["iou"], IOU) / 65535
+    stored = unpacked_iou(cell["rows"]["agent"]["iou"])
     iou = np.zeros(len(rooms))
     if len(rooms) == len(places):
         iou = Simulator(rooms, config.method.moves, config.reward).reward(np.arange(len(rooms)), places).iou

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import table1
 from cell_config import folder_of, name_of
-from cells import fill, unpacked
+from cells import fill, unpacked, unpacked_iou
 
 from layoutrl import InputError
 from layoutrl.rivals.budgets import updates_budget
@@ -49,12 +49,12 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     assert found["config"]["method"]["name"] == "geometric"
     assert found["machine"]["torch"]
     assert set(found["rows"]) == {"agent", "best of 3", "random starts"}
-    assert len(unpacked(found["rows"]["random starts"]["iou"], cells.IOU)) == 16
+    assert len(unpacked_iou(found["rows"]["random starts"]["iou"])) == 16
     for numbers in found["rows"].values():
-        iou = unpacked(numbers["iou"], cells.IOU) / 65535
+        iou = unpacked_iou(numbers["iou"])
         assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
-    best = unpacked(found["rows"]["best of 3"]["iou"], cells.IOU)
-    assert (best >= unpacked(found["rows"]["agent"]["iou"], cells.IOU)).all()
+    best = unpacked_iou(found["rows"]["best of 3"]["iou"])
+    assert (best >= unpacked_iou(found["rows"]["agent"]["iou"])).all()
     rules = cell(replace(agent, column="rules"))["rows"]
     another = configured(tmp_path, designed, "column=paper", "room=tatami", "seed=1", "method.max_moves=3")
     settings = [item_columns.setting_of(config, "cpu") for config in (agent, another)]
@@ -155,7 +155,7 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
     assert cell(longer)["updates"] == 3
     for words in table1.PLANIT_ROWS:
         numbers = found["rows"][words]
-        iou = unpacked(numbers["iou"], cells.IOU) / 65535
+        iou = unpacked_iou(numbers["iou"])
         assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
         assert numbers["group"] == agent["rows"]["agent"]["group"]
         assert len(iou) == found["rooms"] == agent["rooms"]

@@ -12,7 +12,7 @@ import make_weights
 import numpy as np
 import pytest
 import torch
-from cells import IOU, fill, packed
+from cells import fill, packed_iou
 from make_weights import COLUMN, PACKAGED, command_of, page_of, sweeps
 from table3 import LEARNS
 
@@ -78,7 +78,7 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
         assert hashlib.sha256((weights / now["file"]).read_bytes()).hexdigest() == was["sha256"]
 
     record = json.loads(cell.read_text())
-    record["rows"]["layouts"]["iou"] = packed(np.zeros(6), IOU)
+    record["rows"]["layouts"]["iou"] = packed_iou(np.zeros(6))
     cell.write_text(json.dumps(record))
     assert make_weights.main([scores, "budget=smoke", "room=bathroom"]) == 1
     assert "bathroom failed: scores: the cell's rooms have an IoU of 0.0000, and now " in capsys.readouterr().err

@@ -11,7 +11,7 @@ import numpy as np
 import pages
 import pytest
 from cell_config import RESULTS
-from cells import packed
+from cells import packed, packed_iou
 from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
 
 from layoutrl import InputError
@@ -59,7 +59,7 @@ def test_the_pages_tables_have_eight_columns_at_most(printed: Path) -> None:
 def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
     for seed, ious in enumerate(([0.5, 1.0, 0.75], [0.8, 1.0, 0.75])):
         numbers = {
-            "iou": packed(np.round(np.array(ious) * 65535), cells.IOU),
+            "iou": packed_iou(np.array(ious)),
             "group": packed([0, 1, 2], cells.INDEX),
             "overlap": 0.1 * seed,
         }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import table3
 from cell_config import RESULTS, folder_of
-from cells import FLAG, IOU, fill, unpacked
+from cells import FLAG, fill, unpacked, unpacked_iou
 from printing import Row
 from room_columns import FURNISHES
 
@@ -29,7 +29,7 @@ def test_every_column_furnishes_the_held_out_rooms(column, tmp_path, designed):
     kept = cell(config)
     (row,) = kept["rows"].values()
     count = 6 if column == "designer" else 2
-    assert kept["rooms"] == len(unpacked(row["iou"], IOU)) == len(unpacked(row["faultless_rooms"], FLAG)) == count
+    assert kept["rooms"] == len(unpacked_iou(row["iou"])) == len(unpacked(row["faultless_rooms"], FLAG)) == count
     assert row["seconds"] >= 0
     assert len([room_from_dict(layout) for layout in kept["layouts"]]) == 2
     if column == "designer":
