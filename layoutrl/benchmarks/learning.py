@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
-import re
+import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
-from layoutrl.runs.machine import keep_freed_memory
+from layoutrl.runs.machine import keep_freed_memory, resident_bytes
 from layoutrl.runs.report import evaluate
 from layoutrl.runs.resume import seeds
 
@@ -174,11 +173,7 @@ def training_pace(learner: Learner, seconds: float) -> float:
 
 
 def peak_bytes() -> int:
-    """Peak resident memory of this process, on Linux. Not `ru_maxrss`, which begins at that of the parent process."""
-    try:
-        status = Path("/proc/self/status").read_text(encoding="utf-8")
-    except OSError:
-        raise InputError("parts: memory expects Linux, which says how much a process had at most") from None
-    peak = re.search(r"VmHWM:\s+(\d+) kB", status)
-    assert peak is not None
-    return 1024 * int(peak[1])
+    """Peak resident memory of this process. Raises InputError where it cannot be told."""
+    if (peak := resident_bytes(os.getpid(), peak=True)) is None:
+        raise InputError("parts: memory expects Linux, which says how much a process had at most")
+    return peak

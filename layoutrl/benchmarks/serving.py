@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -14,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from http.client import HTTPConnection
 from importlib.util import find_spec
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -24,6 +22,7 @@ from layoutrl import InputError
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
+from layoutrl.runs.machine import resident_bytes
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 ANSWERS = 3  # times that each of many clients asks
@@ -45,18 +44,18 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
         picture = {} if (seconds := first_picture(port)) is None else {"picture_seconds": seconds}
         with Client(port) as client:
             moves = [client.seconds("furnish", asked) for asked in furnishing[: min(10, config.requests)]]
-            before = megabytes(process.pid)
+            before = resident_bytes(process.pid)
             began = time.perf_counter()
             answers = [client.seconds("look", looks[k % len(looks)]) for k in range(config.requests)]
             a_second = config.requests / (time.perf_counter() - began)
-            after = megabytes(process.pid)
+            after = resident_bytes(process.pid)
         with ThreadPoolExecutor(config.clients) as clients:
             found = list(clients.map(lambda k: visited(port, looks[k % len(looks)]), range(config.clients)))
     slowest = [max(seconds) for seconds in found if seconds]
     memory = (
         {}
         if before is None or after is None
-        else {"megabytes": {f"after {config.requests} answers": after, "before": before}}
+        else {"megabytes": {f"after {config.requests} answers": after / 1e6, "before": before / 1e6}}
     )
     return (
         picture
@@ -139,12 +138,3 @@ def first_picture(port: int) -> float | None:
 def browser_of() -> str | None:
     """The path of Chromium, if there is one."""
     return next(filter(None, map(shutil.which, CHROMIUM)), None)
-
-
-def megabytes(pid: int) -> float | None:
-    """The memory that a process takes; None where the machine does not tell as Linux does."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    except OSError:
-        return None
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -48,6 +48,19 @@ def keep_freed_memory() -> None:
             libc.mallopt(M_TRIM_THRESHOLD, 2**31 - 1)
 
 
+def resident_bytes(process: int, *, peak: bool = False) -> int | None:
+    """Memory of a process, now or at its peak; None where the machine does not tell as Linux does.
+
+    Not `ru_maxrss`, which begins at that of the parent process.
+    """
+    try:
+        status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
+    except OSError:
+        return None
+    found = re.search(rf"{'VmHWM' if peak else 'VmRSS'}:\s+(\d+) kB", status)
+    return 1024 * int(found[1]) if found else None
+
+
 def machine(device: torch.device) -> dict[str, Any]:
     """What it was measured on, and with which versions."""
     cpuinfo = Path("/proc/cpuinfo")
