@@ -14,12 +14,11 @@ from cell_trainings import clock_of, trained_network, trained_planit
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.planit.scoring import furnished_rooms
-from layoutrl.rivals.rooms.annealer import anneal
+from layoutrl.rivals.rooms import rival
 from layoutrl.rivals.rooms.baselines import Library, nearest_layout, random_layout
 from layoutrl.rivals.rooms.pointer import furnish as furnish_by_pointer
 from layoutrl.rivals.rooms.pointer import train_rooms_pointer
 from layoutrl.rivals.rooms.relations import mine
-from layoutrl.rivals.rooms.search import search
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import both, designs, whole_parts
@@ -60,12 +59,10 @@ def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 def by_rules(config: CellConfig, rooms: WholeRooms) -> Furnish:
     relations, seconds = mine(rooms.training), config.seconds_a_room[config.budget.name]
+    settings = config.search if config.fill == "search" else config.annealer
 
     def furnish(brief: Room, rng: np.random.Generator) -> Room:
-        spent = seconds_budget(seconds, time.process_time)
-        if config.fill == "search":
-            return search(brief, relations, config.search, spent, rng)
-        return anneal(brief, relations, config.annealer, spent, rng)
+        return rival.by_rules(brief, relations, settings, seconds_budget(seconds, time.process_time), rng)
 
     return lambda: each(config, rooms, furnish)
 

@@ -13,7 +13,7 @@ import numpy as np
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
-from layoutrl.rivals.rooms.relations import mine
+from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.search import Searching, search
 from layoutrl.rooms.brief import largest_first
 from layoutrl.rooms.clearances import off, period
@@ -56,11 +56,17 @@ class Rival:
         relations, (_, attempt) = self.relations(brief.room_type), seeds
         often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
         weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}
-        if isinstance(self.settings, Searching):
-            layout = search(brief, relations, replace(self.settings, weights=weights), spent, rng)
-        else:
-            layout = anneal(brief, relations, replace(self.settings, weights=weights), spent, rng)
+        layout = by_rules(brief, relations, replace(self.settings, weights=weights), spent, rng)
         return laid_out(brief, layout, -len(faults(layout)))
+
+
+def by_rules(
+    brief: Room, relations: Relations, settings: Searching | Annealing, spent: Spent, rng: np.random.Generator
+) -> Room:
+    """The layout of search or annealer, whichever the settings are of."""
+    if isinstance(settings, Searching):
+        return search(brief, relations, settings, spent, rng)
+    return anneal(brief, relations, settings, spent, rng)
 
 
 def laid_out(brief: Room, layout: Room, value: float) -> Furnished:
