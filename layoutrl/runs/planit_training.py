@@ -82,9 +82,9 @@ def train(
         placers[name] = Placer(model, [own.rooms[k] for k in few], [own.scenes[k] for k in few])
 
     def look(*_: Any) -> dict[str, float]:
-        model.networks.eval()
+        model.eval()
         found = {f"iou/{name}": probed(placer) for name, placer in placers.items()}
-        model.networks.train()
+        model.train()
         return found
 
     curves = ("updates", *(f"loss/{name}" for name in LOSSES))
@@ -100,7 +100,7 @@ def load(folder: Path, training: Usable, held_out: Usable, device: torch.device)
     model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
     state = load_checkpoint(folder, device, config=stated(load_config(folder, PlanitConfig)))
     with taken(folder):
-        model.networks.load_state_dict(state["training"]["networks"])
+        model.load_state_dict(state["training"]["networks"])
     return Placer(model, held_out.rooms, held_out.scenes)
 
 

@@ -104,8 +104,8 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
     model = load(
         whole, *usable(*two_parts(config.room.type, config.room.item, config.data, config.fold)), torch.device("cpu")
     ).model
-    assert digest(model.networks.state_dict()) == outcome(whole)["networks"]
-    assert not any(module.training for module in model.networks.modules())
+    assert digest(model.state_dict()) == outcome(whole)["networks"]
+    assert not any(module.training for module in model.modules())
 
 
 def test_a_loss_that_is_no_number_ends_the_run(rooms: Path, tmp_path: Path) -> None:

@@ -63,10 +63,11 @@ def _tucked(room: Room) -> Iterator[tuple[str, str]]:
             yield under.category, host.category
 
 
-class PlanIT:
+class PlanIT(nn.Module):
     """The networks of one room type, untrained; their weights hang on the seed alone."""
 
     def __init__(self, statistics: Statistics, seed: np.random.SeedSequence, device: torch.device | str = "cpu"):
+        super().__init__()
         self.statistics, self.device = statistics, torch.device(device)
         categories = len(statistics.categories)
         channels = FIXED_CHANNELS + categories
@@ -75,7 +76,5 @@ class PlanIT:
             self.orientation = PictureNetwork(channels, categories, 4)
             self.size = SizeNetwork(channels, categories)
             self.graphs = GraphNetwork(len(ARCHITECTURE) + categories)
-        self.networks = nn.ModuleDict(
-            {"location": self.location, "orientation": self.orientation, "size": self.size, "graphs": self.graphs}
-        ).to(self.device)
-        self.networks.eval()  # but while they are trained
+        self.to(self.device)
+        self.eval()  # but while they are trained

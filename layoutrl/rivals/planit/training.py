@@ -91,7 +91,7 @@ class Training:
         with weights_of(weights):
             categories = len(statistics.categories)
             self._discriminator = PictureNetwork(self._canvas.channels + 1, categories, 1).to(model.device)
-        self._optimizer = torch.optim.Adam(model.networks.parameters(), learning_rate, weight_decay=1e-8, fused=True)
+        self._optimizer = torch.optim.Adam(model.parameters(), learning_rate, weight_decay=1e-8, fused=True)
         self._judging = torch.optim.Adam(self._discriminator.parameters(), learning_rate, fused=True)
         self._recent: dict[str, list[Tensor]] = {}
         self._furniture = [standing(room) for room in rooms]
@@ -99,7 +99,7 @@ class Training:
         self._last: dict[tuple[int, int], Graph] = {}  # of rooms and items
 
     def __iter__(self) -> Iterator[Report]:
-        self.model.networks.train()
+        self.model.train()
         elsewhere = self.share - self._spent(self.updates)  # in a life before: of updates none, they are all counted
         while not self.stopping and self.share < 1:
             for optimizer in (self._optimizer, self._judging):
@@ -112,7 +112,7 @@ class Training:
                 elsewhere = self.share - self._spent(self.updates)
         if self._recent and not self.stopping:
             yield self._report()
-        self.model.networks.eval()
+        self.model.eval()
 
     def _report(self) -> Report:
         losses = {name: float(torch.stack(values).mean()) for name, values in self._recent.items()}
@@ -273,7 +273,7 @@ class Training:
     def state_dict(self) -> dict[str, Any]:
         """All that it needs to go on exactly: tensors and plain values."""
         return {
-            "networks": self.model.networks.state_dict(),
+            "networks": self.model.state_dict(),
             "discriminator": self._discriminator.state_dict(),
             "optimizers": [self._optimizer.state_dict(), self._judging.state_dict()],
             "rng": self._rng.bit_generator.state,
@@ -285,7 +285,7 @@ class Training:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from where another of the same settings was."""
-        self.model.networks.load_state_dict(state["networks"])
+        self.model.load_state_dict(state["networks"])
         self._discriminator.load_state_dict(state["discriminator"])
         for optimizer, its_state in zip((self._optimizer, self._judging), state["optimizers"], strict=True):
             optimizer.load_state_dict(its_state)

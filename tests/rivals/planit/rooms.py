@@ -24,5 +24,5 @@ def placer_of(rooms: list[Room], seed: int = 0) -> Placer:
     """Untrained: its heat says nothing, so that most trials fail."""
     scenes = [scene_of(room) for room in rooms]
     model = PlanIT(counted(rooms, scenes), np.random.SeedSequence(seed))
-    model.networks.eval()
+    model.eval()
     return Placer(model, rooms, scenes)

@@ -28,6 +28,6 @@ def test_statistics_count_the_training_rooms() -> None:
 def test_weights_hang_on_the_seed_and_on_no_other_randomness() -> None:
     def weights(seed: int) -> torch.Tensor:
         model = PlanIT(counted(ROOMS, SCENES), np.random.SeedSequence(seed))
-        return torch.cat([parameter.detach().flatten() for parameter in model.networks.parameters()])
+        return torch.cat([parameter.detach().flatten() for parameter in model.parameters()])
 
     assert_seeded(weights)

@@ -279,7 +279,7 @@ def test_who_is_told_no_rotation_faces_as_the_network_says(monkeypatch: pytest.M
     query, _ = scoring._bare_query(placer, 0)
     size = replace(ROOMS[0].moving, center=None, rotation=None, size=(0.4, 0.6))
     wanted = torch.tensor([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-    monkeypatch.setattr(placer.model.networks["orientation"], "forward", lambda *_: wanted)
+    monkeypatch.setattr(placer.model.orientation, "forward", lambda *_: wanted)
     items = placer._items(query, np.array([(1.0, 1.0), (2.0, 1.0)]), Search(), size)
     assert items == [replace(size, center=(1.0, 1.0), rotation=180.0), replace(size, center=(2.0, 1.0), rotation=270.0)]
     told = replace(size, rotation=90.0)

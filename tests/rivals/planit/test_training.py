@@ -146,8 +146,8 @@ def test_a_training_that_goes_on_is_the_one_that_never_stopped() -> None:
     on = training(6, report_every=4, seed=9)
     on.load_state_dict(torch.load(file, weights_only=True))
     assert list(on) == reports
-    for name, value in whole.model.networks.state_dict().items():
-        assert torch.equal(value, on.model.networks.state_dict()[name]), name
+    for name, value in whole.model.state_dict().items():
+        assert torch.equal(value, on.model.state_dict()[name]), name
 
 
 def test_a_training_by_time_goes_on_with_what_is_left_and_its_consumer_takes_none(
