@@ -47,17 +47,24 @@ def run(config: WatchConfig) -> list[Path]:
     check_writable(Path(config.out).parent if config.out else Path(config.run), "out")
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.env.batch import BatchSimulator
+    from layoutrl.env.observation import observation_of
+    from layoutrl.env.simulator import Simulator
+    from layoutrl.evaluation.furnishing import Furnisher
+    from layoutrl.evaluation.policy import greedy
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
     chosen = rng.permutation(len(shown.rooms))[: config.rooms]
-    if shown.furnishes:
-        episodes = rooms_filling_up(shown.furnisher, [shown.rooms[k] for k in chosen])
+    method, categories = shown.method, shown.categories
+    if method.scope == "room":
+        furnisher = Furnisher(shown.network, method, categories)
+        episodes = rooms_filling_up(furnisher, [shown.rooms[k] for k in chosen])
     else:
-        simulator = shown.simulator
+        policy, simulator = greedy(shown.network, method), Simulator(shown.rooms, method.moves, shown.reward)
+        observe = observation_of(method.observation, shown.rooms, policy.q.device, categories)
         starts = simulator.starts(chosen, rng)
-        run = shown.policy.rollout(BatchSimulator(simulator, shown.policy.q.device), shown.observe, chosen, starts)
+        run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, chosen, starts)
         iou = simulator.reward(chosen, run.final).iou
         episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
     with style.context([STYLE, PLAIN]):

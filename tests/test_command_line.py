@@ -23,13 +23,14 @@ from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import spread
+from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.runs.checkpoints import checkpoints
-from layoutrl.runs.config import RunConfig, TrainConfig, config_directory
+from layoutrl.runs.config import TrainConfig, config_directory
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.furnishers import STARTS, dice
-from layoutrl.runs.trained import trained_network, trained_run
+from layoutrl.runs.trained import trained_network
 from tests.commands import PROJECT, fresh, layoutrl
 
 CPU = torch.device("cpu")
@@ -195,16 +196,16 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     assert done.stderr == "error: not everything is placed, as is said above\n"
     assert "too-small: 0 of 1 placed; the bed of 9 by 9 m is not placed: it fits into the room in no way" in done.stdout
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
-    policy = trained_run(RunConfig(str(bedroom_run))).policy
     kept = load_config(bedroom_run, TrainConfig)
     method = kept.method
+    network, categories, _ = trained_network(bedroom_run, kept, CPU)
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS)
     drawn = np.stack([dice(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS, 1)
     starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS), 3) + drawn) % 1))
-    observe = observation_of(method.observation, rooms, CPU, trained_network(bedroom_run, kept, CPU)[1])
-    went = policy.rollout(batch, observe, index, starts.numpy())
+    observe = observation_of(method.observation, rooms, CPU, categories)
+    went = greedy(network, method).rollout(batch, observe, index, starts.numpy())
     value = went.value[went.best, np.arange(len(index))].reshape(3, STARTS)
     expected = went.final.reshape(3, STARTS, 2)[np.arange(3), value.argmax(1)]
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -14,11 +13,7 @@ from torch import nn
 from layoutrl import InputError
 from layoutrl.agents.learner import q_network
 from layoutrl.agents.method import Method
-from layoutrl.env.observation import GeometryObservation, ImageObservation, observation_of
 from layoutrl.env.reward import Reward
-from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, parts_of
 from layoutrl.runs.checkpoints import load_checkpoint, taken
@@ -56,31 +51,6 @@ class TrainedRun:
     data: Data
     part: str  # of the rooms of `data`: held_out, training or all
     checkpoint: str  # last or best
-
-    @property
-    def furnishes(self) -> bool:
-        """Whether it furnishes whole rooms, as a `furnisher`; one item moves by a `policy` otherwise."""
-        return self.method.scope == "room"
-
-    @property
-    def furnisher(self) -> Furnisher:
-        """The agent, as it furnishes whole rooms."""
-        return Furnisher(self.network, self.method, self.categories)
-
-    @property
-    def policy(self) -> Policy:
-        """The agent, as it moves one item."""
-        return greedy(self.network, self.method)
-
-    @cached_property
-    def simulator(self) -> Simulator:
-        """Of the rooms, in which one item moves."""
-        return Simulator(self.rooms, self.method.moves, self.reward)
-
-    @property
-    def observe(self) -> GeometryObservation | ImageObservation:
-        """What is seen of these rooms."""
-        return observation_of(self.method.observation, self.rooms, self.policy.q.device, self.categories)
 
     @property
     def name(self) -> str:
