@@ -62,10 +62,8 @@ def search(brief: Room, relations: Relations, settings: Searching, spent: Spent,
     if not len(scene.movable):
         return brief
     finder = Finder(scene, relations, settings, rng)
-    made = 0
-    while not made or spent(made) < 1:
-        finder.restart(lambda: spent(made) >= 1)  # noqa: B023, asked before `made` grows
-        made += 1
+    while not finder.restarts or spent(finder.restarts) < 1:
+        finder.restart(lambda: spent(finder.restarts) >= 1)
     return scene.layout(*finder.best)
 
 
