@@ -31,6 +31,7 @@ NEAR = (0.005, 0.5)  # metres: least and greatest spread of the training places 
 ALIGNED = 0.3  # chance that such a place is not off along an axis: at the right wall, or the very place
 BLOCK = 4096  # poses seen at once: memory, not speed
 ANCHORS = 5  # an item touches either side of an element, from within or without, or shares its middle
+ROUNDS = 3  # in which elements hear of each other
 BREADTH = 0.02  # metres: of the density around each place that the pointer holds for possible
 
 Draw = Callable[[torch.Generator], tuple[Tensor, Any]]  # a batch: what is seen (B, ...), what to say of it (B, n)
@@ -90,12 +91,12 @@ class PointingNetwork(nn.Module):
     room, where it tells nothing. Output: log weights and centres, (B, 2, elements x ANCHORS) each; metres from there.
     """
 
-    def __init__(self, columns: int, width: int = 96, rounds: int = 3):
+    def __init__(self, columns: int, width: int = 96):
         super().__init__()
         self.embed = nn.Sequential(nn.Linear(columns + 4, width), nn.ReLU())
-        self.own = nn.ModuleList(nn.Linear(width, width) for _ in range(rounds))
-        self.heard = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(rounds))
-        self.out = nn.ModuleList(nn.Linear(width, width) for _ in range(rounds))
+        self.own = nn.ModuleList(nn.Linear(width, width) for _ in range(ROUNDS))
+        self.heard = nn.ModuleList(nn.Linear(3 * width, width) for _ in range(ROUNDS))
+        self.out = nn.ModuleList(nn.Linear(width, width) for _ in range(ROUNDS))
         self.head = nn.Linear(width, 2 * ANCHORS * 2)
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:

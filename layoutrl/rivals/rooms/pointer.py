@@ -30,6 +30,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.clearances import may_share_floor
 from layoutrl.rooms.room import TOLERANCE, Room
 
+LEARNING_RATE = 3e-3  # at first
 BLOCK = 64  # rooms furnished at once: memory, not speed
 LIKELY = 24  # places along each axis, of the highest weight, that are looked at; unsourced: time
 PENALTY = 1e3  # of log-likelihood, for an overlap: any number above all differences
@@ -84,7 +85,6 @@ def train_rooms_pointer(
     seed: np.random.SeedSequence,
     *,
     batch: int = 64,
-    learning_rate: float = 3e-3,
     device: torch.device | str = "cpu",
 ) -> RoomsPointer:
     """A network that points at the designer's pose of the next item, by its likelihood.
@@ -123,7 +123,7 @@ def train_rooms_pointer(
         place = torch.logsumexp(weight.gather(1, index) - off / BREADTH, -1).sum(-1)  # (B, N)
         return -torch.logsumexp((facing + place).masked_fill(~right.free, -torch.inf), 1).mean()
 
-    return trained(lambda: RoomsPointer(categories), draw, loss, spent, seed, learning_rate, device)
+    return trained(lambda: RoomsPointer(categories), draw, loss, spent, seed, LEARNING_RATE, device)
 
 
 def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
