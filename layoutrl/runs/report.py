@@ -1,4 +1,4 @@
-"""The evaluation that training, the command line and the tables share: numbers, a table, a file."""
+"""The evaluation of an agent that trainings and the command line share: numbers, and a table."""
 
 from __future__ import annotations
 
@@ -57,7 +57,8 @@ def evaluate(
 ) -> dict[str, Any]:
     """Score the agent and three yardsticks from the same random starts in every room of the simulator.
 
-    The result is plain numbers, ready for JSON: a row each, the lattice ceiling, and every room's IoU.
+    The result is plain numbers, ready for JSON: a row each, the lattice ceiling, and the IoU from every start. Moves
+    and time (`ms_a_room`) are means over starts.
     """
     start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
     room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
@@ -110,6 +111,6 @@ def table(evaluation: dict[str, Any]) -> str:
         lines.append("agent, by item: " + ", ".join(f"{name} {iou:.3f}" for name, iou in evaluation["items"].items()))
     lines.append(
         f"{evaluation['rooms']} rooms in {evaluation['groups']} groups, {evaluation['starts_a_room']} start(s) each; "
-        f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a room"
+        f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a start"
     )
     return "\n".join(lines)

@@ -36,7 +36,7 @@ def evaluate_rooms(
 
     The result is plain numbers, ready for JSON: a row each, the IoU by category, and every room's.
     """
-    random_rng, nearest_rng = seed.spawn(2)
+    random_seed, nearest_seed = seed.spawn(2)
     briefs = [brief_of(room) for room in designs]
     began = time.perf_counter()
     layouts = [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
@@ -45,8 +45,8 @@ def evaluate_rooms(
     ways: dict[str, Callable[[], list[Room]]] = {
         "agent": lambda: layouts,
         "designer": lambda: list(designs),
-        "random": lambda: _each(briefs, random_rng, random_layout),
-        "nearest room": lambda: _each(briefs[:COMPARED], nearest_rng, lambda b, rng: nearest_layout(b, library, rng)),
+        "random": lambda: _each(briefs, random_seed, random_layout),
+        "nearest room": lambda: _each(briefs[:COMPARED], nearest_seed, lambda b, rng: nearest_layout(b, library, rng)),
     }
     rows, ious = {}, {}
     for name, furnish in ways.items():
