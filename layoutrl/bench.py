@@ -19,7 +19,10 @@ from layoutrl.runs.config import BenchConfig
 
 
 def run(config: BenchConfig) -> Path:
-    """Measure the parts and return the folder of bench.json, and of growth.png."""
+    """Measure the parts and return the folder of bench.json, and of growth.png.
+
+    Raises InputError for what cannot be compared, and where something that it needs is not installed.
+    """
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.benchmarks.parts import PARTS, table
     from layoutrl.benchmarks.simulation import plot

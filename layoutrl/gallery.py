@@ -39,7 +39,10 @@ def sheet(rooms: Sequence[Room]) -> Figure:
 
 
 def run(config: GalleryConfig) -> list[Path]:
-    """Draw the first rooms of the type, or of all types in turn; returns the files, PNG and SVG."""
+    """Draw the first rooms of the type, or of all types in turn; returns the files, PNG and SVG.
+
+    Raises InputError where `out` has such a file already, and where there is no room.
+    """
     name = "all_types" if config.all_types else config.room.type
     source = config.data.source
     which = f"seed{config.data.seed}" if source == "designer" else Path(str(config.data.root)).resolve().stem

@@ -214,7 +214,10 @@ class Work:
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
 
     def answers(self) -> Iterator[list[Answered]]:
-        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then."""
+        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then.
+
+        Raises InputError where the first PATIENCE lines of the standard input are no rooms.
+        """
         shard, shards = self.config.part
         done = self.tally.entries
         first = shard + done * shards
@@ -334,7 +337,10 @@ def check_move(config: PlaceConfig) -> None:
 
 
 def source_of(config: PlaceConfig) -> Source | None:
-    """The file, read whole; None of rooms in JSON, which come one after the other."""
+    """The file, read whole; None of rooms in JSON, which come one after the other.
+
+    Raises InputError for an option that the file has no use for.
+    """
     path = Path(config.rooms)
     if config.rooms == STANDARD or format_of(path) == "json":
         check_unsaid(config.rooms, into=config.into, room_type=config.room_type, categories=config.categories)

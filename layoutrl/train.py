@@ -14,7 +14,10 @@ from layoutrl.runs.config import TrainCommand, TrainConfig, part
 
 
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
-    """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
+    """Train, evaluate on the held-out rooms, and return the run's folder; `folder` is a run to go on with.
+
+    Raises Stopped where the user stops it.
+    """
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result

@@ -31,6 +31,8 @@ class Replay:
     Positions are kept exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
     of one integer: 33 bytes a transition, against 98,304 for two pictures. A scene, whose shape is
     `scene`, (columns,), takes four of them for each column, where the index of a room takes four.
+
+    Raises ValueError for more than MOST_ACTIONS actions.
     """
 
     def __init__(self, capacity: int, actions: int, device: torch.device | str = "cpu", scene: tuple[int, ...] = ()):

@@ -13,7 +13,10 @@ from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
 
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
-    """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with."""
+    """Train, score in the held-out rooms, and return the run's folder; `folder` is a run to go on with.
+
+    Raises Stopped where the user stops it.
+    """
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.rivals.budgets import updates_budget
     from layoutrl.rivals.planit.scoring import evaluated, table

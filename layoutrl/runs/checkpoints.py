@@ -135,7 +135,7 @@ def load_checkpoint(
 
 @contextmanager
 def taken(folder: Path) -> Iterator[None]:
-    """Answer a checkpoint that holds something else than what takes it: torch meets that in many ways."""
+    """Raise InputError for a checkpoint that holds something else than what takes it: torch meets that in many ways."""
     import torch
 
     try:

@@ -70,7 +70,7 @@ def check_writable(folder: Path, option: str) -> None:
 
 @contextmanager
 def writing(file: Path) -> Iterator[None]:
-    """Make its folder, and answer where what the option `out` names cannot be written."""
+    """Make its folder, and raise InputError where what the option `out` names cannot be written."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         yield

@@ -60,7 +60,10 @@ def located(data: Data) -> Data:
 
 
 def make_folder(wanted: Path) -> Path:
-    """A new folder: the one that is wanted, with a number behind its name where that is taken."""
+    """A new folder: the one that is wanted, with a number behind its name where that is taken.
+
+    Raises InputError where it cannot be made.
+    """
     attempt = 1
     while True:
         folder = wanted if attempt == 1 else wanted.with_name(f"{wanted.name}-{attempt}")

@@ -59,7 +59,10 @@ class Hired:
 
 
 def hired(config: PlaceConfig) -> Hired:
-    """Who the configuration names; without a name, the agents in the package, helped by the search."""
+    """Who the configuration names; without a name, the agents in the package, helped by the search.
+
+    Raises InputError for an agent that does not know what places are worth.
+    """
     if config.by in ("search", "annealer"):
         settings = config.search if config.by == "search" else config.annealer
         rival = Rival(settings, lambda: seconds_budget(config.seconds, time.process_time))

@@ -132,7 +132,7 @@ def session(
 
 @contextmanager
 def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[None]:
-    """Answer a disk that cannot be written to. Checkpoints answer for themselves."""
+    """Raise InputError for a disk that cannot be written to. Checkpoints raise it themselves."""
     try:
         yield
     except OSError as error:
@@ -145,7 +145,10 @@ def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[
 
 @contextmanager
 def ending(folder: Path, entry_point: str) -> Iterator[None]:
-    """Score inside what is trained, which no other process does meanwhile; if it is stopped, it is left to be done."""
+    """Score inside what is trained, which no other process does meanwhile; if it is stopped, it is left to be done.
+
+    Raises Stopped then, and InputError where the folder cannot be written to or is in use by another process.
+    """
     later = going_on(folder, entry_point)
     with locked(folder / LOCK, wait=False):
         try:
@@ -176,7 +179,10 @@ def finish(
 
 
 def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
-    """What a command line asks for: a run, one run of a sweep, or to go on with one."""
+    """What a command line asks for: a run, one run of a sweep, or to go on with one.
+
+    Raises InputError where `resume` names nothing, or has other options beside it.
+    """
     hydra_config = HydraConfig.get()
     if resume is None:
         if hydra_config.mode == RunMode.MULTIRUN:
@@ -240,7 +246,7 @@ def identity_of(config: AnyTraining, rooms: Sequence[Room], device: torch.device
 
 
 def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> dict[str, Any] | None:
-    """The last checkpoint of a run, which must be of the same rooms and settings.
+    """The last checkpoint of a run. Raises InputError where it is of other rooms, settings or another kind of device.
 
     None for a run that was killed before its first: it begins anew.
     """

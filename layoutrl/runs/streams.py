@@ -96,7 +96,7 @@ def inputs(config: PlaceConfig) -> list[Path]:
 
 def standard_input() -> Iterator[tuple[str, Any] | None]:
     """(where, what `parsed` makes of it) of each line, and None where no more is there yet: who writes may wait for an
-    answer."""
+    answer. Raises InputError where standard input is closed."""
     if sys.stdin is None:
         raise InputError("rooms: standard input is closed; expected rooms there, or rooms=<file>")
     stream: Any = sys.stdin.buffer
