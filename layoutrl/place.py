@@ -357,7 +357,10 @@ def source_of(config: PlaceConfig) -> Source | None:
 
 
 def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
-    """The files to write: one, or in formats that hold each room once, one for each choice. All are new."""
+    """The files to write: one, or in formats that hold each room once, one for each choice.
+
+    Raises InputError where one is there already.
+    """
     source = Path(config.rooms)
     source = source.resolve() if source.is_dir() else source.absolute()  # .. is no name for a file
     out = Path(config.out) if config.out else source.with_name(f"{source.stem}-placed{suffix}")

@@ -39,7 +39,10 @@ COLORS = 64  # of a GIF
 
 
 def run(config: WatchConfig) -> list[Path]:
-    """Write an animation of greedy episodes in rooms of a run, as GIF and WebP; returns the files."""
+    """Write an animation of greedy episodes in rooms of a run, as GIF and WebP; returns the files.
+
+    Raises InputError, before it reads rooms, where they cannot be written.
+    """
     load_config(Path(config.run), TrainConfig)  # what is wrong with it is said first
     asked = files_of(Path(config.out)) if config.out else []
     for file in asked:

@@ -55,7 +55,8 @@ def train(
 ) -> Trained:
     """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
 
-    An interrupt ends it early, with all that it needs to go on.
+    An interrupt ends it early, with all that it needs to go on. Raises InputError where the folder cannot be written
+    to, is of another run or in use, and for a loss that is no number.
     """
     budget = config.budget
     keep_freed_memory()
@@ -96,7 +97,10 @@ def train(
 
 
 def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:
-    """PlanIT as a training on these rooms left it in its folder, in the held-out rooms."""
+    """PlanIT as a training on these rooms left it in its folder, in the held-out rooms.
+
+    Raises InputError where its checkpoint is not of the configuration.
+    """
     model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
     state = load_checkpoint(folder, device, config=stated(load_config(folder, PlanitConfig)))
     with taken(folder):

@@ -198,7 +198,7 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
 
 
 def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
-    """Go on with a run, to its end."""
+    """Go on with a run, to its end. Raises InputError where the folder is none of such a run."""
     config = load_config(folder, schema, "resume")
     if (folder / EVALUATION).exists():
         print(f"{folder} is finished")

@@ -34,7 +34,8 @@ def evaluate_rooms(
 ) -> dict[str, Any]:
     """Furnish the briefs of designs, and measure that beside the designer's layouts and what needs no training.
 
-    The result is plain numbers, ready for JSON: a row each, the IoU by category, and every room's.
+    The result is plain numbers, ready for JSON: a row each, the IoU by category, and every room's. Raises
+    InputError where an item fits in no way.
     """
     random_seed, nearest_seed = seed.spawn(2)
     briefs = [brief_of(room) for room in designs]

@@ -41,7 +41,8 @@ def train(
 ) -> Trained:
     """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
 
-    An interrupt ends it early, with all that it needs to go on.
+    An interrupt ends it early, with all that it needs to go on. Raises InputError where the folder cannot be written
+    to, is of another run or in use, and for a loss that is no number.
     """
     method, budget, reward = config.method, config.budget, config.reward
     updates = method.updates[budget.name]
