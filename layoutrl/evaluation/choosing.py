@@ -63,13 +63,13 @@ class Chosen(NamedTuple):
         return self.replaced(b[better], others.of(better))
 
 
-def best_of(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
+def best_of(rooms: RoomsSimulator, state: State[np.ndarray], before: np.ndarray, options: Options) -> Chosen:
     """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
 
-    At most the last of LOOKED_AT are tried, those of the highest value.
+    `before` (B,) is how much is `wrong` with the layouts of these states. At most the last of LOOKED_AT are tried, those
+    of the highest value.
     """
     every = np.arange(len(state.room))
-    before = wrong([rooms.layout(state, b) for b in every])
     order = np.argsort(-options.value, 1, kind="stable")
     best, least = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
     for first, last in pairwise((0, *LOOKED_AT)):

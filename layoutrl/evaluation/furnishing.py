@@ -256,10 +256,11 @@ class Furnisher:
         It starts from where numbers (3, QUARTERS * STARTS) from 0 to 1 say, in every room from the same. It is put
         where it stands in none of the layouts that are `known`, of all rooms or of none.
         """
+        before = wrong([world.rooms.layout(state, b) for b in range(len(state.room))])
         starts = self._starts(world, state, uniform)
         ends = self._ends(world, state, starts, any(known))
         or_stay = self._or_stay(world, state, stood, ends) if stood.any() else ends
-        chosen = best_of(world.rooms, state, unlike(world.rooms, state, or_stay, known))
+        chosen = best_of(world.rooms, state, before, unlike(world.rooms, state, or_stay, known))
         can_move = np.isfinite(starts.value).any(1)
         for beside in (True, False):
             b = np.flatnonzero((chosen.harm > 0) & can_move)
@@ -268,17 +269,23 @@ class Furnisher:
             some = rows(state, b)
             options = self._beside(world, some, ends.of(b)) if beside else starts.of(b)
             options = unlike(world.rooms, some, options, [known[n] for n in b.tolist()])
-            chosen = chosen.less_wrong(b, best_of(world.rooms, some, options))
+            chosen = chosen.less_wrong(b, best_of(world.rooms, some, before[b], options))
         if not self._moves.slide:
             return chosen
         placed = np.flatnonzero(np.isfinite(chosen.value))
         items = (world.rooms.items[r][n] for r, n in zip(state.room[placed], state.moving[placed], strict=True))
         belongs_at_wall = np.array([item.category in AT_A_WALL for item in items], dtype=bool)
-        backed = self._slid(world, state, chosen, placed, BACK)
-        return self._slid(world, state, backed, placed[belongs_at_wall], SIDEWAYS)
+        backed = self._slid(world, state, before, chosen, placed, BACK)
+        return self._slid(world, state, before, backed, placed[belongs_at_wall], SIDEWAYS)
 
     def _slid(
-        self, world: _World, state: State[np.ndarray], chosen: Chosen, b: np.ndarray, ways: Sequence[int]
+        self,
+        world: _World,
+        state: State[np.ndarray],
+        before: np.ndarray,
+        chosen: Chosen,
+        b: np.ndarray,
+        ways: Sequence[int],
     ) -> Chosen:
         """What is chosen, but items b (n,), which have a place, slid the nearest of the ways until they touch.
 
@@ -305,7 +312,7 @@ class Furnisher:
         b, those, there = b[goes], those.of(goes), place.cpu().numpy()[goes]
         paths = [[np.concatenate([way, end[None]])] for way, end in zip(those.way, there, strict=True)]
         options = Options(there[:, None], those.quarter[:, None], those.value[:, None], paths)
-        slid = best_of(world.rooms, rows(state, b), options)
+        slid = best_of(world.rooms, rows(state, b), before[b], options)
         taken = slid.harm <= those.harm
         return chosen.replaced(b[taken], slid.of(taken))
 

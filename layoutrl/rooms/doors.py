@@ -55,6 +55,11 @@ def way_width(room: Room) -> float:
     return min(passage(room.room_type), max(door_widths(room), default=np.inf))
 
 
+def empty_floor(room: Room, radius: float) -> shapely.Geometry:
+    """Where the middle of a disc of this radius, in metres, can be if nothing stands in the room. Doors are wide open."""
+    return _empty_floor(_bare(room), radius)
+
+
 def door_widths(room: Room) -> tuple[float, ...]:
     """How wide each door is, in metres."""
     return _door_widths(_bare(room))
@@ -91,6 +96,12 @@ def _bare(room: Room) -> Room:
 def _door_widths(room: Room) -> tuple[float, ...]:
     border = room.indoor.boundary
     return tuple(float(np.hypot(*along_and_through(door.shape, border)[0])) for door in room.doors)
+
+
+@lru_cache(maxsize=1024)
+def _empty_floor(room: Room, radius: float) -> shapely.Geometry:
+    walls = room.indoor.boundary - shapely.union_all([door.shape for door in room.doors]).buffer(TOLERANCE)
+    return room.indoor - walls.buffer(radius)
 
 
 @lru_cache(maxsize=1024)

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from layoutrl.rooms.clearances import HOSTS, RAISED, RUGS, front_depth, may_stand_before, period
-from layoutrl.rooms.doors import bars, entrance, kept_free, way_width
+from layoutrl.rooms.doors import bars, empty_floor, entrance, kept_free, way_width
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
 ROUNDING = 1e-9  # square metres: no area
@@ -217,18 +217,15 @@ class Floor:
 
 def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius: np.ndarray) -> Floor:
     """Where discs of these radii (B,) can be, among the items that stand in the way (N,). Doors are wide open."""
-    count = len(layouts)
-    indoor = np.array([layout.indoor for layout in layouts])
-    doors = shapely.buffer([shapely.union_all([d.shape for d in r.doors]) for r in layouts], TOLERANCE)
-    walls = shapely.difference(shapely.boundary(indoor), doors)
+    empty = [empty_floor(layout, r) for layout, r in zip(layouts, radius.tolist(), strict=True)]
     stands = stands & items.placed
-    solid = unions(np.append(walls, items.footprint[stands]), np.append(np.arange(count), items.room[stands]), count)
-    part, room = shapely.get_parts(shapely.difference(indoor, shapely.buffer(solid, radius)), return_index=True)
+    solid = gathered(items.footprint[stands], items.room[stands], len(layouts))
+    part, room = shapely.get_parts(shapely.difference(empty, shapely.buffer(solid, radius)), return_index=True)
     area = shapely.area(part)
     part, room, area = part[area > ROUNDING], room[area > ROUNDING], area[area > ROUNDING]
     doors_in = [entrance(layout) for layout in layouts]
     door = np.array([door and door.shape for door in doors_in])[room]
-    largest = np.zeros(count)
+    largest = np.zeros(len(layouts))
     np.maximum.at(largest, room, area)
     at_door = shapely.dwithin(part, door, TOLERANCE)
     return Floor(part, room, np.where(shapely.is_missing(door), area == largest[room], at_door))
@@ -257,7 +254,12 @@ def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     """The union of the shapes (n,) of each of `count` owners (n,); empty for who has none."""
+    return shapely.union_all(gathered(shapes, owner, count)[:, None], axis=1)
+
+
+def gathered(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
+    """The shapes (n,) of each of `count` owners (n,), as a collection."""
     order = np.argsort(owner, kind="stable")
-    owned = np.full(count, None)
+    owned = np.full(count, shapely.GeometryCollection())
     shapely.geometrycollections(shapes[order], indices=owner[order], out=owned)
-    return shapely.union_all(owned[:, None], axis=1)
+    return owned

@@ -9,9 +9,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from layoutrl.env.reward import Reward
-from layoutrl.env.rooms_simulator import RoomsSimulator, rows
+from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import FAULT, LOOKED_AT, Options, best_of, blame, wrong
+from layoutrl.evaluation.choosing import FAULT, LOOKED_AT, Chosen, Options, best_of, blame, wrong
 from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
@@ -36,17 +36,21 @@ def rooms_of_which_one_is_odd() -> RoomsSimulator:
     return RoomsSimulator([usual, odd], None, Moves(), Reward())
 
 
+def chosen_of(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
+    return best_of(rooms, state, wrong([rooms.layout(state, b) for b in range(len(state.room))]), options)
+
+
 def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_more() -> None:
     rooms, options = small_room()
     state = rooms.empty(np.zeros(1, dtype=int))
-    best = best_of(rooms, state, options)
+    best = chosen_of(rooms, state, options)
     assert best.center.tolist() == best.way[0].tolist() == [[1.0, 2.25]]
     assert (best.value.tolist(), best.harm.tolist()) == ([1.0], [0])
-    two = best_of(rooms, state, options._replace(value=np.array([[3.0, 2.0, -np.inf]])))
+    two = chosen_of(rooms, state, options._replace(value=np.array([[3.0, 2.0, -np.inf]])))
     assert two.center.tolist() != [[1.0, 2.25]]
     assert two.harm.tolist() != [0]
     free = Options(options.center[:, 2:], options.quarter[:, 2:], options.value[:, 2:], [options.way[0][2:]])
-    assert best_of(rooms, state, free).center.tolist() == [[1.0, 2.25]]
+    assert chosen_of(rooms, state, free).center.tolist() == [[1.0, 2.25]]
     assert two.less_wrong(np.array([0]), best).center.tolist() == [[1.0, 2.25]]
     assert best.less_wrong(np.array([0]), two).center.tolist() == [[1.0, 2.25]]
     first = np.zeros(1, dtype=int)
@@ -61,7 +65,7 @@ def test_what_is_odd_is_put_off_but_for_no_fault() -> None:
     def best(*centers: tuple[float, float]) -> tuple[list[float], int]:
         value, quarter = np.arange(len(centers), 0, -1.0), np.zeros((1, len(centers)), dtype=int)
         options = Options(np.array([centers]), quarter, value[None], [[np.array([each]) for each in centers]])
-        chosen = best_of(rooms, state, options)
+        chosen = chosen_of(rooms, state, options)
         return chosen.center[0].tolist(), int(chosen.harm[0])
 
     assert best(at_door, odd, usual) == ([*usual], 0)
@@ -79,7 +83,7 @@ def test_the_best_of_each_room_is_the_one_that_is_found_one_by_one(odd: list[boo
     center[rng.random((len(odd), count)) < 0.5, 0] = 1.0  # at the wall: not odd
     center[rng.random((len(odd), count)) < 0.5, 1] = 2.25  # away from the door
     values = rng.choice([3.0, 2.0, 1.0, -np.inf], (len(odd), count))
-    chosen = best_of(rooms, state, Options(center, quarter, values, [list(each[:, None]) for each in center]))
+    chosen = chosen_of(rooms, state, Options(center, quarter, values, [list(each[:, None]) for each in center]))
     for b in range(len(odd)):
         one, order = rows(state, np.array([b])), np.argsort(-values[b], kind="stable")
         (before,) = wrong([rooms.layout(one, 0)])
