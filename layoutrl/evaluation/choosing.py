@@ -66,8 +66,8 @@ class Chosen(NamedTuple):
 def best_of(rooms: RoomsSimulator, state: State[np.ndarray], before: np.ndarray, options: Options) -> Chosen:
     """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
 
-    `before` (B,) is how much is `wrong` with the layouts of these states. At most the last of LOOKED_AT are tried, those
-    of the highest value.
+    `before` (B,) is how much is `wrong` with the layouts of these states. At most the last of LOOKED_AT are tried,
+    those of the highest value.
     """
     every = np.arange(len(state.room))
     order = np.argsort(-options.value, 1, kind="stable")

@@ -56,7 +56,7 @@ def way_width(room: Room) -> float:
 
 
 def empty_floor(room: Room, radius: float) -> shapely.Geometry:
-    """Where the middle of a disc of this radius, in metres, can be if nothing stands in the room. Doors are wide open."""
+    """Where the middle of a disc of this radius (metres) can be while nothing stands there. Doors are wide open."""
     return _empty_floor(_bare(room), radius)
 
 
