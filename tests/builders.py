@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,10 @@ from shapely.geometry import Polygon, box
 from layoutrl.agents.gains import WIDENED, shown
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.measures import Measures, measured
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.oracle import perfect_values
+from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import MAIN_ITEM, WALL_THICKNESS, Item, Opening, Ring, Room, wall_band
 
 
@@ -203,3 +206,34 @@ def perfect_at_gains(simulator: Simulator, discount: float) -> Callable[[torch.T
         return learned_gains(torch.tensor((1 - discount) * q - stands[:, None]), legal).float()
 
     return values
+
+
+DOOR = opening("door", -0.2, 1.0, 0.0, 2.0)
+MEASURES = [field.name for field in fields(Measures) if field.name != "group"]
+
+
+def room_with(*items: Item, **fields: Any) -> Room:
+    """4 m by 3 m, a door in the left wall from y = 1 to 2."""
+    return rectangular_room(4.0, 3.0, items[0], others=items[1:], **{"openings": (DOOR,)} | fields)
+
+
+def of(layout: Room, designed: Room | None = None) -> SimpleNamespace:
+    """All measures of one room, as numbers."""
+    found = measured([layout], [designed or layout])
+    return SimpleNamespace(**{name: getattr(found, name)[0] for name in MEASURES})
+
+
+def named(layout: Room, fault: str) -> list[int]:
+    """The items with this fault."""
+    return [k for k, name in faults(layout) if name == fault]
+
+
+def shaken(room: Room, seed: int, lost: float = 0.2) -> Room:
+    """The items half a metre or so away, some turned by a quarter, some not placed."""
+    rng = np.random.default_rng(seed)
+    items = []
+    for item in room.furniture:
+        center = tuple(np.add(item.center, rng.normal(0, 0.4, 2)))
+        turned = replace(item, center=center, rotation=item.rotation + 90 * rng.integers(4))
+        items.append(replace(item, center=None, rotation=None) if rng.random() < lost else turned)
+    return replace(room, furniture=tuple(items))
