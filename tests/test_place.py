@@ -264,22 +264,6 @@ def test_up_to_so_many_layouts_differ_and_are_a_group(agent: Path, tmp_path: Pat
     assert not any(same(one, other) for one, other in combinations(layouts, 2))
 
 
-def test_layouts_are_the_same_where_every_item_has_one_like_it_in_its_place() -> None:
-    room = room_from_dict(DOCUMENTS[0])
-    items = room.furniture
-    assert same(room, replace(room, furniture=items[::-1]))
-    assert isinstance(items[0].center, tuple)
-    x, y = items[0].center
-    for change, alike in (
-        ({"center": (x + 0.29, y)}, True),
-        ({"center": (x + 0.31, y)}, False),
-        ({"rotation": items[0].degrees + 360}, True),
-        ({"rotation": items[0].degrees + 90}, False),
-        ({"center": None}, False),
-    ):
-        assert same(room, replace(room, furniture=(replace(items[0], **change), *items[1:]))) == alike
-
-
 def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

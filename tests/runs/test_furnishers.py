@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from layoutrl.agents.learner import q_network
 from layoutrl.env.observation import categories_of
@@ -21,7 +23,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import HALL, Helped, Mover, hired, shortcomings
+from layoutrl.runs.furnishers import HALL, Helped, Mover, best_apart, hired, shortcomings
 from layoutrl.runs.pretrained import Agents
 from tests.builders import rectangular_room
 
@@ -203,3 +205,18 @@ def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatc
     helped.one = Known(turned_round(DESIGNS[1]))
     ((found,),) = helped.furnish([brief], 1, 0)
     assert not faults(found.layout)
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.tuples(*[st.integers(0, 2)] * 3)), max_size=9), st.integers(1, 4))
+def test_the_best_apart_lack_least_and_leave_out_what_one_of_them_is_or_what_is_too_many(
+    drawn: list[tuple[int, tuple[int, int, int]]], choices: int
+) -> None:
+    room = rectangular_room(8, 3)
+    layouts = [
+        Furnished(replace(room, furniture=(replace(room.moving, center=(0.5 + place, 1.0)),)), float(k))
+        for k, (place, _) in enumerate(drawn)
+    ]
+    best = best_apart(layouts, [lack for _, lack in drawn], choices)
+    kept = [int(each.value) for each in best]
+    least = {place: min((lack, k) for k, (its, lack) in enumerate(drawn) if its == place) for place, _ in drawn}
+    assert kept == [k for _, k in sorted(least.values())][:choices]
