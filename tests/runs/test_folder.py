@@ -1,17 +1,21 @@
-"""The configuration of a run is read as it was written, or refused in a line."""
+"""Each run has a folder of its own; its configuration is read as it was written, or refused in a line."""
 
 from __future__ import annotations
 
 import random
+import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, part
-from layoutrl.runs.folder import LARGEST, load_config, new_folder
+from layoutrl.runs.folder import LARGEST, NO_MATTER, differences, folders_of, load_config, make_folder, new_folder
 from tests.test_fuzz import answered, times
 
 WHOLE = OmegaConf.to_yaml(OmegaConf.structured(part(composed("train", "room=bedroom"), TrainConfig)))
@@ -90,3 +94,49 @@ def test_lines_of_a_configuration_in_any_order_are_one_or_an_error(count: int, t
         text = "\n".join(changed)
         read_so += answered(lambda text=text: read(tmp_path, text), InputError, text) is not None
     assert 0 < read_so < count
+
+
+NAMES = st.lists(st.sampled_from(["one", "one-2", "one-2-2", "on", "x-one", "one-x", "[one]", "ONE+"]), max_size=9)
+
+
+@given(NAMES)
+def test_each_run_has_a_folder_of_its_own_and_a_name_finds_all_that_were_made_of_it(names: list[str]) -> None:
+    with tempfile.TemporaryDirectory() as runs:
+        bedrooms = Path(runs) / "bedroom"
+        folders = [make_folder(bedrooms / name) for name in names]
+        assert len({*folders}) == len(names)
+        assert all(folder.is_dir() for folder in folders)
+        for name in {*names}:
+            mine = {folder for folder, its in zip(folders, names, strict=True) if its == name}
+            found = {*folders_of(bedrooms / name)}
+            assert mine <= found
+            assert all(folder.name.removeprefix(name).strip("-0123456789") == "" for folder in found)
+
+
+LEAVES = st.sampled_from([None, 0, 1, "a", False])
+TREES = st.recursive(LEAVES, lambda inner: st.dictionaries(st.sampled_from("abc"), inner, max_size=3), max_leaves=9)
+CONFIGS = st.dictionaries(st.sampled_from(["a", "b", "room", "device", "seed"]), TREES, max_size=4)
+
+
+def leaves(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """The values by their dotted names, what is no leaf as it is, too."""
+    if not isinstance(tree, dict):
+        return {}
+    return {prefix + k: v for k, v in tree.items()} | {
+        n: v for k, inner in tree.items() for n, v in leaves(inner, f"{prefix}{k}.").items()
+    }
+
+
+@given(CONFIGS, CONFIGS)
+def test_differences_are_the_leaves_that_both_have_and_have_differently(one: dict, other: dict) -> None:
+    first, second = leaves(one), leaves(other)
+    both = {n for n in first.keys() & second.keys() if not (isinstance(first[n], dict) and isinstance(second[n], dict))}
+    assert differences(one, other) == sorted(n for n in both if first[n] != second[n] and n not in NO_MATTER)
+    assert differences(other, one) == differences(one, other)
+
+
+def test_how_long_a_type_is_trained_and_where_makes_no_difference() -> None:
+    """The updates of a run are method.updates, whatever its type of room says today."""
+    one = {"device": "cpu", "room": {"updates": 1, "whole_updates": 1, "type": "study"}, "updates": 1}
+    other = {"device": "cuda", "room": {"updates": 2, "whole_updates": 2, "type": "study"}, "updates": 2}
+    assert differences(one, other) == ["updates"]

@@ -1,0 +1,80 @@
+"""Whatever is out of range is refused by its name, and the ends of a range are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf, nan, nextafter
+from typing import Any
+
+import pytest
+
+from layoutrl import InputError
+from layoutrl.rooms.sources.parts import Data
+from layoutrl.runs.config import composed
+from layoutrl.runs.ranges import check_annealer, check_data, check_method, check_search
+
+METHOD = composed("train", "room=bedroom").method
+RIVALS = composed("place", "rooms=any.jsonl")
+TINY = 5e-324  # the least number above 0
+SHARE = (0.0, 1.0), (-TINY, nextafter(1, 2), nan)  # what may be, and what may not
+BELOW_ONE = (0.0, nextafter(1, 0)), (-TINY, 1.0, nan)
+ABOVE_ZERO = (TINY, 1e300), (0.0, -1.0, nan)
+NOT_BELOW_ZERO = (0.0, 1e300), (-TINY, nan)
+COUNT, NUMBER = ((1, 2), (0, -1)), ((0, 1), (-1,))
+Range = tuple[tuple[float, ...], tuple[float, ...]]
+FEWEST = max(METHOD.batch, METHOD.episodes)
+METHODS = {
+    "learning_rate": ((TINY, 1e300), (0.0, inf, nan)),
+    "discount": BELOW_ONE,
+    "goal_iou": ((TINY, 1.0), (0.0, nextafter(1, 2), nan)),
+    "snap": NOT_BELOW_ZERO,
+    "climbs": NUMBER,
+    "replay_capacity": ((FEWEST,), (FEWEST - 1,)),
+    **dict.fromkeys(("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share"), SHARE),
+    **dict.fromkeys(("max_moves", "evaluation_moves", "target_period", "warmup_moves", "batch", "episodes"), COUNT),
+}
+HEAT = [f"{when}_{name}" for name in ("temperature", "shift", "rules") for when in ("first", "last")]
+SEARCHES = {"grid": ABOVE_ZERO, "best": COUNT, "nodes": COUNT, "noise": NOT_BELOW_ZERO}
+ANNEALERS = {"chains": COUNT, "cold": BELOW_ONE, **dict.fromkeys(HEAT, ABOVE_ZERO)}
+DATA = {"train_rooms": COUNT, "test_rooms": COUNT, "seed": NUMBER, "disturbed": SHARE}
+Check = Callable[[Any], None]
+
+
+def check_of_method(method: Any) -> None:
+    check_method("method", method)
+
+
+@pytest.mark.parametrize(
+    ("check", "settings", "prefix", "ranges"),
+    [
+        (check_of_method, METHOD, "method", METHODS),
+        (check_search, RIVALS.search, "search", SEARCHES),
+        (check_annealer, RIVALS.annealer, "annealer", ANNEALERS),
+        (check_data, Data("designer"), "data", DATA),
+    ],
+)
+def test_the_ends_of_a_range_are_in_it_and_all_beyond_is_refused_by_name(
+    check: Check, settings: Any, prefix: str, ranges: dict[str, Range]
+) -> None:
+    for name, (within, beyond) in ranges.items():
+        for value in within:
+            check(replace(settings, **{name: value}))
+        for value in beyond:
+            with pytest.raises(InputError, match=rf"^{prefix}\.{name}: expected .*; got {value}$"):
+                check(replace(settings, **{name: value}))
+
+
+@pytest.mark.parametrize(
+    ("check", "settings", "name"),
+    [(check_search, RIVALS.search, "search"), (check_annealer, RIVALS.annealer, "annealer")],
+)
+def test_each_weight_of_a_rival_is_asked_for_and_none_is_below_zero(check: Check, settings: Any, name: str) -> None:
+    for key in settings.weights:
+        check(replace(settings, weights=settings.weights | {key: 0.0}))
+        for value in (-TINY, nan):
+            with pytest.raises(InputError, match=rf"^{name}\.weights\.{key}: expected 0 or more; got "):
+                check(replace(settings, weights=settings.weights | {key: value}))
+        less = {other: weight for other, weight in settings.weights.items() if other != key}
+        with pytest.raises(InputError, match=rf"^{name}\.weights: expected .*{key}.*; got no {key}$"):
+            check(replace(settings, weights=less))
