@@ -14,7 +14,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +24,7 @@ import pytest
 from layoutrl.rooms import clearances
 from layoutrl.rooms import designer as rules
 from layoutrl.rooms.designer import generator
-from layoutrl.rooms.designer.generator import Designs, design_room, design_rooms
+from layoutrl.rooms.designer.generator import Design, Designs, Part, design_room, design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources import designer_cache
 
@@ -50,12 +50,11 @@ def designed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The indices of the rooms that are designed from here on."""
     indices: list[int] = []
 
-    def noted(room_type: str, part: generator.Part, seed: int, index: int) -> Designs:
+    def noted(room_type: str, part: Part, seed: int, index: int) -> Design:
         indices.append(index)
-        return one(room_type, part, seed, index)
+        return design_room(room_type, part, seed, index)
 
-    one = generator._one
-    monkeypatch.setattr(generator, "_one", noted)
+    monkeypatch.setattr(generator, "design_room", noted)
     return indices
 
 
@@ -84,9 +83,9 @@ def test_numbers_are_read_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.Mo
     ring = tuple(zip(odd[::2], odd[1::2], strict=True))
     items = tuple(replace(item, center=odd[:2], size=odd[2:4], rotation=odd[4]) for item in room.furniture)
     kept = Designs([replace(room, outline=ring, walls=(ring, ring), furniture=items)], Counter(a=3), Counter())
-    monkeypatch.setattr(generator, "_one", lambda *_: kept)
+    monkeypatch.setattr(designer_cache, "design_each", lambda *_: (each for each in (kept,)))
     designer_cache.read(tmp_path, "bedroom", "train", 0, 1)
-    monkeypatch.delattr(generator, "_one")
+    monkeypatch.setattr(designer_cache, "design_each", lambda *_: (each for each in ()))
     assert same(designer_cache.read(tmp_path, "bedroom", "train", 0, 1), kept)
 
 
@@ -121,18 +120,18 @@ def test_what_was_designed_before_a_stop_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, designed: list[int]
 ) -> None:
     monkeypatch.setattr(designer_cache, "BLOCK", 4)
-    noted = generator._one
+    noted = generator.design_room
 
-    def stopped(*about: object) -> Designs:
-        if about[-1] == 6:
+    def stopped(room_type: str, part: Part, seed: int, index: int) -> Design:
+        if index == 6:
             raise KeyboardInterrupt
-        return noted(*about)
+        return noted(room_type, part, seed, index)
 
-    monkeypatch.setattr(generator, "_one", stopped)
+    monkeypatch.setattr(generator, "design_room", stopped)
     with pytest.raises(KeyboardInterrupt):
         designer_cache.read(tmp_path, "tatami", "train", 0, 10)
     assert len(list(tmp_path.iterdir())) == 1
-    monkeypatch.setattr(generator, "_one", noted)
+    monkeypatch.setattr(generator, "design_room", noted)
     designed.clear()
     rooms = designer_cache.read(tmp_path, "tatami", "train", 0, 10)
     assert designed == [*range(4, 10)]
@@ -174,16 +173,26 @@ def test_ctrl_c_or_a_kill_ends_all_processes_at_once_and_keeps_rooms(
     assert [rooms[k] for k in some] == [design_room("balcony", "train", 0, k).room for k in some]
 
 
-def test_a_worker_leaves_ctrl_c_to_its_parent() -> None:
-    with ProcessPoolExecutor(1, initializer=generator._begin_worker) as pool:
-        assert pool.submit(signal.raise_signal, signal.SIGINT).exception() is None
+def test_a_worker_leaves_ctrl_c_to_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a thread designs, which cannot ignore signals as it begins the workers."""
+    one, me = design_room("tatami", "train", 0, 0), os.getpid()
+
+    def hurt(*_: object) -> Design:
+        assert os.getpid() != me
+        signal.raise_signal(signal.SIGINT)
+        return one
+
+    monkeypatch.setattr(generator, "design_room", hurt)
+    with ThreadPoolExecutor(1) as thread:
+        designing = thread.submit(design_rooms, "tatami", "train", 0, generator.FEW + 1)
+        assert designing.exception() is None
+    assert designing.result().rooms == [one.room] * (generator.FEW + 1)
 
 
 def test_a_bar_is_shown_where_rooms_are_designed_and_a_terminal_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    one = generator._one
-    monkeypatch.setattr(generator, "_one", lambda *about: (time.sleep(0.4), one(*about))[1])
+    monkeypatch.setattr(generator, "design_room", lambda *about: (time.sleep(0.4), design_room(*about))[1])
 
     def shown(seed: int, terminal: bool) -> str:
         file = io.StringIO()
