@@ -40,7 +40,6 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
-from layoutrl.runs.streams import growing
 from layoutrl.train import run as train
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 from tests.runs.test_resume import SHORT
@@ -566,22 +565,6 @@ def test_an_interrupted_run_goes_on_where_it_was(
     assert "goes on after 3 rooms" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "state", ["", "[]", '{"about": []}', '{"about": {"seed": 0}, "bytes": 0, "tally": {"more": 1}}']
-)
-def test_a_state_that_is_none_is_answered(state: str, tmp_path: Path) -> None:
-    part = tmp_path / "out.jsonl.part"
-    part.mkdir()
-    (part / "state.json").write_text(state)
-    (part / "rooms.jsonl").touch()
-    with (
-        pytest.raises(InputError, match=r"^out: what a run .* is damaged; expected another out="),
-        growing(tmp_path / "out.jsonl", {"seed": 0}),
-    ):
-        pass
-    assert (part / "state.json").read_text() == state
-
-
 def test_a_full_disk_is_answered_and_the_same_command_goes_on(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -813,18 +796,6 @@ def test_a_line_of_standard_input_is_answered_before_the_next_is_written(
         place(PlaceConfig(by="search", rooms="-"))
         done.result()
     assert got == [[f"{n} {k}" for k in range(several)] for n, several in enumerate((1, 1, 3, 2, 1))]
-
-
-def test_blocks_begin_with_a_room_and_double_while_they_are_answered_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr(streams, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    sizes = []
-    for block in streams.blocks(range(1000)):
-        sizes.append(len(block))
-        now[0] += 0.1 * len(block)
-    assert sizes == [1, 2, 4, 8, 16] + [32] * 30 + [9]
-    assert max(map(len, streams.blocks(range(2000)))) == streams.MOST
-    assert [*streams.blocks([None, 1, 2, None, 3, None, None, 4, 5])] == [[1], [2], [3], [4, 5]]
 
 
 def test_the_bar_of_progress_is_there_before_a_room_is_furnished(

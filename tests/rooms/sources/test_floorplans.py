@@ -16,7 +16,7 @@ from layoutrl import InputError
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sources.floorplans import MAIN_ITEM, _snapped, read
-from layoutrl.rooms.sources.plans import HALF_WALL, near_copies
+from layoutrl.rooms.sources.plans import HALF_WALL
 
 SHARE = 5  # of so many plans one is read; with -m slow, all
 REAL = Path(__file__).parents[4] / "shared" / "data" / "floorplans"
@@ -423,16 +423,3 @@ def test_a_folder_named_like_a_plan_costs_no_other(tmp_path: Path) -> None:
     collection = read(root, "bathroom")
     assert len(collection.rooms) == 1
     assert "cannot be read" in collection.left_out[0][1]
-
-
-@pytest.mark.parametrize("line", ["a b 0.9", "a\tb", "a\tb\t0.9\tc"])
-def test_a_line_of_near_copies_that_is_none_is_named(line: str, tmp_path: Path) -> None:
-    file = tmp_path / "near_duplicates.tsv"
-    file.write_text(f"plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\n{line}\n")
-    with pytest.raises(InputError, match=r"near_duplicates\.tsv: expected plan_a, plan_b and wall_cosine"):
-        near_copies(file)
-    file.write_text("plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\n")
-    assert near_copies(file) == {"a": "a", "b": "a"}
-    file.write_bytes(b"plan_a\tplan_b\twall_cosine\na\tb\t0.9\n\xff\n")
-    with pytest.raises(InputError, match=r"near_duplicates\.tsv: expected plan_a"):
-        near_copies(file)
