@@ -10,6 +10,7 @@ import gc
 import os
 import tempfile
 import time
+from collections.abc import Iterator
 
 import pytest
 import torch
@@ -75,3 +76,12 @@ def small_planit(small_networks: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let it give up early, too: untrained, it spends all its tries."""
     monkeypatch.setattr("layoutrl.rivals.planit.placement.BACKTRACKS", 1)
     monkeypatch.setattr("layoutrl.rivals.planit.scoring.TRIES", 1)
+
+
+@pytest.fixture(scope="module")
+def content_furnisher() -> Iterator[None]:
+    """Let agents of whole rooms leave what is wrong: untrained, they furnish a room anew time after time, in vain."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("layoutrl.evaluation.furnishing.AFRESH", 1)
+        patch.setattr("layoutrl.evaluation.furnishing.ELSEWHERE", 1)
+        yield

@@ -40,6 +40,7 @@ LITTLE = (
     "method.evaluation_moves=5",
 )  # fmt: skip
 FEW_PICTURES = "budget.evaluation_rooms=1"
+FEW = ("data.train_rooms=8", "data.test_rooms=2", FEW_PICTURES)
 BUDGETS = ("scene", "smoke", "default", "full")
 TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
 
@@ -71,7 +72,7 @@ def test_the_eight_room_types_of_the_paper_have_a_config() -> None:
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, tmp_path: Path) -> None:
-    run = trained(tmp_path, f"room={room}", "data.train_rooms=8", "data.test_rooms=2", FEW_PICTURES)
+    run = trained(tmp_path, f"room={room}", *FEW)
     assert run == tmp_path / "runs" / room / "designer-main-geometric-smoke-seed0"
     assert OmegaConf.load(run / "config.yaml").room.type == room
     assert checkpoints(run)[0].file.stat().st_size > 10_000
@@ -87,7 +88,7 @@ def test_every_room_trains_and_is_scored_from_any_working_directory(room: str, t
 
 
 def test_the_papers_method_trains_on_pictures(tmp_path: Path) -> None:
-    run = trained(tmp_path, "room=bathroom", "method=paper", "method.batch=16", FEW_PICTURES)
+    run = trained(tmp_path, "room=bathroom", "method=paper", "method.batch=16", *FEW)
     assert float(metrics(run)[-1]["loss"]) > 0
 
 
@@ -112,7 +113,7 @@ def test_a_new_interpreter_answers_what_a_forked_one_does(tmp_path: Path) -> Non
 
 
 def test_a_second_run_never_overwrites_the_first(tmp_path: Path) -> None:
-    first, second = (trained(tmp_path, "room=study", "name=mine", FEW_PICTURES) for _ in range(2))
+    first, second = (trained(tmp_path, "room=study", "name=mine", *FEW) for _ in range(2))
     assert [first.name, second.name] == ["mine", "mine-2"]
     assert checkpoints(first)
 
@@ -228,7 +229,7 @@ def test_shards_are_placed_side_by_side_as_on_a_cluster(tmp_path: Path) -> None:
     for document in documents[:2]:
         del document["furniture"][0]["center"]
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
-    given = ("by=search", "rooms=mine.jsonl", "seconds=0.5", "shard=0/2,1/2", "hydra/launcher=submitit_local")
+    given = ("by=search", "rooms=mine.jsonl", "seconds=0.1", "shard=0/2,1/2", "hydra/launcher=submitit_local")
     done = fresh("-m", "layoutrl", "place", "-m", *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for shard in range(2):
@@ -255,15 +256,23 @@ def test_evaluate_takes_the_runs_own_data_but_for_what_is_given(bedroom_run: Pat
     done = layoutrl("evaluate", f"run={bedroom_run}", "data.test_rooms=3", "starts=2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "3 rooms of designer (held_out)" in done.stdout
-    done = layoutrl("evaluate", f"run={bedroom_run}", "data=designer", "part=training", "starts=2", cwd=tmp_path)
+    given = ("data=designer", "data.test_rooms=3", "part=training", "starts=2")
+    done = layoutrl("evaluate", f"run={bedroom_run}", *given, cwd=tmp_path)
     assert "32 rooms of designer (training)" in done.stdout  # as many as it was trained on
     done = layoutrl("evaluate", f"run={bedroom_run}", "data.train_rooms=5", "part=training", cwd=tmp_path)
     assert "5 rooms of designer (training)" in done.stdout
 
 
-def test_watch_shows_the_agent_move(bedroom_run: Path, tmp_path: Path) -> None:
-    done = layoutrl("watch", f"run={bedroom_run}", "rooms=4", "width=150", "out=films/mine", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+def test_watch_shows_the_agent_move(bedroom_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process, with fewer pictures: they take longest."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("layoutrl.watch.FRAMES_A_MOVE", 1)
+
+    def watch(out: str) -> None:
+        monkeypatch.setattr("sys.argv", ["layoutrl.watch", f"run={bedroom_run}", "rooms=4", "width=150", f"out={out}"])
+        import_module("layoutrl.watch").main()
+
+    watch("films/mine")
     for suffix in ("gif", "webp"):
         with Image.open(tmp_path / "films" / f"mine.{suffix}") as film:
             assert film.size[0] == 150  # three rooms side by side, and one below
@@ -272,10 +281,10 @@ def test_watch_shows_the_agent_move(bedroom_run: Path, tmp_path: Path) -> None:
             film.seek(film.n_frames - 1)
             film.load()
             assert film.info["duration"] > 1000  # time to read the IoU
-    again = layoutrl("watch", f"run={bedroom_run}", "rooms=4", "width=150", "out=films/again", cwd=tmp_path)
-    assert again.returncode == 0
-    refused = layoutrl("watch", f"run={bedroom_run}", "out=films/again.gif", cwd=tmp_path)
-    assert "out: films/again.gif is there already; expected the name of a new .gif file" in refused.stderr
+    watch("films/again")
+    said = r"^error: out: films/again\.gif is there already; expected the name of a new \.gif file"
+    with pytest.raises(SystemExit, match=said):
+        watch("films/again.gif")
     assert (tmp_path / "films" / "again.gif").read_bytes() == (tmp_path / "films" / "mine.gif").read_bytes()
 
 

@@ -266,6 +266,8 @@ def test_up_to_so_many_layouts_differ_and_are_a_group(agent: Path, tmp_path: Pat
 def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(rival, "DESIGNED", 20)
+    monkeypatch.setattr(layoutrl.runs.furnishers, "RESTARTS", (1,))  # of the search that helps: tried elsewhere
     types = [*pretrained.cards()]
     rooms = [design_rooms(kind, "test", 4, 1).rooms[0] for kind in types]
     documents = [bare(room_to_dict(replace(room, furniture=room.furniture[:2]))) for room in rooms]
@@ -290,8 +292,10 @@ def test_without_a_name_the_agents_in_the_package_furnish_each_room_by_its_type(
 
 
 def test_an_agent_of_whole_rooms_furnishes_those_of_its_type(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for again in ("AFRESH", "ELSEWHERE"):  # untrained, it does no better
+        monkeypatch.setattr(f"layoutrl.evaluation.furnishing.{again}", 0)
     documents = [room_to_dict(room) for room in design_rooms("bedroom", "train", 0, 8).rooms]
     given = ("room=bedroom", "scope=room", "data=json", f"data.root={written(tmp_path, documents)}", f"runs={tmp_path}")
     few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1")

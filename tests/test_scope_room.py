@@ -37,7 +37,7 @@ def config(folder: Path, *more: str) -> TrainConfig:
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(content_furnisher: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return train(config(tmp_path_factory.mktemp("runs")))
 
 
@@ -50,7 +50,10 @@ def test_a_run_says_what_its_layouts_are_worth_beside_the_designers(trained: Pat
     assert [len(layout["items"]) for layout in found["layouts"]] == [4, 4]
 
 
-def test_a_run_is_evaluated_and_watched(trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_is_evaluated_and_watched(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("layoutrl.watch.FRAMES_A_MOVE", 1)  # pictures take longest
     result = evaluate(EvaluateConfig(str(trained), out=str(tmp_path / "found.json")))
     assert result["rooms"] == 2
     assert "faultless" in capsys.readouterr().out

@@ -18,8 +18,9 @@ def test_ablation_trains_every_change_on_every_seed_once(
 ) -> None:
     monkeypatch.setattr(ablation, "KEPT", tmp_path / "results")
     monkeypatch.setattr("subprocess.run", commands.run)
-    changes = {"as it is": [*LITTLE], "no slides": [*LITTLE, "method.slide=false"]}
-    monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"no slides": [*LITTLE, "reward=usable"]}})
+    few = [*LITTLE, "data.train_rooms=6", "data.test_rooms=2"]
+    changes = {"as it is": few, "no slides": [*few, "method.slide=false"]}
+    monkeypatch.setattr(ablation, "CHANGES", {"item": changes, "room": {"no slides": [*few, "reward=usable"]}})
     monkeypatch.setattr(ablation, "ALWAYS", {"item": [], "room": ["scope=room"]})
     monkeypatch.setenv("HOME", str(tmp_path))
     arguments = ["ablation.py", "tatami", "--updates=5", "--seeds", "0", "1", "--runs=~"]

@@ -26,12 +26,13 @@ def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, ca
     done = script("make_weights.py", "room=bathroom", designed, f"runs={tmp_path / 'runs'}", "weights=w", cwd=tmp_path)
     assert done.returncode == 1
     assert "bathroom failed: results: " in done.stderr  # where runs are given, nothing is trained
-    done = script("make_weights.py", "room=bathroom", designed, "weights=w", "version=3", cwd=tmp_path)
+    given = ("room=bathroom", designed, "data.test_rooms=3", "weights=w", "version=3")
+    done = script("make_weights.py", *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     about = json.loads((tmp_path / "w" / ABOUT).read_text())
     assert about["version"] == 3
     card = about["agents"]["bathroom"]
-    assert (card["updates"], card["seed"], card["data"]["rooms"], card["items"]["rooms"]) == (8, 0, 12, 6)
+    assert (card["updates"], card["seed"], card["data"]["rooms"], card["items"]["rooms"]) == (8, 0, 12, 3)
     assert card["command"].startswith(f"python experiments/cells.py table=table3 column={COLUMN} room=bathroom ")
     unpacked((tmp_path / "w" / card["file"]).read_bytes(), card, torch.device("cpu"))
     page = tmp_path / "w" / "agents.md"
@@ -44,8 +45,8 @@ def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, ca
     assert card["rounded"]["iou"] == card["items"]["iou"]
 
     page.unlink()
-    given = ["room=study,bathroom", f"results={tmp_path / 'results'}", "budget=smoke", f"runs={tmp_path / 'runs'}"]
-    assert make_weights.main([*given, f"weights={tmp_path / 'w'}"]) == 1
+    finished = ["room=study,bathroom", f"results={tmp_path / 'results'}", "budget=smoke", f"runs={tmp_path / 'runs'}"]
+    assert make_weights.main([*finished, f"weights={tmp_path / 'w'}"]) == 1
     said = capsys.readouterr()
     assert said.err.startswith("study failed: results: ")
     assert said.out.startswith("bathroom: IoU ")
@@ -61,7 +62,7 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
     monkeypatch.setattr(make_weights, "WEIGHTS", weights)
     monkeypatch.setattr(make_weights, "PAGE", page)
     before = json.loads((weights / ABOUT).read_text())["agents"]
-    fill(configured(tmp_path, "table=table3", f"column={PACKAGED}", "room=bathroom", designed))
+    fill(configured(tmp_path, "table=table3", f"column={PACKAGED}", "room=bathroom", designed, "data.test_rooms=3"))
     scores = f"scores={tmp_path / 'results'}"
     assert make_weights.main([scores, "budget=smoke", "room=bathroom,study"]) == 1
     assert capsys.readouterr().err.startswith("study failed: results: ")
@@ -69,7 +70,7 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
     assert page.read_text() == page_of(about)
     (cell,) = (tmp_path / "results").rglob("*.json")
     kept, card = json.loads(cell.read_text())["rows"]["layouts"], about["agents"]["bathroom"]
-    assert (card["rooms"], card["items"]["rooms"]) == (6, 6)
+    assert (card["rooms"], card["items"]["rooms"]) == (3, 3)
     assert card["measures"]["iou"] == kept["mean_iou"] == pytest.approx(card["items"]["iou"], abs=1e-4)
     new = {"rooms", "measures", "standard_errors", "seconds", "furnished_by", "items"}
     for room_type, was in before.items():
@@ -78,7 +79,7 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
         assert hashlib.sha256((weights / now["file"]).read_bytes()).hexdigest() == was["sha256"]
 
     record = json.loads(cell.read_text())
-    record["rows"]["layouts"]["iou"] = packed_iou(np.zeros(6))
+    record["rows"]["layouts"]["iou"] = packed_iou(np.zeros(3))
     cell.write_text(json.dumps(record))
     assert make_weights.main([scores, "budget=smoke", "room=bathroom"]) == 1
     assert "bathroom failed: scores: the cell's rooms have an IoU of 0.0000, and now " in capsys.readouterr().err

@@ -92,6 +92,7 @@ def outcome(folder: Path) -> dict[str, Any]:
 def life(config: TrainConfig, folder: Path) -> None:
     """One life of a run, in a process of its own: it begins, or goes on."""
     torch.set_num_threads(1)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which what begins in the background of a shell lacks
     begun = resume.begun(config)
     try:
         resumed(begun, run, TrainConfig) if begun else run(config)
