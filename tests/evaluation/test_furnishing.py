@@ -158,7 +158,8 @@ def chosen_at(center: np.ndarray, harm: int) -> Chosen:
 
 def slid(furnisher: Furnisher, brief: Room, chosen: Chosen, ways: tuple[int, ...]) -> Chosen:
     world = _World([brief], Moves(), ["bed"], CPU)
-    return furnisher._slid(world, world.rooms.empty(np.zeros(1, int)), chosen, np.array([0]), ways)
+    state = world.rooms.empty(np.zeros(1, int))
+    return furnisher._slid(world, state, wrong([world.rooms.layout(state, 0)]), chosen, np.array([0]), ways)
 
 
 @pytest.mark.parametrize(("off", "behind", "ends"), [(0.1, 0.0, 1.0), (0.3, 0.0, 1.3), (0.1, 0.5, 1.5)])

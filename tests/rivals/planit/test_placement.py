@@ -243,7 +243,7 @@ def test_heat_is_of_the_asked_category_and_where_the_network_sees_it_from_the_an
             answer[:, 1 + statistics.categories.index(name), row, column] = 20.0
         return answer
 
-    monkeypatch.setattr(placer.model, "location", sure)
+    monkeypatch.setattr(placer.model.location, "forward", sure)
     for name, (ahead, left) in ahead_and_left.items():
         edges = [Relation(first, first + 1, edge_type(FRONT, DISTANT))]
         (heat,) = placer.heat([Query(0, name, edges, {first: bed})])
