@@ -129,6 +129,8 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
     for axes, episode in zip(grid, episodes, strict=False):
         draw_room(axes, episode.room, names=None)
         axes.set_title(" ")
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # rooms stay where they are now: to lay them out takes longer than to draw them
     drawn: list[Artist] = []
     for step in range(FRAMES_A_MOVE * max(episode.moves for episode in episodes) + 1):
         for artist in drawn:
