@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import csv
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -25,25 +24,17 @@ from matplotlib.figure import Figure
 from layoutrl import InputError
 from layoutrl.figures import STYLE, save
 from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.machine import resident_bytes
 from layoutrl.runs.ranges import within
 
 UPDATES = 10**7  # more than there is time for
 
 
-def resident(process: int) -> float:
-    """Memory of a process, MB; Linux only."""
-    try:
-        status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
-    except OSError:
-        raise InputError("soak: expected Linux, which says how much memory a process has") from None
-    size = re.search(r"VmRSS:\s+(\d+) kB", status)
-    return int(size[1]) / 1000 if size else float("nan")
-
-
 def watched(command: list[str], folder: Path, minutes: float, every: float) -> list[tuple[float, float, float, float]]:
     """(minutes, MB of memory, of checkpoints, of all other files), every so many seconds, until the time is over."""
     seen, began = [], time.monotonic()
-    resident(os.getpid())  # asked before anything begins
+    if resident_bytes(os.getpid()) is None:
+        raise InputError("soak: expected Linux, which says how much memory a process has")
     with (
         (folder / "soak.log").open("w", encoding="utf-8") as log,
         subprocess.Popen(command, stdout=log, stderr=log) as process,
@@ -51,7 +42,8 @@ def watched(command: list[str], folder: Path, minutes: float, every: float) -> l
         while (passed := (time.monotonic() - began) / 60) < minutes and process.poll() is None:
             files = [(file, file.stat().st_size / 1e6) for file in folder.rglob("*") if file.is_file()]
             saved = sum(size for file, size in files if file.parent.name == "checkpoints")
-            seen.append((passed, resident(process.pid), saved, sum(size for _, size in files) - saved))
+            memory = (resident_bytes(process.pid) or float("nan")) / 1e6
+            seen.append((passed, memory, saved, sum(size for _, size in files) - saved))
             time.sleep(every)
         if process.poll() is not None:
             raise InputError(f"soak: the training ended after {passed:.1f} minutes; {folder / 'soak.log'} says why")
