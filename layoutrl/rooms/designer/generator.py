@@ -31,7 +31,7 @@ from layoutrl.rooms.designer.search import Choice, NoDesign, Place, design
 from layoutrl.rooms.designer.shell import Dice, Gap, Shell
 from layoutrl.rooms.designer.study import STUDY
 from layoutrl.rooms.designer.tatami import TATAMI
-from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room, sole, wall_band
+from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room, wall_band
 
 ROOM_TYPES = {
     room_type.name: room_type
@@ -185,7 +185,8 @@ def _room(room_id: str, room_type: str, shell: Shell, places: Sequence[Place]) -
     )
     furniture = tuple(_item(place) for place in places)
     walls = wall_band(outline, (), openings, shell.thickness / 100)
-    return Room(room_id, room_type, outline, walls, openings, furniture, sole(furniture, MAIN_ITEM[room_type]))
+    (main,) = [k for k, item in enumerate(furniture) if item.category == MAIN_ITEM[room_type]]
+    return Room(room_id, room_type, outline, walls, openings, furniture, main)
 
 
 def _band(shell: Shell, gap: Gap) -> tuple[tuple[float, float], ...]:
