@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
-from layoutrl.rooms.brief import missing
+from layoutrl.rooms.brief import missing, standing
 from layoutrl.rooms.faults import Items, item_faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import item_oddities
@@ -66,8 +66,8 @@ class Chosen(NamedTuple):
 def best_of(rooms: RoomsSimulator, state: State[np.ndarray], before: np.ndarray, options: Options) -> Chosen:
     """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
 
-    `before` (B,) is how much is `wrong` with the layouts of these states. At most the last of LOOKED_AT are tried,
-    those of the highest value.
+    `before` (B,) is what is `wrong_at` these states. At most the last of LOOKED_AT are tried, those of the highest
+    value.
     """
     every = np.arange(len(state.room))
     order = np.argsort(-options.value, 1, kind="stable")
@@ -98,7 +98,7 @@ def _wrong_with(
     there = rooms.put(
         rows(state, every), state.moving[every], options.center[every, option], options.quarter[every, option]
     )
-    found = wrong([rooms.layout(there, n) for n in range(len(every))])
+    found = wrong_at(rooms, there)
     return np.where(np.isfinite(options.value[every, option]), found, np.iinfo(int).max).reshape(k.shape)
 
 
@@ -121,11 +121,14 @@ def unlike(
 
 def wrong(layouts: Sequence[Room]) -> np.ndarray:
     """How much is wrong with what stands in each layout: FAULT for each item with a fault, 1 for each odd one: (B,)."""
-    standing = [
-        replace(room, furniture=tuple(item for item in room.furniture if item.center), target=None) for room in layouts
-    ]
-    items = Items.of(standing)
-    return np.bincount(items.room, _blame(standing, items), len(layouts)).astype(int)
+    placed = [replace(room, furniture=tuple(standing(room)), target=None) for room in layouts]
+    items = Items.of(placed)
+    return np.bincount(items.room, _blame(placed, items), len(layouts)).astype(int)
+
+
+def wrong_at(rooms: RoomsSimulator, state: State[np.ndarray]) -> np.ndarray:
+    """How much is `wrong` with the layouts of states: (B,)."""
+    return wrong([rooms.layout(state, b) for b in range(len(state.room))])
 
 
 def blame(layout: Room, brief: Room) -> np.ndarray:

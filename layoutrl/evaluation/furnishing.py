@@ -19,7 +19,7 @@ from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destinations
 from layoutrl.env.simulator import TOUCHING, Moves
-from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong
+from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong, wrong_at
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.brief import Pose, facings, missing, with_poses
 from layoutrl.rooms.furnished import Furnished, Placement
@@ -229,7 +229,7 @@ class Furnisher:
             uniform = spread(sweep * QUARTERS * STARTS, QUARTERS * STARTS)  # each sweep looks elsewhere
             goes_on = count > 0
             if sweep > SWEEPS:
-                goes_on &= wrong([rooms.layout(state, b) for b in range(len(which))]) > 0
+                goes_on &= wrong_at(rooms, state) > 0
             for step in range(order.shape[1]):
                 item, moves = order[:, step], goes_on & (step < count)
                 is_largest = item == largest
@@ -256,7 +256,7 @@ class Furnisher:
         It starts from where numbers (3, QUARTERS * STARTS) from 0 to 1 say, in every room from the same. It is put
         where it stands in none of the layouts that are `known`, of all rooms or of none.
         """
-        before = wrong([world.rooms.layout(state, b) for b in range(len(state.room))])
+        before = wrong_at(world.rooms, state)
         starts = self._starts(world, state, uniform)
         ends = self._ends(world, state, starts, any(known))
         or_stay = self._or_stay(world, state, stood, ends) if stood.any() else ends

@@ -52,6 +52,11 @@ def missing(room: Room) -> list[int]:
     return [k for k, item in enumerate(room.furniture) if item.center is None]
 
 
+def standing(room: Room) -> list[Item]:
+    """The items that have a place."""
+    return [item for item in room.furniture if item.center is not None]
+
+
 def largest_first(room: Room) -> list[int]:
     """The indices of the items that are to be placed, the largest first; what is tucked under others after them."""
     items = room.furniture

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from layoutrl.env.geometry import fitting_positions
-from layoutrl.rooms.brief import missing, ways
+from layoutrl.rooms.brief import missing, standing, ways
 from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
@@ -77,8 +77,7 @@ def answerable(
         if item.category in known and (asks := doubt(item)) and asks not in lines:
             lines.append(asks)
     unseen |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
-    standing = [item for item in room.furniture if item.center is not None]
-    for one, other in combinations(standing, 2):
+    for one, other in combinations(standing(room), 2):
         if _stacked(one, other):
             x, y = one.footprint.centroid.coords[0]
             lines.append(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import FAULT, LOOKED_AT, Chosen, Options, best_of, blame, wrong
+from layoutrl.evaluation.choosing import FAULT, LOOKED_AT, Chosen, Options, best_of, blame, wrong, wrong_at
 from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
@@ -37,7 +37,7 @@ def rooms_of_which_one_is_odd() -> RoomsSimulator:
 
 
 def chosen_of(rooms: RoomsSimulator, state: State[np.ndarray], options: Options) -> Chosen:
-    return best_of(rooms, state, wrong([rooms.layout(state, b) for b in range(len(state.room))]), options)
+    return best_of(rooms, state, wrong_at(rooms, state), options)
 
 
 def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_more() -> None:

@@ -18,7 +18,8 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.room import TOLERANCE, Item, Room
+from layoutrl.rooms.brief import standing
+from layoutrl.rooms.room import TOLERANCE, Room
 
 ARCHITECTURE = ("wall", "door", "window")  # the first categories of nodes
 FRONT, BACK, LEFT, RIGHT = range(4)  # of the anchor
@@ -82,11 +83,6 @@ class Scene:
     def relations(self) -> tuple[Relation, ...]:
         """All that is seen, before anything is pruned."""
         return tuple(chain(*(_seen_from(self, anchor) for anchor in range(len(self.category)))))
-
-
-def standing(room: Room) -> list[Item]:
-    """The furniture that has a place, in the order of its nodes."""
-    return [item for item in room.furniture if item.center is not None]
 
 
 def scene_of(room: Room) -> Scene:

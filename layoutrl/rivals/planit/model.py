@@ -14,8 +14,9 @@ from torch import nn
 from layoutrl.agents.networks import weights_of
 from layoutrl.rivals.planit.canvas import FIXED_CHANNELS, box_of, overlapping
 from layoutrl.rivals.planit.generator import GraphNetwork
-from layoutrl.rivals.planit.graph import ARCHITECTURE, Kept, Scene, kept, standing
+from layoutrl.rivals.planit.graph import ARCHITECTURE, Kept, Scene, kept
 from layoutrl.rivals.planit.networks import LocationNetwork, PictureNetwork, SizeNetwork
+from layoutrl.rooms.brief import standing
 from layoutrl.rooms.room import Room
 
 

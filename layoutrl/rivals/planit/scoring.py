@@ -18,10 +18,10 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample
-from layoutrl.rivals.planit.graph import Graph, Relation, scene_of, standing
+from layoutrl.rivals.planit.graph import Graph, Relation, scene_of
 from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
 from layoutrl.rivals.planit.training import planned, with_last
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.brief import brief_of, standing
 from layoutrl.rooms.room import Item, Room
 
 CHOICES = ("sampled", "argmax")  # of places, facings and sizes

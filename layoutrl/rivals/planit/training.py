@@ -16,18 +16,10 @@ from layoutrl.agents.networks import weights_of
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.planit import generator
 from layoutrl.rivals.planit.canvas import Canvas, in_frame
-from layoutrl.rivals.planit.graph import (
-    MIRRORED,
-    Graph,
-    Relation,
-    Scene,
-    graph_of,
-    graph_with_last,
-    placing_order,
-    standing,
-)
+from layoutrl.rivals.planit.graph import MIRRORED, Graph, Relation, Scene, graph_of, graph_with_last, placing_order
 from layoutrl.rivals.planit.model import PlanIT, Statistics
 from layoutrl.rivals.planit.networks import HEAT_SIDE, SIDE, PictureNetwork, drawn, signed_distance
+from layoutrl.rooms.brief import standing
 from layoutrl.rooms.room import Item, Room
 
 CENTROID_WEIGHT = 10.0  # of a pixel that something's centre lies in; of others 1

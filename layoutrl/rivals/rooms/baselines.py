@@ -11,7 +11,7 @@ import shapely
 
 from layoutrl.env.geometry import CONTACT, fitting_positions
 from layoutrl.rivals.rules import play
-from layoutrl.rooms.brief import Pose, facings, missing, with_poses
+from layoutrl.rooms.brief import Pose, facings, missing, standing, with_poses
 from layoutrl.rooms.clearances import off
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
@@ -35,7 +35,7 @@ def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> 
     poses: dict[int, Pose] = {}
     asked = missing(brief)
     items = [brief.furniture[k] for k in asked]
-    others = _counterparts(items, [item for item in model.furniture if item.center is not None])
+    others = _counterparts(items, standing(model))
     for k, item, other in zip(asked, items, others, strict=True):
         if pose := (other and _pushed(brief, item, model, other)) or _drawn(brief, k, rng):
             poses[k] = pose
