@@ -108,14 +108,14 @@ class Row:
     def interval_text(self) -> str:
         return "{interval_low:.3f} to {interval_high:.3f}".format(**self.interval)
 
-    def same_rooms(self, other: Row) -> None:
+    def check_same_rooms(self, other: Row) -> None:
         """Raise InputError where the two are not scored in the same rooms."""
         (ours, *_), (theirs, *_) = self.cells.items(), other.cells.items()
         refuse_other_rooms(f"{ours[0].stem} and {theirs[0].stem}", ours[1]["config"], theirs[1]["config"])
 
     def p_value(self, other: Row) -> float:
         """Paired. Raises InputError where the rooms are not the same."""
-        self.same_rooms(other)
+        self.check_same_rooms(other)
         return paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, np.random.default_rng(0))
 
     def number(self, name: str) -> float:

@@ -175,7 +175,7 @@ def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
     Raises InputError where a rival furnished other rooms.
     """
     for rival in rivals.values():
-        own.same_rooms(rival)
+        own.check_same_rooms(rival)
     return {
         "p_iou": p_value(own.iou.mean(0), [rival.iou.mean(0) for rival in rivals.values()], own),
         "p_faultless": p_value(faultless(own), [faultless(rival) for rival in rivals.values()], own),
