@@ -183,7 +183,7 @@ def _room(room_id: str, room_type: str, shell: Shell, places: Sequence[Place]) -
         *(Opening("door", _band(shell, door)) for door in shell.doors),
         *(Opening("window", _band(shell, window)) for window in shell.windows),
     )
-    furniture = tuple(_item(place) for place in places)
+    furniture = tuple(item_of(place) for place in places)
     walls = wall_band(outline, (), openings, shell.thickness / 100)
     (main,) = [k for k, item in enumerate(furniture) if item.category == MAIN_ITEM[room_type]]
     return Room(room_id, room_type, outline, walls, openings, furniture, main)
@@ -195,7 +195,8 @@ def _band(shell: Shell, gap: Gap) -> tuple[tuple[float, float], ...]:
     return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
 
-def _item(place: Place) -> Item:
+def item_of(place: Place) -> Item:
+    """What is placed, in metres and degrees."""
     piece = place.piece
     center = (place.twice_center[0] / 200, place.twice_center[1] / 200)
     form: Literal["rectangle", "circle"] = "circle" if piece.circle else "rectangle"

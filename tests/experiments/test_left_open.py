@@ -1,0 +1,69 @@
+"""How much of a layout a brief leaves open."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import left_open
+import numpy as np
+import pytest
+
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.designer.generator import design_room
+from layoutrl.rooms.designer.places import ends, middles
+from layoutrl.rooms.designer.search import Piece, Step
+
+
+def test_guessing_dice_fall_on_sizes_of_the_brief_and_know_how_likely_that_was() -> None:
+    fell: Counter[int] = Counter()
+    for seed in range(400):
+        dice = left_open.Guessing({120}, seed)
+        width, with_lamp = dice.between(100, 140, 10), dice.chance(25)
+        assert dice.drawn == [width, with_lamp]
+        assert dice.likelihood == pytest.approx(1 / 5 * (0.25 if with_lamp else 0.75))
+        fell[width] += 1
+    assert set(fell) == {100, 110, 120, 130, 140}  # a piece that was left out had another size
+    assert fell[120] > 300
+
+
+def test_dice_that_know_no_size_are_fair() -> None:
+    fell = Counter(left_open.Guessing(set(), seed).pick({60: 1, 70: 3}) for seed in range(400))
+    assert fell[70] / 400 == pytest.approx(0.75, abs=0.08)
+
+
+def test_pieces_may_become_a_list_that_lacks_optional_ones_alone() -> None:
+    room = design_room("tatami", "test", 0, 0).room
+    steps = [
+        Step(Piece(item.category, round(100 * item.size[1]), round(100 * item.size[0])), ends)
+        for item in room.furniture
+    ]
+    more = Piece("stool", 40, 40)
+    assert left_open.may_become(steps, room)
+    assert left_open.may_become([*steps, Step(more, middles, optional=True)], room)
+    assert not left_open.may_become([*steps, Step(more, middles)], room)
+    assert not left_open.may_become(steps[1:], room)
+
+
+@pytest.mark.parametrize("room_type", ["study", "balcony"])
+def test_the_designers_own_layout_is_among_those_that_a_brief_leaves_open(room_type: str) -> None:
+    designed = design_room(room_type, "test", 0, 3)
+    found = left_open.left_open(designed)
+    assert found is not None
+    assert designed.room.furniture in [layout.furniture for layout in found.layouts]
+    assert all(brief_of(layout) == brief_of(designed.room) for layout in found.layouts)
+    assert found.share.sum() == pytest.approx(1)
+    np.testing.assert_allclose(found.iou.diagonal(), 1)
+
+
+def test_it_is_told_and_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["left_open.py", "balcony", "--rooms=3", f"--results={tmp_path / 'new'}"])
+    left_open.main()
+    result = json.loads((tmp_path / "new" / "balcony.json").read_text())
+    assert result["rooms"] == result["furnished"] == 3
+    assert result["the safest"]["mean"] > 0.9
+    assert result["the designer's own is found"]["mean"] == 1
+    assert "balcony, the safest" in capsys.readouterr().out
