@@ -29,7 +29,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.clearances import passage
 from layoutrl.rooms.designer.generator import ROOM_TYPES, Design, design_room, item_of
 from layoutrl.rooms.designer.search import NoDesign, Step, design
-from layoutrl.rooms.designer.shell import Dice
+from layoutrl.rooms.designer.shell import Box, Dice, Gap, Shell
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
@@ -72,22 +72,26 @@ class Guessing(Dice):
 class LeftOpen:
     """The layouts that designers make of one brief: K of them."""
 
-    layouts: list[Room]
+    layouts: list[tuple[Item, ...]]
     template: np.ndarray  # (K,): by which template
     share: np.ndarray  # (K,): how often, in all 1
     iou: np.ndarray  # (K, K): of each with each
 
+    @property
+    def safest(self) -> int:
+        """The one that is nearest to all on average, as often as they come."""
+        return int((self.iou @ self.share).argmax())
 
-def left_open(designed: Design) -> LeftOpen | None:
-    """What every template that suits the room makes of the same list; None where no draw came to it."""
-    room, shell, kind = designed.room, designed.shell, ROOM_TYPES[designed.room.room_type]
-    brief = brief_of(room).furniture
+
+def left_open(room: Room, shell: Shell) -> LeftOpen | None:
+    """What every template that suits the shell makes of the room's furniture; None where no draw came to it."""
+    brief, kind = brief_of(room), ROOM_TYPES[room.room_type]
     suiting = {name: template for name, template in kind.templates.items() if template.suits(shell)}
     found: dict[tuple[str, tuple[Item, ...]], float] = defaultdict(float)
     for name, template in suiting.items():
         drawn: dict[tuple[object, ...], tuple[float, list[Step]]] = {}
         for k in range(TRIES):
-            dice = Guessing({round(100 * side) for item in brief for side in item.size}, k)
+            dice = Guessing({round(100 * side) for item in room.furniture for side in item.size}, k)
             steps = list(template.steps(dice, shell))
             if may_become(steps, room):
                 drawn[tuple(dice.drawn)] = dice.likelihood, steps
@@ -96,16 +100,21 @@ def left_open(designed: Design) -> LeftOpen | None:
                 choices = design(shell, steps, round(100 * passage(room.room_type)))
             except NoDesign:
                 continue
-            layout = replace(room, furniture=tuple(item_of(choice.place) for choice in choices))
-            if brief_of(layout).furniture == brief:
-                found[name, layout.furniture] += template.share * likelihood
+            layout = tuple(item_of(choice.place) for choice in choices)
+            if brief_of(replace(room, furniture=layout)) == brief:
+                found[name, layout] += template.share * likelihood
     if not found:
         return None
-    layouts, share = [replace(room, furniture=items) for _, items in found], np.array(list(found.values()))
-    count = len(layouts)
-    matches = matched([a for a in layouts for _ in layouts], layouts * count)
-    iou = means(matches.iou, matches.room, count**2).reshape(count, count)
+    layouts, share = [layout for _, layout in found], np.array(list(found.values()))
+    iou = np.array([matches_of(layouts, replace(room, furniture=layout))[0] for layout in layouts]).T
     return LeftOpen(layouts, np.array([name for name, _ in found]), share / share.sum(), iou)
+
+
+def matches_of(layouts: Sequence[tuple[Item, ...]], room: Room) -> tuple[np.ndarray, np.ndarray]:
+    """IoU and facing (K,) of layouts of a room beside it."""
+    count = len(layouts)
+    found = matched([replace(room, furniture=layout) for layout in layouts], [room] * count)
+    return means(found.iou, found.room, count), means(found.facing, found.room, count)
 
 
 def may_become(steps: Sequence[Step], room: Room) -> bool:
@@ -118,39 +127,70 @@ def may_become(steps: Sequence[Step], room: Room) -> bool:
     return needed <= asked <= every
 
 
+def mirrored(shell: Shell) -> Shell:
+    """The shell with left and right changed."""
+    notches = tuple(_mirrored(notch, shell.width) for notch in shell.notches)
+    bare = replace(shell, notches=notches, doors=(), windows=())
+
+    def gap(those: Gap) -> Gap:
+        """The opening in the wall in which it then lies."""
+        strip = _mirrored(those.strip(1), shell.width)
+        found = next(
+            w
+            for w in bare.walls
+            if w.box(*strip.span(w.normal), 1) == strip and w.lo <= strip.span(w.normal)[0] <= w.hi
+        )
+        return Gap(found, *strip.span(found.normal), those.sliding)
+
+    return replace(bare, doors=tuple(map(gap, shell.doors)), windows=tuple(map(gap, shell.windows)))
+
+
+def _mirrored(box: Box, width: int) -> Box:
+    return Box(width - box.x1, box.y0, width - box.x0, box.y1)
+
+
+def image_of(items: Sequence[Item], width: float) -> tuple[Item, ...]:
+    """Items that stand in a shell so many metres wide, in the mirrored shell."""
+    return tuple(
+        replace(item, center=(width - item.center[0], item.center[1]), rotation=(180 - item.degrees) % 360)
+        for item in items
+        if item.center is not None
+    )
+
+
+def told(designed: Design, found: LeftOpen) -> dict[str, float]:
+    """The numbers of one brief, by what they are."""
+    both, other = np.outer(found.share, found.share), found.template[:, None] != found.template
+    iou, facing = matches_of(found.layouts, designed.room)
+    result = {
+        "layouts": len(found.layouts),
+        "several templates": other.any(),
+        "the safest, IoU": iou[found.safest],
+        "the safest, facing": facing[found.safest],
+        "the designer's own is found": iou.max() > ONE,
+    }
+    if other.any():
+        result["IoU of two templates"] = (both * found.iou)[other].sum() / both[other].sum()
+    if again := left_open(designed.room, mirrored(designed.shell)):
+        back = image_of(again.layouts[again.safest], designed.shell.width / 100)
+        result["mirrored"] = matches_of([back], designed.room)[0].item()
+    return {name: float(value) for name, value in result.items()}
+
+
 @answers_errors()
 def main() -> None:
     said = options(__doc__, rooms=100, seed=0, results=KEPT)
     designs = [design_room(said.room_type, "test", said.seed, index) for index in range(said.rooms)]
-    each = [(design, found) for design in designs if (found := left_open(design))]
     values: dict[str, list[float]] = defaultdict(list)
-    for designed, found in each:
-        share, iou = found.share, found.iou
-        other = found.template[:, None] != found.template
-        both = np.outer(share, share)
-        values["layouts"].append(len(found.layouts))
-        values["one layout"].append(float(iou[share.argmax()] @ share > ONE))
-        values["several templates"].append(float(other.any()))
-        values["IoU of two designs"].append(float((both * iou).sum()))
-        if other.any():
-            values["IoU of two templates"].append(float((both * iou)[other].sum() / both[other].sum()))
-        values["the safest, expected"].append(float((iou @ share).max()))
-        tried = [found.layouts[k] for k in ((iou @ share).argmax(), share.argmax())]
-        matches = matched([*tried, *found.layouts], [designed.room] * (2 + len(found.layouts)))
-        safest, likeliest, *all_of_them = means(matches.iou, matches.room, 2 + len(found.layouts))
-        facing, *_ = means(matches.facing, matches.room, 2 + len(found.layouts))
-        values["the safest"].append(safest)
-        values["the safest, facing"].append(facing)
-        values["the likeliest"].append(likeliest)
-        values["the designer's own is found"].append(float(max(all_of_them) > ONE))
-    result: dict[str, object] = {"rooms": len(designs), "seed": said.seed, "furnished": len(each)}
+    for designed in designs:
+        if found := left_open(designed.room, designed.shell):
+            for name, value in told(designed, found).items():
+                values[name].append(value)
+    result: dict[str, object] = {"rooms": len(designs), "seed": said.seed}
     for name, numbers in values.items():
-        known = np.array(numbers)
-        result[name] = {
-            "mean": float(known.mean()),
-            "standard_error": standard_error(known, np.arange(len(known))),
-            "rooms": len(known),
-        }
+        count = len(numbers)
+        error = standard_error(np.array(numbers), np.arange(count))
+        result[name] = {"mean": float(np.mean(numbers)), "standard_error": error, "rooms": count}
         print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
     write_json(said.results / f"{said.room_type}.json", result)
 
