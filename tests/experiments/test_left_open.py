@@ -64,16 +64,15 @@ def test_a_mirrored_shell_is_a_shell_with_left_and_right_changed() -> None:
         assert all(image.holds(swing) for swing in image.swings)
 
 
-@pytest.mark.parametrize(("room_type", "template", "alike"), [("study", "at_wall", False), ("balcony", "across", True)])
-def test_a_mirrored_study_is_furnished_otherwise(room_type: str, template: str, alike: bool) -> None:
-    designs = (design_room(room_type, "test", 0, index) for index in range(20))
-    for designed in designs:
-        found = left_open.left_open(designed.room, designed.shell)
-        if designed.template == template and found and "mirrored" in (told := left_open.told(designed, found)):
-            assert (told["mirrored"] > 0.9) == alike
-            break
-    else:
-        raise AssertionError("no room of this template")
+@pytest.mark.parametrize(("room_type", "index", "alike"), [("study", 14, False), ("balcony", 0, True)])
+def test_a_mirrored_study_is_furnished_otherwise(
+    room_type: str, index: int, alike: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(left_open, "TRIES", 600)
+    designed = design_room(room_type, "test", 0, index)
+    found = left_open.left_open(designed.room, designed.shell)
+    assert found is not None
+    assert (left_open.told(designed, found)["mirrored"] > 0.9) == alike
 
 
 def test_it_is_told_and_kept(
