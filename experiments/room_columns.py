@@ -53,7 +53,7 @@ def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.rand
 
 
 def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    library = Library(rooms.training)
+    library = Library(rooms.training, config.room.mirrors_alike)
     return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, library, rng))
 
 
@@ -69,7 +69,8 @@ def by_rules(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 def by_pointer(config: CellConfig, rooms: WholeRooms) -> Furnish:
     spent = seconds_budget(60 * config.training_minutes[config.budget.name], clock_of(rooms.device))
-    network = train_rooms_pointer(rooms.training, spent, np.random.SeedSequence(config.seed), device=rooms.device)
+    seed, alike = np.random.SeedSequence(config.seed), config.room.mirrors_alike
+    network = train_rooms_pointer(rooms.training, spent, seed, device=rooms.device, mirrors_alike=alike)
     return lambda: furnish_by_pointer(network, rooms.briefs)
 
 

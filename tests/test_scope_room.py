@@ -19,6 +19,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.evaluate import run as evaluate
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import whole_parts
 from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, part
 from layoutrl.runs.monitor import FINAL_OF_ROOMS
@@ -107,6 +108,14 @@ def test_a_training_that_is_stopped_goes_on_as_if_it_had_not(trained: Path, tmp_
         assert torch.equal(ours["episodes"][name], theirs["episodes"][name]), name
     for one, other in zip(ours["replay"]["columns"], theirs["replay"]["columns"], strict=True):
         assert torch.equal(one, other)
+
+
+@pytest.mark.parametrize("room", MAIN_ITEM)
+def test_mirrored_rooms_are_learned_from_but_in_studies(room: str) -> None:
+    whole = part(composed("train", f"room={room}", "scope=room"), TrainConfig)
+    assert [view.mirror for view in whole.method.views(torch.device("cpu"))] == [False, True][: 1 + (room != "study")]
+    item = part(composed("train", f"room={room}"), TrainConfig)
+    assert len(item.method.views(torch.device("cpu"))) == 8  # what stands beside the item tells how the room is seen
 
 
 def test_a_batch_of_any_size_is_seen_in_both_views(tmp_path: Path) -> None:

@@ -62,7 +62,8 @@ class Method:
     def views(self, device: torch.device) -> list[Symmetry]:
         """The symmetries that are learned from, and averaged over in test.
 
-        A whole room is seen as the item that moves is turned, so that only mirroring is left.
+        A whole room is seen as the item that moves is turned, so that only mirroring is left, and that is learned from
+        where the type of the room allows it (`room.mirrors_alike`).
         """
         from layoutrl.env.symmetry import mirrored, symmetries
 

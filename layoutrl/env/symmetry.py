@@ -1,4 +1,7 @@
-"""The eight symmetries of the square: a design is as good in a mirrored or turned room, with its moves turned too."""
+"""The eight symmetries of the square: a design is as good in a turned room, with its moves turned too.
+
+So it is in a mirrored one, but where the type of the room is handed (`mirrors_alike` in conf/room/).
+"""
 
 from __future__ import annotations
 
@@ -29,9 +32,9 @@ class Symmetry:
         self.matrix = torch.tensor(matrix, device=device, dtype=torch.float32)
 
 
-def symmetries(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
-    """All eight, first the one that changes nothing."""
-    return [Symmetry(quarters, mirror, moves, device) for quarters, mirror in SYMMETRIES]
+def symmetries(moves: Moves, device: torch.device | str = "cpu", mirrors: bool = True) -> list[Symmetry]:
+    """All eight, first the one that changes nothing; or, without mirrors, the four that turn."""
+    return [Symmetry(quarters, mirror, moves, device) for quarters, mirror in SYMMETRIES if mirrors or not mirror]
 
 
 def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:

@@ -16,6 +16,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.evaluation.policy import Policy, greedy
+from layoutrl.rivals.rooms.baselines import Library
 from layoutrl.rivals.rules import nearest_room_place, random_wall_place
 from layoutrl.rooms.room import Room
 from layoutrl.runs.rooms_report import evaluate_rooms, rooms_table
@@ -38,7 +39,9 @@ def scored(
     `categories` are those that it knows, `training` the rooms that it learned from.
     """
     if method.scope == "room":
-        result = evaluate_rooms(Furnisher(network, method, categories), rooms, training, seed)
+        # The nearest room is looked for in the views that the agent learned from.
+        library = Library(training, mirrors_alike=method.symmetries)
+        result = evaluate_rooms(Furnisher(network, method, categories), rooms, library, seed)
         return result, rooms_table(result)
     policy, simulator = greedy(network, method), Simulator(rooms, method.moves, reward)
     observe = observation_of(method.observation, rooms, policy.q.device, categories)

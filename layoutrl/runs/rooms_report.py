@@ -30,7 +30,7 @@ COMPARED = 200  # rooms that the nearest training room is looked for: it takes a
 
 
 def evaluate_rooms(
-    furnisher: Furnisher, designs: Sequence[Room], training: Sequence[Room], seed: np.random.SeedSequence
+    furnisher: Furnisher, designs: Sequence[Room], training: Library, seed: np.random.SeedSequence
 ) -> dict[str, Any]:
     """Furnish the briefs of designs, and measure that beside the designer's layouts and what needs no training.
 
@@ -42,12 +42,11 @@ def evaluate_rooms(
     began = time.perf_counter()
     layouts = [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
     seconds = time.perf_counter() - began
-    library = Library(training)
     ways: dict[str, Callable[[], list[Room]]] = {
         "agent": lambda: layouts,
         "designer": lambda: list(designs),
         "random": lambda: _each(briefs, random_seed, random_layout),
-        "nearest room": lambda: _each(briefs[:COMPARED], nearest_seed, lambda b, rng: nearest_layout(b, library, rng)),
+        "nearest room": lambda: _each(briefs[:COMPARED], nearest_seed, lambda b, rng: nearest_layout(b, training, rng)),
     }
     rows, ious = {}, {}
     for name, furnish in ways.items():

@@ -25,13 +25,13 @@ def random_layout(brief: Room, rng: np.random.Generator) -> Room:
 
 
 def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> Room:
-    """The layout of the training room that is most like the brief, in the best of eight views.
+    """The layout of the training room that is most like the brief, in the best of the library's views.
 
     Each item takes the pose of the counterpart of its category that is nearest in size, in the same place of the
     outline's bounding box, and is pushed indoors. One without a counterpart goes to a drawn place.
     """
     room, view = training.nearest(brief)
-    model = room.turned(*SYMMETRIES[view])
+    model = room.turned(*view)
     poses: dict[int, Pose] = {}
     asked = missing(brief)
     items = [brief.furniture[k] for k in asked]
@@ -43,28 +43,32 @@ def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> 
 
 
 class Library:
-    """Training rooms, with what is compared first: how many items of each category, and the outline's extents."""
+    """Training rooms, with what is compared first: how many items of each category, and the outline's extents.
 
-    def __init__(self, rooms: Sequence[Room]):
+    They are looked at in eight `views`, or in four where mirrored rooms are not furnished alike.
+    """
+
+    def __init__(self, rooms: Sequence[Room], mirrors_alike: bool = True):
         self.rooms = list(rooms)
+        self.views = [(quarters, mirror) for quarters, mirror in SYMMETRIES if mirrors_alike or not mirror]
         self._categories = sorted({item.category for room in rooms for item in room.furniture})
         self._counts = np.array([self._counted(room) for room in rooms])  # (rooms, categories)
         self._extents = np.array([_extents(room) for room in rooms])  # (rooms, 2), metres
 
-    def nearest(self, brief: Room) -> tuple[Room, int]:
-        """The room most like the brief, the first of equals, and in which of the SYMMETRIES."""
+    def nearest(self, brief: Room) -> tuple[Room, tuple[int, bool]]:
+        """The room most like the brief, the first of equals, and in which of the views."""
         lacks = np.abs(self._counts - self._counted(brief)).sum(1)
         lacks += sum(item.category not in self._categories for item in brief.furniture)
         size = _extents(brief)
         apart = np.minimum(*(np.abs(size - extents).sum(1) for extents in (self._extents, self._extents[:, ::-1])))
         least = OTHER_CATEGORY * lacks + apart  # by how much each is unlike at least, in any view
-        best, found = np.inf, (self.rooms[0], 0)
+        best, found = np.inf, (self.rooms[0], self.views[0])
         for k in np.argsort(least, kind="stable"):
             if least[k] >= best:
                 break
-            unlike = _unlikeness(brief, self.rooms[k])
+            unlike = _unlikeness(brief, self.rooms[k], self.views)
             if unlike.min() < best:
-                best, found = float(unlike.min()), (self.rooms[k], int(unlike.argmin()))
+                best, found = float(unlike.min()), (self.rooms[k], self.views[unlike.argmin()])
         return found
 
     def _counted(self, room: Room) -> np.ndarray:
@@ -72,15 +76,15 @@ class Library:
         return np.array([counts[category] for category in self._categories])
 
 
-def _unlikeness(brief: Room, room: Room) -> np.ndarray:
-    """How unlike the brief a room is in each of the eight views (8,), in metres: outline, openings and furniture.
+def _unlikeness(brief: Room, room: Room, views: Sequence[tuple[int, bool]]) -> np.ndarray:
+    """How unlike the brief a room is in each of the views (n,), in metres: outline, openings and furniture.
 
     Outlines differ by their extents, and as far as they do not cover each other when stretched to these.
     """
     items = _list_distance(brief.furniture, room.furniture)
     ours, theirs = ({kind: _middles(one, kind) for kind in ("door", "window")} for one in (brief, room))
     size, extents = _extents(brief), _extents(room)
-    turns = [symmetry(*which) for which in SYMMETRIES]
+    turns = [symmetry(*view) for view in views]
     result = []
     for turn in turns:
         openings = sum(_set_distance(ours[kind], theirs[kind] @ turn.T) for kind in ours)

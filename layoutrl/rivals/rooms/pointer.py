@@ -40,14 +40,14 @@ SLANTED = 1e-3  # sine of the double angle: rounding
 class RoomsPointer(nn.Module):
     """The log-likelihood of every pose of an item, seen in the middle of the room and turned each way.
 
-    It knows furniture by these `categories`. Input: (B, QUARTERS, elements, columns) as made by `each_way`. Output:
-    how good each way is, (B, QUARTERS), and log weights and centres (B, QUARTERS, 2, elements x ANCHORS) of the
-    pointer's mixtures; metres from the middle of the room.
+    It knows furniture by these `categories`, and whether mirrored rooms are furnished alike. Input: (B, QUARTERS,
+    elements, columns) as made by `each_way`. Output: how good each way is, (B, QUARTERS), and log weights and centres
+    (B, QUARTERS, 2, elements x ANCHORS) of the pointer's mixtures; metres from the middle of the room.
     """
 
-    def __init__(self, categories: Sequence[str], width: int = 96):
+    def __init__(self, categories: Sequence[str], mirrors_alike: bool = True, width: int = 96):
         super().__init__()
-        self.categories = tuple(categories)
+        self.categories, self.mirrors_alike = tuple(categories), mirrors_alike
         columns = len(ROOM_COLUMNS) + len(categories)
         self.pointing = PointingNetwork(columns, width)
         self.own = nn.Linear(width, width)
@@ -86,17 +86,18 @@ def train_rooms_pointer(
     *,
     batch: int = 64,
     device: torch.device | str = "cpu",
+    mirrors_alike: bool = True,
 ) -> RoomsPointer:
     """A network that points at the designer's pose of the next item, by its likelihood.
 
     The rooms hold the first of the designer's items, any number of them; `RoomsSimulator.sequence` says in which order.
     An item may stand where any of those stands that are the same (category, size, form) and are still to come. Each
-    batch has an equal share in every symmetry.
+    batch has an equal share in every symmetry, in those that turn alone where mirrored rooms are not furnished alike.
     """
     simulator = RoomsSimulator([brief_of(room) for room in designs], designs, Moves(), Reward())
     categories = categories_of(designs)
     observe = RoomsObservation(simulator, categories, device)
-    views = symmetries(simulator.moves, device)
+    views = symmetries(simulator.moves, device, mirrors_alike)
     center, quarter = (torch.tensor(table, device=device) for table in simulator.designed())
     tables = simulator.sequence(), simulator.count, np.arange(QUARTERS) < simulator.ways[..., None]
     rank, count, ways = (torch.tensor(table, device=device) for table in tables)
@@ -123,7 +124,7 @@ def train_rooms_pointer(
         place = torch.logsumexp(weight.gather(1, index) - off / BREADTH, -1).sum(-1)  # (B, N)
         return -torch.logsumexp((facing + place).masked_fill(~right.free, -torch.inf), 1).mean()
 
-    return trained(lambda: RoomsPointer(categories), draw, loss, spent, seed, LEARNING_RATE, device)
+    return trained(lambda: RoomsPointer(categories, mirrors_alike), draw, loss, spent, seed, LEARNING_RATE, device)
 
 
 def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
@@ -149,7 +150,7 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
     device = next(network.parameters()).device
     simulator = RoomsSimulator(briefs, None, Moves(), Reward())
     observe = RoomsObservation(simulator, network.categories, device)
-    views = symmetries(simulator.moves, device)
+    views = symmetries(simulator.moves, device, network.mirrors_alike)
     order = simulator.sequence().argsort(1, kind="stable")
     can_face, stays_off = simulator.entry >= 0, _stays_off(simulator, observe.space.shape[0])
     every = np.arange(len(briefs))
