@@ -1,0 +1,101 @@
+"""How much hangs on the place of the first item? One room type a call:
+
+    python experiments/first_item.py living_room [--rooms 100] [--seed 0] [--results <folder>]
+
+The agent in the package furnishes held-out briefs from nothing, the largest item first; and again with that item where
+the designer has it. What the others are worth is told apart: where the agent put the first right (an IoU of RIGHT or
+more), where it put it wrong, and where it was given.
+
+Prints the numbers and writes experiments/results/first_item/<type>.json.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from cell_config import RESULTS
+from packaged import options
+
+from layoutrl.env.measures import iou_of, matched, means
+from layoutrl.evaluation.statistics import standard_error
+from layoutrl.rooms.brief import brief_of, largest_first
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.room import Item, Room
+from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.files import write_json
+from layoutrl.runs.pretrained import load
+
+KEPT = RESULTS / "first_item"
+RIGHT = 0.8  # IoU
+
+
+def equals(item: Item, room: Room) -> list[int]:
+    """The indices of the items of a room that are the same but for their places."""
+    of = (item.category, item.size, item.form)
+    return [k for k, other in enumerate(room.furniture) if (other.category, other.size, other.form) == of]
+
+
+def without(room: Room, k: int) -> Room:
+    """The room without one of its items."""
+    return replace(room, furniture=(*room.furniture[:k], *room.furniture[k + 1 :]), target=None)
+
+
+def compared(layout: Room, k: int, design: Room) -> tuple[float, float]:
+    """The IoU of item k of a layout with the designer's, the nearest where there are equals; and of all others."""
+    item = layout.furniture[k]
+    if item.center is None:
+        return 0.0, others(layout, k, design, equals(item, design)[0])
+    same = equals(item, design)
+    iou = iou_of(np.array([item.footprint] * len(same)), np.array([design.furniture[j].footprint for j in same]))
+    return float(iou.max()), others(layout, k, design, same[int(iou.argmax())])
+
+
+def others(layout: Room, k: int, design: Room, j: int) -> float:
+    """The mean IoU of all items but k of the layout, j of the design."""
+    found = matched([without(layout, k)], [without(design, j)])
+    return float(means(found.iou, found.room, 1).item())
+
+
+def mean(values: Sequence[float]) -> dict[str, Any]:
+    """Mean and standard error over rooms that have other items, and how many they are."""
+    known = np.array(values)
+    known = known[~np.isnan(known)]
+    error = standard_error(known, np.arange(len(known))) if len(known) else None
+    return {"mean": float(known.mean()) if len(known) else None, "standard_error": error, "rooms": len(known)}
+
+
+@answers_errors()
+def main() -> None:
+    said = options(__doc__, rooms=100, seed=0, results=KEPT)
+    designs = design_rooms(said.room_type, "test", said.seed, said.rooms).rooms
+    briefs = [brief_of(design) for design in designs]
+    first = [largest_first(brief)[0] for brief in briefs]
+    given = []
+    for brief, k, design in zip(briefs, first, designs, strict=True):
+        item = design.furniture[equals(brief.furniture[k], design)[0]]
+        given.append(replace(brief, furniture=(*brief.furniture[:k], item, *brief.furniture[k + 1 :])))
+    furnisher = load(said.room_type, torch.device("cpu"))
+    alone, helped = ([best.layout for best, *_ in furnisher.furnish(those, 1)] for those in (briefs, given))
+    largest, rest = np.array([compared(*room) for room in zip(alone, first, designs, strict=True)]).T
+    right = largest >= RIGHT
+    numbers = {
+        "the first item": largest,
+        "it is right": right.astype(float),
+        "the others, where it is right": rest[right],
+        "the others, where it is wrong": rest[~right],
+        "the others, where it is given": [compared(*room)[1] for room in zip(helped, first, designs, strict=True)],
+    }
+    result: dict[str, Any] = {"rooms": len(designs), "seed": said.seed}
+    for name, values in numbers.items():
+        result[name] = mean(values)
+        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
+    write_json(said.results / f"{said.room_type}.json", result)
+
+
+if __name__ == "__main__":
+    main()
