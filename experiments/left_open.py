@@ -39,6 +39,7 @@ TRIES = 4000  # lists that are drawn of a template
 DESIGNED = 40  # of those that may become the brief's, the likeliest, which are furnished
 LUCK = 90  # percent of draws that fall on a size that is in the brief, where one can
 ONE = 0.99  # IoU above which two layouts are one
+CUT_TO_FIT = "counter"  # its width is what is free between two others, whatever was drawn
 
 T = TypeVar("T")
 
@@ -119,12 +120,16 @@ def matches_of(layouts: Sequence[tuple[Item, ...]], room: Room) -> tuple[np.ndar
 
 def may_become(steps: Sequence[Step], room: Room) -> bool:
     """Whether these pieces are the room's furniture, but for optional ones that were left out."""
-    asked = Counter((item.category, *(round(100 * side) for side in item.size)) for item in room.furniture)
+    asked = Counter(_drawn_as(item.category, *(round(100 * side) for side in item.size)) for item in room.furniture)
     every, needed = (
-        Counter((step.piece.category, step.piece.depth, step.piece.width) for step in some)
+        Counter(_drawn_as(step.piece.category, step.piece.depth, step.piece.width) for step in some)
         for some in (steps, [step for step in steps if not step.optional])
     )
     return needed <= asked <= every
+
+
+def _drawn_as(category: str, depth: int, width: int) -> tuple[str, int, int]:
+    return category, depth, 0 if category == CUT_TO_FIT else width
 
 
 def mirrored(shell: Shell) -> Shell:
