@@ -1,6 +1,6 @@
 """How much hangs on the place of the first item? One room type a call:
 
-    python experiments/first_item.py living_room [--rooms 100] [--seed 0] [--results <folder>]
+    python experiments/first_item.py living_room [--rooms 60] [--seed 0] [--results <folder>]
 
 The agent in the package furnishes held-out briefs from nothing, the largest item first; and again with that item where
 the designer has it. What the others are worth is told apart: where the agent put the first right (an IoU of RIGHT or
@@ -71,7 +71,7 @@ def mean(values: Sequence[float]) -> dict[str, Any]:
 
 @answers_errors()
 def main() -> None:
-    said = options(__doc__, rooms=100, seed=0, results=KEPT)
+    said = options(__doc__, rooms=60, seed=0, results=KEPT)
     designs = design_rooms(said.room_type, "test", said.seed, said.rooms).rooms
     briefs = [brief_of(design) for design in designs]
     first = [largest_first(brief)[0] for brief in briefs]

@@ -1,6 +1,6 @@
 """How much of a layout does a brief leave open? One room type a call:
 
-    python experiments/left_open.py study [--rooms 100] [--seed 0] [--results <folder>]
+    python experiments/left_open.py study [--rooms 40] [--seed 0] [--results <folder>]
 
 Who furnishes knows the room and the list of furniture, but not by which of the designer's templates the list came
 about. Here every template that suits the room is asked for the same list, and what it makes of it is weighed by how
@@ -184,7 +184,7 @@ def told(designed: Design, found: LeftOpen) -> dict[str, float]:
 
 @answers_errors()
 def main() -> None:
-    said = options(__doc__, rooms=100, seed=0, results=KEPT)
+    said = options(__doc__, rooms=40, seed=0, results=KEPT)
     designs = [design_room(said.room_type, "test", said.seed, index) for index in range(said.rooms)]
     values: dict[str, list[float]] = defaultdict(list)
     for designed in designs:
