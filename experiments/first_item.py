@@ -12,17 +12,15 @@ Prints the numbers and writes experiments/results/first_item/<type>.json.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import torch
 from cell_config import RESULTS
-from packaged import options
+from packaged import mean_over_rooms, options
 
 from layoutrl.env.measures import iou_of, matched, means
-from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.brief import brief_of, largest_first
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room
@@ -61,14 +59,6 @@ def others(layout: Room, k: int, design: Room, j: int) -> float:
     return float(means(found.iou, found.room, 1).item())
 
 
-def mean(values: Sequence[float]) -> dict[str, Any]:
-    """Mean and standard error over rooms that have other items, and how many they are."""
-    known = np.array(values)
-    known = known[~np.isnan(known)]
-    error = standard_error(known, np.arange(len(known))) if len(known) else None
-    return {"mean": float(known.mean()) if len(known) else None, "standard_error": error, "rooms": len(known)}
-
-
 @answers_errors()
 def main() -> None:
     said = options(__doc__, rooms=60, seed=0, results=KEPT)
@@ -80,19 +70,19 @@ def main() -> None:
         item = design.furniture[equals(brief.furniture[k], design)[0]]
         given.append(replace(brief, furniture=(*brief.furniture[:k], item, *brief.furniture[k + 1 :])))
     furnisher = load(said.room_type, torch.device("cpu"))
-    alone, helped = ([best.layout for best, *_ in furnisher.furnish(those, 1)] for those in (briefs, given))
-    largest, rest = np.array([compared(*room) for room in zip(alone, first, designs, strict=True)]).T
+    alone, helped = ([best.layout for best, *_ in furnisher.furnish(asked, 1)] for asked in (briefs, given))
+    largest, rest = np.array([compared(*those) for those in zip(alone, first, designs, strict=True)]).T
     right = largest >= RIGHT
     numbers = {
         "the first item": largest,
         "it is right": right.astype(float),
         "the others, where it is right": rest[right],
         "the others, where it is wrong": rest[~right],
-        "the others, where it is given": [compared(*room)[1] for room in zip(helped, first, designs, strict=True)],
+        "the others, where it is given": [compared(*those)[1] for those in zip(helped, first, designs, strict=True)],
     }
     result: dict[str, Any] = {"rooms": len(designs), "seed": said.seed}
     for name, values in numbers.items():
-        result[name] = mean(values)
+        result[name] = mean_over_rooms(values)
         print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
     write_json(said.results / f"{said.room_type}.json", result)
 

@@ -3,10 +3,10 @@
     python experiments/left_open.py study [--rooms 40] [--seed 0] [--results <folder>]
 
 Who furnishes knows the room and the list of furniture, but not by which of the designer's templates the list came
-about. Here every template that suits the room is asked for the same list, and what it makes of it is weighed by how
-often it would (`designs_of`). One of these layouts is what the designer did; which, the brief does not tell. So no one
-who furnishes from a brief can be sure to be nearer than the layout that is nearest to all others on average, as often
-as they come: `the safest`.
+about. Every template that suits the room is asked for the same list. What it makes of it counts as often as it would be
+drawn (`left_open`). One of these layouts is the designer's; the brief does not tell which. `the safest` is the one of
+them that is nearest to all, on average. And where the same template does not furnish a mirrored room as the mirror
+image, who learns from mirrored rooms learns what is wrong: `mirrored`.
 
 Prints the numbers and writes experiments/results/left_open/<type>.json.
 """
@@ -21,10 +21,9 @@ from typing import TypeVar
 
 import numpy as np
 from cell_config import RESULTS
-from packaged import options
+from packaged import mean_over_rooms, options
 
 from layoutrl.env.measures import matched, means
-from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.clearances import passage
 from layoutrl.rooms.designer.generator import ROOM_TYPES, Design, design_room, item_of
@@ -169,15 +168,17 @@ def told(designed: Design, found: LeftOpen) -> dict[str, float]:
     iou, facing = matches_of(found.layouts, designed.room)
     result = {
         "layouts": len(found.layouts),
-        "several templates": other.any(),
+        "several templates make it": other.any(),
         "the safest, IoU": iou[found.safest],
         "the safest, facing": facing[found.safest],
         "the designer's own is found": iou.max() > ONE,
     }
     if other.any():
         result["IoU of two templates"] = (both * found.iou)[other].sum() / both[other].sum()
-    if again := left_open(designed.room, mirrored(designed.shell)):
-        back = image_of(again.layouts[again.safest], designed.shell.width / 100)
+    again = left_open(designed.room, mirrored(designed.shell))
+    if again and (its_own := np.flatnonzero(again.template == designed.template)).size:
+        likeliest = again.layouts[its_own[again.share[its_own].argmax()]]
+        back = image_of(likeliest, designed.shell.width / 100)
         result["mirrored"] = matches_of([back], designed.room)[0].item()
     return {name: float(value) for name, value in result.items()}
 
@@ -193,9 +194,7 @@ def main() -> None:
                 values[name].append(value)
     result: dict[str, object] = {"rooms": len(designs), "seed": said.seed}
     for name, numbers in values.items():
-        count = len(numbers)
-        error = standard_error(np.array(numbers), np.arange(count))
-        result[name] = {"mean": float(np.mean(numbers)), "standard_error": error, "rooms": count}
+        result[name] = mean_over_rooms(numbers)
         print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
     write_json(said.results / f"{said.room_type}.json", result)
 

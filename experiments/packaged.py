@@ -1,4 +1,4 @@
-"""What experiments with the agents in the package have in common: their options, and the numbers that they tell."""
+"""What experiments with the agents in the package, and with designs, have in common: options, and what they tell."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
+from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs.ranges import within
 
@@ -27,6 +30,18 @@ def options(description: str | None, *, rooms: int, seed: int, results: Path) ->
     within("--seed", said.seed, said.seed >= 0, "0 or more")
     said.results.mkdir(parents=True, exist_ok=True)
     return said
+
+
+def mean_over_rooms(values: Sequence[float] | np.ndarray) -> dict[str, Any]:
+    """Mean and standard error of values, NaN left out, and how many rooms they are; None where there is none."""
+    known = np.array(values)[~np.isnan(values)]
+    if not len(known):
+        return {"mean": None, "standard_error": None, "rooms": 0}
+    return {
+        "mean": float(known.mean()),
+        "standard_error": standard_error(known, np.arange(len(known))),
+        "rooms": len(known),
+    }
 
 
 def numbers(layouts: Sequence[Room], designs: Sequence[Room]) -> dict[str, Any]:

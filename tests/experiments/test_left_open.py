@@ -55,6 +55,21 @@ def test_the_designers_own_layout_is_among_those_that_a_brief_leaves_open(room_t
     np.testing.assert_allclose(found.iou.diagonal(), 1)
 
 
+def test_layouts_count_as_often_as_they_would_be_drawn() -> None:
+    iou = np.array([[1.0, 0.1, 0.1], [0.1, 1.0, 0.9], [0.1, 0.9, 1.0]])
+    for share, safest in (([0.6, 0.2, 0.2], 0), ([0.3, 0.4, 0.3], 1)):
+        assert left_open.LeftOpen([(), (), ()], np.array(["a", "b", "b"]), np.array(share), iou).safest == safest
+    designed = design_room("study", "test", 0, 28)  # two templates make its list
+    found = left_open.left_open(designed.room, designed.shell)
+    assert found is not None
+    assert found.template.tolist() == ["command", "at_wall"]
+    told = left_open.told(designed, found)
+    assert told["several templates make it"] == 1
+    assert told["IoU of two templates"] < 0.5
+    # Width and depth of the desk, and width of the bookcase: one of 3 widths, 60%, one of 5; one of 5, 30%, one of 6.
+    assert found.share.tolist() == pytest.approx([0.8, 0.2])
+
+
 def test_a_mirrored_shell_is_a_shell_with_left_and_right_changed() -> None:
     for index in range(20):
         shell = design_room("study", "test", 0, index).shell
