@@ -65,7 +65,7 @@ def fill(config: CellConfig) -> None:
     file, error = folder / f"{name}.json", folder / f"{name}.error"
     if file.exists():
         error.unlink(missing_ok=True)
-        if others := not_as_asked(json.loads(file.read_text(encoding="utf-8")), config):
+        if others := differences(json.loads(file.read_text(encoding="utf-8"))["config"], stated(config)):
             what = f"filled with another {', '.join(others)}; expected a new folder (results=...), or delete the cell"
             error.write_text(f"error: {name} is {what}\n", encoding="utf-8")
             print(f"{config.table}: {name} is {what}", flush=True)
@@ -170,13 +170,6 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
         "rooms": len(simulator.rooms),
         "training_rooms": len(setting.training),
     }
-
-
-def not_as_asked(cell: Mapping[str, Any], config: CellConfig) -> list[str]:
-    """What a filled cell was given otherwise. A rival may train for longer than it has to, as on a slower machine."""
-    kept, minutes = cell["config"], config.training_minutes
-    longer = [f"training_minutes.{b}" for b in minutes if kept.get("training_minutes", minutes)[b] > minutes[b]]
-    return [name for name in differences(kept, stated(config)) if name not in longer]
 
 
 def stated(config: CellConfig) -> dict[str, Any]:

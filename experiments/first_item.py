@@ -11,21 +11,18 @@ Prints the numbers and writes experiments/results/first_item/<type>.json.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
 from cell_config import RESULTS
-from packaged import mean_over_rooms, options
+from packaged import options, tell
 
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.rooms.brief import brief_of, largest_first
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.files import write_json
 from layoutrl.runs.pretrained import load
 
 KEPT = RESULTS / "first_item"
@@ -80,11 +77,7 @@ def main() -> None:
         "the others, where it is wrong": rest[~right],
         "the others, where it is given": [compared(*those)[1] for those in zip(helped, first, designs, strict=True)],
     }
-    result: dict[str, Any] = {"rooms": len(designs), "seed": said.seed}
-    for name, values in numbers.items():
-        result[name] = mean_over_rooms(values)
-        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
-    write_json(said.results / f"{said.room_type}.json", result)
+    tell(said, numbers)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ Prints the numbers and writes experiments/results/left_open/<type>.json.
 
 from __future__ import annotations
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +20,7 @@ from typing import TypeVar
 
 import numpy as np
 from cell_config import RESULTS
-from packaged import mean_over_rooms, options
+from packaged import options, tell
 
 from layoutrl.env.measures import matched, means
 from layoutrl.rooms.brief import brief_of
@@ -31,7 +30,6 @@ from layoutrl.rooms.designer.search import NoDesign, Step, design
 from layoutrl.rooms.designer.shell import Box, Dice, Gap, Shell
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.files import write_json
 
 KEPT = RESULTS / "left_open"
 TRIES = 4000  # lists that are drawn of a template
@@ -192,11 +190,7 @@ def main() -> None:
         if found := left_open(designed.room, designed.shell):
             for name, value in told(designed, found).items():
                 values[name].append(value)
-    result: dict[str, object] = {"rooms": len(designs), "seed": said.seed}
-    for name, numbers in values.items():
-        result[name] = mean_over_rooms(numbers)
-        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
-    write_json(said.results / f"{said.room_type}.json", result)
+    tell(said, values)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.room import MAIN_ITEM, Room
+from layoutrl.runs.files import write_json
 from layoutrl.runs.ranges import within
 
 MEASURES = ("iou", "facing", "faultless")
@@ -42,6 +44,15 @@ def mean_over_rooms(values: Sequence[float] | np.ndarray) -> dict[str, Any]:
         "standard_error": standard_error(known, np.arange(len(known))),
         "rooms": len(known),
     }
+
+
+def tell(said: argparse.Namespace, values: Mapping[str, Sequence[float] | np.ndarray]) -> None:
+    """Print the mean of each of the values over rooms, and write all to <type>.json."""
+    result: dict[str, Any] = {"rooms": said.rooms, "seed": said.seed}
+    for name, those in values.items():
+        result[name] = mean_over_rooms(those)
+        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
+    write_json(said.results / f"{said.room_type}.json", result)
 
 
 def numbers(layouts: Sequence[Room], designs: Sequence[Room]) -> dict[str, Any]:

@@ -41,6 +41,7 @@ METHODS = {
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
 TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
+POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_pointer",
     "annealer_long,search_long", "rooms_planit",
@@ -92,7 +93,13 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     for columns in [chosen["column"]] if "column" in chosen else SWEEPS:
         sweep = common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
         if designed := [column for column in columns.split(",") if column in METHODS.values()]:
-            made.append(sweep | {"column": ",".join(designed), "room": ",".join(rooms)})
+            longer = POINTER_MINUTES if LEARNS["pointer in sequence"] in designed else {}
+            if usual := [room for room in rooms if room not in longer]:
+                made.append(sweep | {"column": ",".join(designed), "room": ",".join(usual)})
+            for room in [room for room in rooms if room in longer]:
+                for column in designed:
+                    more = {"training_minutes.default": longer[room]} if column == LEARNS["pointer in sequence"] else {}
+                    made.append(more | sweep | {"column": column, "room": room})
         if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
             root = str(Path(chosen["designer_rooms"]).absolute())
             own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}

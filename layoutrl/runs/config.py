@@ -66,9 +66,7 @@ class RoomConfig:
     item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
     updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
     whole_updates: int = 0  # the same with scope=room, which runs of before do not say
-    mirrors_alike: bool = (
-        True  # whether a mirrored room is mostly furnished as the mirror image: scope=room learns from it
-    )
+    mirrors_alike: bool = True  # a mirrored room is mostly furnished as the mirror image, and scope=room learns from it
 
 
 @dataclass

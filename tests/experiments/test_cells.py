@@ -15,7 +15,7 @@ import cells
 import numpy as np
 import pytest
 from cell_config import folder_of, name_of
-from cells import cells_of, fill, given, not_as_asked, packed, stated, unpacked
+from cells import cells_of, fill, given, packed, unpacked
 from hydra import compose, initialize_config_dir
 
 from layoutrl import InputError
@@ -26,16 +26,6 @@ from layoutrl.runs.config import TrainConfig, composed, config_directory, part
 from layoutrl.runs.monitor import watched
 from tests.commands import script
 from tests.experiments.builders import LITTLE, cell, configured
-
-
-def test_a_rival_may_have_trained_for_longer_than_is_asked_but_for_no_less(tmp_path, designed):
-    def asked(minutes):
-        more = f"training_minutes.default={minutes}"
-        return configured(tmp_path, designed, "column=rooms_pointer", "room=tatami", "budget=default", more)
-
-    kept = {"config": stated(asked(10))}
-    assert not_as_asked(kept, asked(10)) == not_as_asked(kept, asked(5)) == []
-    assert not_as_asked(kept, asked(20)) == ["training_minutes.default"]
 
 
 def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_path, designed, monkeypatch, capsys):
