@@ -18,7 +18,7 @@ from printing import Table, write
 
 ROOT = Path(__file__).parents[1]
 KEPT = RESULTS / "default"
-PAGES = ("README.md", "docs/results.md", "docs/planit.md", "docs/whole_rooms.md")
+PAGES = ("README.md", "docs/results.md", "docs/planit.md", "docs/whole_rooms_results.md")
 
 
 def shown(page: str, tables: dict[str, str]) -> str:

@@ -102,7 +102,7 @@ def test_a_reader_sees_one_animation_one_figure_and_two_narrow_tables_before_tra
 
 
 def test_the_table_of_whole_rooms_has_the_numbers_of_table_3() -> None:
-    page = PAGES[PROJECT / "docs/whole_rooms.md"].partition("<!-- table3-best -->")[2]
+    page = PAGES[PROJECT / "docs/whole_rooms_results.md"].partition("<!-- table3-best -->")[2]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in tables(page)[0].splitlines()[2:]]
     of = {(row[0], row[1]): (row[2].split()[0], row[5].split()[0]) for row in rows}
     shown = [[cell.strip(" *") for cell in line.split("|")[1:-1]] for line in tables(README)[1].splitlines()[2:]]
