@@ -255,6 +255,15 @@ def page_of(about: Mapping[str, Any]) -> str:
         "[whole_rooms.md](whole_rooms.md#measures): means over unseen designed briefs, furnished from nothing, with",
         "the standard error over rooms. In real rooms they are worse:",
         "[rooms.md](rooms.md#how-well-it-works-on-files-that-people-have).",
+        "",
+        "| agent | unseen briefs | IoU | facing | faultless | core-seconds a room |",
+        "| --- | --- | --- | --- | --- | --- |",
+        *(
+            f"| [{words(room_type)}](#{words(room_type).replace(' ', '-')}) | {card['rooms']:,} | "
+            + " | ".join(f"{card['measures'][name]:.3f}" for name in ("iou", "facing", "faultless"))
+            + f" | {card['seconds']:.2f} |"
+            for room_type, card in agents.items()
+        ),
     ]
     for room_type, card in agents.items():
         lines += ["", *card_of(room_type, card)]
