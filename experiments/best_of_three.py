@@ -10,17 +10,14 @@ Prints the numbers and writes experiments/results/best_of_three/<type>.json.
 
 from __future__ import annotations
 
-import json
-
 import torch
 from cell_config import RESULTS
-from packaged import numbers, options
+from packaged import numbers, options, tell
 
 from layoutrl.env.measures import measured
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.files import write_json
 from layoutrl.runs.pretrained import load
 
 KEPT = RESULTS / "best_of_three"
@@ -39,15 +36,8 @@ def main() -> None:
         "the only one": alone,
         "the nearest of three": [those[iou.argmax()] for those, iou in zip(choices, each, strict=True)],
     }
-    result: dict[str, object] = {
-        "rooms": len(designs),
-        "seed": said.seed,
-        "layouts": sum(map(len, choices)) / len(choices),
-    }
-    for name, layouts in rows.items():
-        result[name] = numbers(layouts, designs)
-        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
-    write_json(said.results / f"{said.room_type}.json", result)
+    found = ((name, numbers(layouts, designs)) for name, layouts in rows.items())
+    tell(said, found, layouts=sum(map(len, choices)) / len(choices))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 from cell_config import RESULTS
-from packaged import options, tell
+from packaged import means_over_rooms, options, tell
 
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.rooms.brief import brief_of, largest_first
@@ -77,7 +77,7 @@ def main() -> None:
         "the others, where it is wrong": rest[~right],
         "the others, where it is given": [compared(*those)[1] for those in zip(helped, first, designs, strict=True)],
     }
-    tell(said, numbers)
+    tell(said, means_over_rooms(numbers))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ Prints the numbers and writes experiments/results/irregular/<type>.json.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 from cell_config import RESULTS
-from packaged import numbers, options
+from packaged import numbers, options, tell
 
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
@@ -27,7 +26,6 @@ from layoutrl.rooms.faults import Items
 from layoutrl.rooms.oddities import BACK, sides_off_walls
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.files import write_json
 from layoutrl.runs.pretrained import load
 
 AT_THE_WALL = 0.02  # metres from it, at most
@@ -61,13 +59,15 @@ def main() -> None:
     changed = disturbed(designs, [np.random.default_rng([said.seed, k]) for k in range(len(designs))])
     those = [k for k, (_, names) in enumerate(changed) if names][: said.rooms]
     done = Counter(name for k in those for name in changed[k][1])
-    result: dict[str, Any] = {"rooms": len(those), "seed": said.seed, "disturbances": dict(done)}
-    for name, rooms in (("as designed", designs), ("disturbed", [room for room, _ in changed])):
+
+    def furnished(rooms: Sequence[Room]) -> dict[str, Any]:
         some = [rooms[k] for k in those]
         layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(room) for room in some], 1)]
-        result[name] = numbers(layouts, some) | {"at_the_wall": at_the_wall(layouts, some)}
-        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
-    write_json(said.results / f"{said.room_type}.json", result)
+        return numbers(layouts, some) | {"at_the_wall": at_the_wall(layouts, some)}
+
+    rooms = {"as designed": designs, "disturbed": [room for room, _ in changed]}
+    found = ((name, furnished(some)) for name, some in rooms.items())
+    tell(said, found, rooms=len(those), disturbances=dict(done))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from typing import TypeVar
 
 import numpy as np
 from cell_config import RESULTS
-from packaged import options, tell
+from packaged import means_over_rooms, options, tell
 
 from layoutrl.env.measures import matched, means
 from layoutrl.rooms.brief import brief_of
@@ -190,7 +190,7 @@ def main() -> None:
         if found := left_open(designed.room, designed.shell):
             for name, value in told(designed, found).items():
                 values[name].append(value)
-    tell(said, values)
+    tell(said, means_over_rooms(values))
 
 
 if __name__ == "__main__":

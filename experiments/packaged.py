@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,24 +34,22 @@ def options(description: str | None, *, rooms: int, seed: int, results: Path) ->
     return said
 
 
-def mean_over_rooms(values: Sequence[float] | np.ndarray) -> dict[str, Any]:
-    """Mean and standard error of values, NaN left out, and how many rooms they are; None where there is none."""
-    known = np.array(values)[~np.isnan(values)]
-    if not len(known):
-        return {"mean": None, "standard_error": None, "rooms": 0}
-    return {
-        "mean": float(known.mean()),
-        "standard_error": standard_error(known, np.arange(len(known))),
-        "rooms": len(known),
-    }
-
-
-def tell(said: argparse.Namespace, values: Mapping[str, Sequence[float] | np.ndarray]) -> None:
-    """Print the mean of each of the values over rooms, and write all to <type>.json."""
-    result: dict[str, Any] = {"rooms": said.rooms, "seed": said.seed}
+def means_over_rooms(values: Mapping[str, Sequence[float] | np.ndarray]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Mean and standard error of each of the values, NaN left out, and of how many rooms; None where there is none."""
     for name, those in values.items():
-        result[name] = mean_over_rooms(those)
-        print(f"{said.room_type}, {name}: {json.dumps(result[name])}", flush=True)
+        known = np.array(those)[~np.isnan(those)]
+        mean, error = (
+            (float(known.mean()), standard_error(known, np.arange(len(known)))) if len(known) else (None, None)
+        )
+        yield name, {"mean": mean, "standard_error": error, "rooms": len(known)}
+
+
+def tell(said: argparse.Namespace, found: Iterable[tuple[str, Any]], **about: Any) -> None:
+    """Print what was found as it comes, each under its name, and write all to <type>.json, with what it is `about`."""
+    result: dict[str, Any] = {"rooms": said.rooms, "seed": said.seed} | about
+    for name, row in found:
+        result[name] = row
+        print(f"{said.room_type}, {name}: {json.dumps(row)}", flush=True)
     write_json(said.results / f"{said.room_type}.json", result)
 
 
