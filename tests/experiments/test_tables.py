@@ -24,7 +24,7 @@ from omegaconf import OmegaConf
 from printing import Row
 
 from layoutrl import InputError
-from layoutrl.runs.config import composed, config_directory
+from layoutrl.runs.config import RoomConfig, composed, config_directory
 from layoutrl.runs.folder import differences
 from tests.commands import PROJECT, fresh
 from tests.experiments.builders import LITTLE, REAL, script
@@ -190,7 +190,8 @@ def configurations(table: str, sweep: dict[str, str]) -> Iterator[CellConfig]:
             config = compose("cell", chosen)
         for room_type in types:
             if room_type:
-                OmegaConf.update(config, "room", OmegaConf.load(config_directory() / "room" / f"{room_type}.yaml"))
+                room = OmegaConf.load(config_directory() / "room" / f"{room_type}.yaml")
+                OmegaConf.update(config, "room", OmegaConf.merge(RoomConfig, room))  # nothing of the type before
             for said in itertools.product(*(sweep[name].split(",") for name in plain)):
                 for name, value in zip(plain, said, strict=True):
                     OmegaConf.update(config, name, value)
