@@ -42,7 +42,9 @@ REAL = ("bedroom", "tatami")  # the types of which there are real rooms
 TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
 # Agents of real rooms learn from longer episodes and a smaller memory: their cells are of before others were usual.
-OF_BEFORE = {"method.max_moves": "30", "method.episodes": "64", "method.replay_capacity": "200000"}
+OF_BEFORE = {
+    "rooms_agent": {"method.max_moves": "30", "method.episodes": "64", "method.replay_capacity": "200000"},
+}
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_pointer",
@@ -108,8 +110,8 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             sweep = {name: value for name, value in sweep.items() if name != "data.root"} | own
             learn = [column for column in columns.split(",") if column in LEARNS.values()]
             others = [column for column in columns.split(",") if column not in learn]
-            settings = OF_BEFORE if LEARNS["agent"] in learn else {}
-            for some, more in ((learn, settings | trained_on), (others, {})):
+            apart = [([column], OF_BEFORE.get(column, {}) | trained_on) for column in learn]
+            for some, more in (*apart, (others, {})):
                 made += [more | sweep | {"column": ",".join(some)}] if some else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:
