@@ -153,7 +153,7 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
     } | scores_of(cell)
     if before and {name: before[name] for name in card if name in before} == card and (folder / card["file"]).exists():
         return before
-    card["items"], iou = items_of(unpacked(content, card, torch.device("cpu")), config)
+    card["items"], iou = items_of(Furnisher(*unpacked(content, card, torch.device("cpu"))), config)
     _, exact = items_of(Furnisher(network, trained.method, categories), config)
     card["rounded"] = {"iou": float(iou.mean()), "iou_before": float(exact.mean())}
     (folder / card["file"]).write_bytes(content)
@@ -168,8 +168,8 @@ def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | N
     if before is None:
         raise InputError(f"room: the package has no network for a {room_type}; expected one of those that it has")
     cell = finished(room_type, PACKAGED, chosen)
-    network = unpacked((WEIGHTS / before["file"]).read_bytes(), before, torch.device("cpu"))
-    items, iou = items_of(network, cell["config"])
+    agent = unpacked((WEIGHTS / before["file"]).read_bytes(), before, torch.device("cpu"))
+    items, iou = items_of(Furnisher(*agent), cell["config"])
     said = unpacked_iou(cell["rows"][LAYOUTS]["iou"])[: len(iou)]
     if np.abs(said - iou).mean() > SAME:
         raise InputError(

@@ -17,13 +17,17 @@ from layoutrl.agents.learner import Learner
 from layoutrl.agents.training import Training
 from layoutrl.env.reward import Reward
 from layoutrl.evaluate import run as evaluate
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import whole_parts
+from layoutrl.runs import pretrained
 from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, part
+from layoutrl.runs.folder import load_config
 from layoutrl.runs.monitor import FINAL_OF_ROOMS
-from layoutrl.runs.trained import trained_run
+from layoutrl.runs.trained import trained_network, trained_run
 from layoutrl.train import run as train
 from layoutrl.watch import run as watch
 
@@ -108,6 +112,28 @@ def test_a_training_that_is_stopped_goes_on_as_if_it_had_not(trained: Path, tmp_
         assert torch.equal(ours["episodes"][name], theirs["episodes"][name]), name
     for one, other in zip(ours["replay"]["columns"], theirs["replay"]["columns"], strict=True):
         assert torch.equal(one, other)
+
+
+def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else_there_is(tmp_path: Path) -> None:
+    lines = [json.dumps(room_to_dict(room)) for room in design_rooms("tatami", "train", 0, 12).rooms]
+    (tmp_path / "own.jsonl").write_text("\n".join(lines).replace("stool", "piano"))
+    given = "room=tatami", "scope=room", "data=json", f"data.root={tmp_path / 'own.jsonl'}", "begin=package"
+    less = "budget=smoke", "budget.evaluations=1", "budget.evaluation_rooms=1", "method.warmup_moves=64"
+    next_to_nothing = "method.updates.smoke=1", "method.learning_rate=1e-12"
+    folder = train(part(composed("train", *given, *less, *next_to_nothing, f"runs={tmp_path}"), TrainConfig))
+
+    settings = load_config(folder, TrainConfig)
+    network, categories, _ = trained_network(folder, settings, torch.device("cpu"))
+    assert categories == [*pretrained.known("tatami"), "piano"]
+    briefs = [brief_of(room) for room in design_rooms("tatami", "test", 5, 2).rooms]
+    layouts, of_the_package = (
+        [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
+        for furnisher in (
+            Furnisher(network, settings.method, categories),
+            pretrained.load("tatami", torch.device("cpu")),
+        )
+    )
+    assert layouts == of_the_package
 
 
 @pytest.mark.parametrize("room", MAIN_ITEM)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -32,6 +33,14 @@ from layoutrl.rooms.room import Room
 LOOKED_AT = 1024  # starts at once: whether an item can move is mostly known after the first so many
 
 
+class Agent(NamedTuple):
+    """What has learned."""
+
+    network: nn.Module
+    method: Method
+    categories: Sequence[str]  # of furniture, that it knows
+
+
 def q_network(
     method: Method, categories: Sequence[str], seed: np.random.SeedSequence, device: torch.device
 ) -> nn.Module:
@@ -48,9 +57,10 @@ def q_network(
 
 
 class Learner:
-    """An untrained agent and all that it learns from: rooms whose target moves or, with scope=room, whole designs.
+    """An agent and all that it learns from: rooms whose target moves or, with scope=room, whole designs.
 
-    Raises InputError where nothing can move in any of the rooms.
+    It is untrained, or knows what an agent of `before` does, of the same observation and moves. Raises InputError where
+    nothing can move in any of the rooms.
     """
 
     def __init__(
@@ -62,11 +72,18 @@ class Learner:
         network_seed: np.random.SeedSequence,
         training_seed: np.random.SeedSequence,
         device: torch.device,
+        before: Agent | None = None,
     ):
         self.categories = categories_of(rooms)
         self.method = method
         self.updates = updates
-        network = q_network(method, self.categories, network_seed, device)
+        if before is None:
+            network = q_network(method, self.categories, network_seed, device)
+        else:
+            assert isinstance(before.network, GeometryNetwork)
+            new = [category for category in self.categories if category not in before.categories]
+            self.categories = [*before.categories, *new]
+            network = before.network.knowing(len(new))
         self.agent = DQN(network, method.learning_rate, updates, method.target_period, method.double)
         self._seed = training_seed
         # Of different ages, so that not all end in the same step.

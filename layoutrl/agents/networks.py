@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, next to n
 WAVES = (1.0, 0.25)  # metres: and within each, so that a centimetre is seen far from everything, too
 BLOCK = 32  # pictures
 SHOWN = len(SCALES) + 2 * len(WAVES)  # numbers for a distance
+RELATIONS = 6 * SHOWN  # numbers for four gaps and two offsets of an element
+WAYS = (12 + 6 + 4) * SHOWN  # for clearances, how far off their middle, and slides
 
 
 @contextmanager
@@ -76,27 +79,35 @@ class GeometryNetwork(nn.Module):
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):
         super().__init__()
         seen = columns - 2  # all but x and y: what counts is how things stand to each other
-        relations = 6 * SHOWN  # four gaps and two offsets an element
-        ways = (12 + 6 + 4) * SHOWN  # clearances, how far off their middle, slides
         pooled = 2 * element_width
         self.element = nn.Sequential(
-            nn.Linear(seen + relations, element_width),
+            nn.Linear(seen + RELATIONS, element_width),
             nn.ReLU(inplace=True),
             nn.Linear(element_width, element_width),
             nn.ReLU(inplace=True),
         )
         self.itself = nn.Linear(element_width, element_width)
-        self.others = nn.Linear(pooled + seen + ways, element_width)
+        self.others = nn.Linear(pooled + seen + WAYS, element_width)
         self.again = nn.Sequential(
             nn.ReLU(inplace=True), nn.Linear(element_width, element_width), nn.ReLU(inplace=True)
         )
         self.trunk = nn.Sequential(
-            nn.Linear(2 * pooled + seen + ways, width),
+            nn.Linear(2 * pooled + seen + WAYS, width),
             nn.ReLU(inplace=True),
             nn.Linear(width, width),
             nn.ReLU(inplace=True),
         )
         self.head = _head(width, actions, dueling)
+
+    def knowing(self, more: int) -> GeometryNetwork:
+        """A copy that is shown so many columns more, the last ones, of which it has learned nothing yet."""
+        wider = copy.deepcopy(self)
+        for layer, behind in ((wider.element[0], RELATIONS), (wider.others, WAYS), (wider.trunk[0], WAYS)):
+            assert isinstance(layer, nn.Linear)
+            seen, rest = layer.weight.tensor_split([-behind], 1)
+            layer.weight = nn.Parameter(torch.cat([seen, seen.new_zeros(len(seen), more), rest], 1))
+            layer.in_features += more
+        return wider
 
     def forward(self, elements: Tensor) -> Tensor:
         """The value of each action (B, A), of elements float32 (B, N, columns), the moving item first."""

@@ -28,7 +28,8 @@ from layoutrl.rooms.collection import FOLDS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
-from layoutrl.runs.ranges import check_annealer, check_data, check_method, check_search, one_of, within
+from layoutrl.runs.pretrained import cards
+from layoutrl.runs.ranges import check_annealer, check_begin, check_data, check_method, check_search, one_of, within
 
 PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
@@ -120,6 +121,7 @@ class TrainConfig(LearningConfig):
 
     method: Method = MISSING
     reward: Reward = field(default_factory=Reward)
+    begin: Any = "nothing"  # what the network knows at first: nothing, or what the agent in the package does
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -127,6 +129,9 @@ class TrainConfig(LearningConfig):
         if self.method.scope == "room":
             one_of("room.item of whole rooms", self.room.item, "main")
         one_of("budget.name", self.budget.name, *self.method.updates)
+        one_of("begin", self.begin, "nothing", "package")
+        if self.begin == "package":
+            check_begin("begin=package", self.method, cards()[self.room.type]["method"])
 
 
 @dataclass

@@ -24,6 +24,7 @@ from layoutrl.rooms.room import Room
 if TYPE_CHECKING:
     import torch
 
+    from layoutrl.agents.learner import Agent
     from layoutrl.evaluation.furnishing import Furnisher
 
 FOLDER = files("layoutrl") / "weights"
@@ -37,6 +38,13 @@ def cards() -> dict[str, dict[str, Any]]:
 
 
 def load(room_type: str, device: torch.device) -> Furnisher:
+    """Who furnishes rooms of a type. Raises InputError as `agent` does."""
+    from layoutrl.evaluation.furnishing import Furnisher
+
+    return Furnisher(*agent(room_type, device))
+
+
+def agent(room_type: str, device: torch.device) -> Agent:
     """The agent of a room type. Raises InputError where there is none, or its file is damaged."""
     if (card := cards().get(room_type)) is None:
         raise InputError(f"room_type: no agent furnishes a {room_type}; expected one of {', '.join(cards())}")
@@ -47,17 +55,16 @@ def load(room_type: str, device: torch.device) -> Furnisher:
     return unpacked(content, card, device)
 
 
-def unpacked(content: bytes, card: dict[str, Any], device: torch.device) -> Furnisher:
+def unpacked(content: bytes, card: dict[str, Any], device: torch.device) -> Agent:
     """The agent that a file holds, built as its card says."""
     import torch
 
-    from layoutrl.agents.learner import q_network
-    from layoutrl.evaluation.furnishing import Furnisher
+    from layoutrl.agents.learner import Agent, q_network
 
     method = Method(**card["method"])
     network = q_network(method, card["categories"], np.random.SeedSequence(0), device)
     network.load_state_dict(torch.load(io.BytesIO(content), map_location=device, weights_only=True))
-    return Furnisher(network, method, card["categories"])
+    return Agent(network, method, card["categories"])
 
 
 class Agents:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -110,6 +110,14 @@ def check_data(data: Data) -> None:
         within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
     within("data.disturbed", data.disturbed, 0 <= data.disturbed <= 1, "0 to 1")
     one_of("data.unit", data.unit, "auto", *UNITS)
+
+
+def check_begin(name: str, method: Method, before: Mapping[str, Any]) -> None:
+    """Raises InputError where an agent that learned by the method of `before` sees or moves otherwise."""
+    for of in ("scope", "observation", "steps", "unit", "slide", "dueling"):
+        option = of if of == "scope" else f"method.{of}"
+        ours, theirs = getattr(method, of), before[of]
+        within(name, f"{option}={ours}", ours == theirs, f"{option}={theirs}, as that agent has it")
 
 
 def one_of(name: str, value: str, *allowed: str) -> None:

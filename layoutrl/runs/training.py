@@ -17,6 +17,7 @@ from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import greedy
 from layoutrl.evaluation.probe import Probe, RoomsProbe
 from layoutrl.rooms.room import Room
+from layoutrl.runs import pretrained
 from layoutrl.runs.config import TrainConfig
 from layoutrl.runs.machine import keep_freed_memory, refuse_chance
 from layoutrl.runs.monitor import watched
@@ -50,7 +51,8 @@ def train(
     refuse_chance(device)
     print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
-    learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device)
+    before = pretrained.agent(config.room.type, device) if config.begin == "package" else None
+    learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device, before)
     training = learner.training(max(1, updates // budget.reports))
     whole = method.scope == "room"
     network = learner.agent.network

@@ -126,6 +126,18 @@ def test_the_order_of_the_elements_never_changes_the_geometry_networks_values(se
     torch.testing.assert_close(network(shuffled), network(state), atol=1e-5, rtol=1e-5)
 
 
+@pytest.mark.parametrize("more", [0, 3])
+def test_a_network_that_is_shown_more_columns_values_as_before_whatever_is_in_them(more):
+    state = torch.rand(5, 7, len(COLUMNS) + 2)
+    network = GeometryNetwork(state.shape[2], 4, dueling=True)
+    wider = GeometryNetwork(state.shape[2] + more, 4, dueling=True)  # made as any of its size: all else fits
+    wider.load_state_dict(network.knowing(more).state_dict())
+    shown = torch.cat([state, torch.rand(5, 7, more)], -1)
+    torch.testing.assert_close(wider(shown), network(state))
+    assert network(state).sum().backward() is None
+    assert all(parameter.grad is None for parameter in network.knowing(more).parameters())  # a copy
+
+
 @pytest.mark.parametrize("what", ["position", "wall", "door", "item", "category"])
 def test_the_geometry_networks_values_change_with_every_part_of_the_state(what):
     def state(changed: str = "") -> torch.Tensor:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import inf, nan, nextafter
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from layoutrl import InputError
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import composed
-from layoutrl.runs.ranges import check_annealer, check_data, check_method, check_search
+from layoutrl.runs.ranges import check_annealer, check_begin, check_data, check_method, check_search
 
 METHOD = composed("train", "room=bedroom").method
 RIVALS = composed("place", "rooms=any.jsonl")
@@ -78,3 +79,22 @@ def test_each_weight_of_a_rival_is_asked_for_and_none_is_below_zero(check: Check
         less = {other: weight for other, weight in settings.weights.items() if other != key}
         with pytest.raises(InputError, match=rf"^{name}\.weights: expected .*{key}.*; got no {key}$"):
             check(replace(settings, weights=less))
+
+
+@pytest.mark.parametrize(
+    ("given", "found", "expected"),
+    [
+        ((), "scope=item", "scope=room"),
+        (("scope=room", "method.steps=[0.3]"), "method.steps=[0.3]", "method.steps=[0.32, 0.08, 0.02, 0.005]"),
+        (("scope=room", "method.slide=false"), "method.slide=False", "method.slide=True"),
+        (("scope=room", "method.dueling=false"), "method.dueling=False", "method.dueling=True"),
+    ],
+)
+def test_no_agent_begins_with_one_that_is_otherwise(given: tuple[str, ...], found: str, expected: str) -> None:
+    before = asdict(composed("train", "scope=room").method)
+    message = f"begin=package: expected {expected}, as that agent has it; got {found}"
+    with pytest.raises(InputError, match=re.escape(message)):
+        check_begin("begin=package", composed("train", *given).method, before)
+    check_begin("begin=package", composed("train", "scope=room", "method.batch=32").method, before)
+    with pytest.raises(InputError, match=r"^begin"):
+        composed("train", "begin=package", *given)
