@@ -18,8 +18,10 @@ from layoutrl.env.geometry import padded
 from layoutrl.env.observation import (
     COLUMNS,
     COS,
+    COS2,
     DEPTH,
     SIN,
+    SIN2,
     WIDTH,
     X,
     Y,
@@ -103,6 +105,13 @@ class RoomsObservation:
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """How the same rooms look mirrored and turned: the size of what lies nowhere is no matter of directions."""
         turned, sizes = elements_turned(observation, symmetry), slice(WIDTH, DEPTH + 1)
-        lies = (observation[..., [STANDS, COS, SIN]] != 0).any(-1, keepdim=True)
-        turned[..., sizes] = torch.where(lies, turned[..., sizes], observation[..., sizes])
+        turned[..., sizes] = torch.where(lying(observation)[..., None], turned[..., sizes], observation[..., sizes])
         return turned
+
+
+def lying(elements: Tensor) -> Tensor:
+    """Whether elements (..., columns) have a depth and a width along x and y: bool (...).
+
+    All that stand do, and what waits with a rotation that is given. (Of what is round both are alike.)
+    """
+    return (elements[..., [STANDS, COS2, SIN2]] != 0).any(-1)

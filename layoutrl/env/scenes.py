@@ -15,7 +15,7 @@ from layoutrl.env.geometry import GRID
 from layoutrl.env.observation import COS, DEPTH, SIN, WIDTH, X, Y
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
-from layoutrl.env.rooms_observation import ITEM, STANDS, RoomsObservation
+from layoutrl.env.rooms_observation import ITEM, STANDS, RoomsObservation, lying
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.symmetry import Symmetry
 
@@ -134,9 +134,9 @@ class ScenesObservation:
         back = self._back[turns]
         for a, b in ((X, Y), (COS, SIN)):
             elements[..., a : b + 1] = torch.einsum("bij,bnj->bni", back, elements[..., a : b + 1])
-        lies = (elements[..., [STANDS, COS, SIN]] != 0).any(-1) & (turns % 2 == 1)[:, None]
+        swapped = lying(elements) & (turns % 2 == 1)[:, None]
         sides = elements[..., WIDTH : DEPTH + 1]
-        elements[..., WIDTH : DEPTH + 1] = torch.where(lies[..., None], sides.flip(-1), sides)
+        elements[..., WIDTH : DEPTH + 1] = torch.where(swapped[..., None], sides.flip(-1), sides)
         return elements
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:

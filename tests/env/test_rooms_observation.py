@@ -150,7 +150,16 @@ def test_a_rotation_that_is_given_shows_before_the_item_stands_and_so_does_what_
     assert (shown[1]["width"], shown[1]["depth"], shown[1]["sin"], shown[1]["tucked"]) == pytest.approx(
         (0.5, 0.4, 0, 1)
     )
-    quarter = Symmetry(1, False, Moves())
+
+
+@pytest.mark.parametrize("category", ["bed", "table"])  # which has a front, and none
+def test_what_waits_with_a_rotation_is_turned_with_the_room_and_what_waits_without_is_not(category: str) -> None:
+    item, chair = Item(category, (2.0, 1.5), None, 90.0), Item("chair", (0.5, 0.4), None)
+    brief = rectangular_room(4, 3, item, others=(chair,), target=None)
+    simulator = RoomsSimulator([brief], None, Moves(), Reward())
+    state = State(*map(torch.as_tensor, simulator.begin(np.array([0]), np.random.default_rng(0))))
+    observe = RoomsObservation(simulator)
+    seen = observe.turned(observe(state), Symmetry(1, False, Moves()))
     turned = RoomsObservation(RoomsSimulator([brief.turned(1)], None, Moves(), Reward()))(state)
     waiting = slice(COLUMNS.index("width"), TUCKED + 1)
-    torch.testing.assert_close(observe.turned(seen, quarter)[0, :2, waiting], turned[0, :2, waiting], rtol=0, atol=1e-5)
+    torch.testing.assert_close(seen[0, :2, waiting], turned[0, :2, waiting], rtol=0, atol=1e-5)
