@@ -303,10 +303,10 @@ def _takes_floor(floor: Item, other: Item) -> bool:
 
 
 def _same(item: Item, other: Item) -> bool:
-    """Whether the one stands where the other could: items of one category, size and form, both tucked or neither."""
+    """Whether the one stands where the other could: items of one category, size and form."""
     if item.center is None:
         return False
-    return replace(item, center=None, rotation=other.rotation, locked=other.locked) == other
+    return (item.category, item.size, item.form) == (other.category, other.size, other.form)
 
 
 def _with(shell: Room, item: Item, envelope: Polygon) -> Room:

@@ -22,11 +22,12 @@ Pose = tuple[Point, float]  # centre in metres, and degrees
 def brief_of(room: Room) -> Room:
     """The room without the places and rotations of its furniture, all of which is to be placed.
 
-    The list is in alphabetical order of category, then by size: it tells nothing of the designer's order.
+    The list is in alphabetical order of category, then by size: it tells nothing of the designer's order. Nor does it
+    tell which of the chairs stood under a table: they are `lifted`.
     """
-    items = sorted(room.furniture, key=lambda item: (item.category, item.size, item.form, item.tucked))
-    free = tuple(replace(item, center=None, rotation=None, locked=False) for item in items)
-    return replace(room, furniture=free, target=None)
+    free = lifted(room.furniture, range(len(room.furniture)))
+    in_order = sorted(free, key=lambda item: (item.category, item.size, item.form, item.tucked))
+    return replace(room, furniture=tuple(in_order), target=None)
 
 
 def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:

@@ -31,6 +31,20 @@ def test_a_brief_tells_neither_places_nor_rotations_nor_the_order(room_type: str
         assert [(item.category, item.size, item.form, item.tucked) for item in brief.furniture] == what
 
 
+def test_a_brief_does_not_tell_which_chair_stood_under_the_table() -> None:
+    table, under, apart = (
+        Item("table", (1.2, 0.8), (1.0, 1.0)),
+        Item("chair", (0.4, 0.4), (1.0, 1.0), tucked=True),
+        Item("chair", (0.4, 0.4), (3.0, 2.5)),
+    )
+    room = rectangular_room(4, 3, table, others=(under, apart), target=None)
+    assert [item.tucked for item in brief_of(room).furniture] == [True, True, False]
+    assert brief_of(replace(room, furniture=(table, apart, replace(under, center=(2.0, 2.5), tucked=False)))) == (
+        brief_of(room)
+    )
+    assert not brief_of(replace(room, furniture=(apart,))).furniture[0].tucked  # there is nothing to stand under
+
+
 def test_what_is_to_be_placed_is_not_locked() -> None:
     bed = Item("bed", (2.0, 1.5), (1.0, 0.75), locked=True)
     room = rectangular_room(4, 3, bed)
