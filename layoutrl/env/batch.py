@@ -11,10 +11,11 @@ import shapely
 import torch
 from torch import Tensor
 
-from layoutrl.env.geometry import edges, snap
+from layoutrl.env.geometry import snap
 from layoutrl.env.packed import Footprints, Lines, Shapes, Starts
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.simulator import DIRECTIONS, TOUCHING, Simulator
+from layoutrl.rooms.fitting import edges
 
 
 class BatchSimulator:

@@ -16,7 +16,8 @@ from shapely.geometry import Polygon
 from torch import Tensor
 
 from layoutrl.env.areas import box_box, box_polygon, disc_disc, disc_polygon
-from layoutrl.env.geometry import GRID, edges, padded
+from layoutrl.env.geometry import GRID, padded
+from layoutrl.rooms.fitting import edges
 from layoutrl.rooms.room import Item
 
 UPRIGHT = 1e-9  # square metres that a rectangle may lack of its bounding box

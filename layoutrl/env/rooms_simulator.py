@@ -17,11 +17,11 @@ import shapely
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.reward import Array, Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.brief import missing, ways
 from layoutrl.rooms.clearances import ahead, floor_before, may_stand_before, off, period
+from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import Item, Room, envelopes
 
 TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions that turn

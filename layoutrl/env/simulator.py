@@ -17,9 +17,10 @@ import numpy as np
 import shapely
 
 from layoutrl import InputError
-from layoutrl.env.geometry import CONTACT, GRID, edges, fitting_positions, padded, snap
+from layoutrl.env.geometry import CONTACT, GRID, padded, snap
 from layoutrl.env.render import View
 from layoutrl.env.reward import Reward, RewardTerms
+from layoutrl.rooms.fitting import edges, fitting_positions
 from layoutrl.rooms.room import Room, envelopes, polygons
 
 DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below, up: the paper's order

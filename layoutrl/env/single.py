@@ -13,10 +13,11 @@ import numpy as np
 import shapely
 
 from layoutrl.env.areas import TINY
-from layoutrl.env.geometry import GRID, edges
+from layoutrl.env.geometry import GRID
 from layoutrl.env.packed import UPRIGHT, crossings
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.simulator import DIRECTIONS, TOUCHING, Simulator
+from layoutrl.rooms.fitting import edges
 from layoutrl.rooms.room import Point
 
 AXES = [(int(y != 0), int(x + y)) for x, y in DIRECTIONS]  # of each direction its axis, and +1 or -1 along it

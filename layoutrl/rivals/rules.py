@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from layoutrl.env.geometry import CONTACT, edges, fitting_positions
+from layoutrl.env.geometry import CONTACT
 from layoutrl.env.simulator import Simulator
+from layoutrl.rooms.fitting import edges, fitting_positions
 from layoutrl.rooms.room import SYMMETRIES, TOLERANCE, Item, Room, symmetry
 
 MILLIMETRE = 3  # decimals of a metre

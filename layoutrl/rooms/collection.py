@@ -8,8 +8,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+import shapely
+
 from layoutrl import InputError
-from layoutrl.rooms.room import FIT, Room
+from layoutrl.rooms.brief import LEVEL, facings, ways
+from layoutrl.rooms.clearances import off
+from layoutrl.rooms.fitting import fitting_positions
+from layoutrl.rooms.room import FIT, Item, Room
 
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
@@ -90,9 +96,20 @@ def all_standing(collection: Collection) -> Collection:
             chosen.left_out.append((room.id, f"the {some[0]} has no center, so the designer's place is unknown"))
         elif some := [i.category for i in room.furniture if not (collection.inside or room.holds(i, FIT))]:
             chosen.left_out.append((room.id, f"the {some[0]} reaches beyond the outer walls"))
+        elif some := [item.category for item in room.furniture if not _fits_along_walls(room, item)]:
+            chosen.left_out.append((room.id, f"the {some[0]} fits in no way along the walls, as items are placed"))
         else:
             chosen.rooms.append(room)
     return chosen
+
+
+def _fits_along_walls(room: Room, item: Item) -> bool:
+    """Whether an item that stands in the room at any angle also fits into it, empty, along its walls."""
+    if off(item.degrees - facings(room)[0], 90.0) < LEVEL:
+        return True
+    turned = [replace(item, rotation=degrees) for degrees in ways(room, replace(item, rotation=None))]
+    envelopes, templates = np.array([room.envelope] * len(turned)), np.array([each.template for each in turned])
+    return not shapely.is_empty(fitting_positions(envelopes, templates)).all()
 
 
 def _after(collection: Collection, chosen: str) -> Collection:

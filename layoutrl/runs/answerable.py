@@ -9,11 +9,11 @@ from itertools import combinations
 import numpy as np
 import shapely
 
-from layoutrl.env.geometry import fitting_positions
 from layoutrl.rooms.brief import missing, standing, ways
 from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
+from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 

@@ -19,7 +19,6 @@ from torch import nn
 from layoutrl import InputError
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.geometry import fitting_positions
 from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
@@ -30,6 +29,7 @@ from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import largest_first, missing, ways, with_poses
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
+from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.furnished import Furnished, Furnishes
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString, Polygon
 
 from layoutrl import InputError
-from layoutrl.env.geometry import CONTACT, FIT, GRID, fitting_positions
+from layoutrl.env.geometry import CONTACT, GRID
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator, pixel_size
-from layoutrl.rooms.room import Item, Room, wall_band
+from layoutrl.rooms.fitting import fitting_positions
+from layoutrl.rooms.room import FIT, Item, Room, wall_band
 from tests.builders import l_room, opening, random_room, rectangle, rectangular_room
 
 RIGHT, LEFT, BELOW, ABOVE = range(4)

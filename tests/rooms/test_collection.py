@@ -6,7 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rooms.collection import FOLDS, Collection, choose_item, split
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.simulator import Moves
+from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.collection import FOLDS, Collection, all_standing, choose_item, split
 from layoutrl.rooms.room import Item, Room
 from tests.builders import rectangular_room
 
@@ -82,6 +86,16 @@ def test_choosing_keeps_what_the_source_left_out_and_does_not_change_the_source(
     assert chosen.left_out == [("x", "broken"), ("a", "the room holds no chair")]
     assert source.left_out == [("x", "broken")]
     assert source.rooms == [room("a")]
+
+
+@pytest.mark.parametrize(("side", "kept"), [(2.0, False), (2.7, True)])
+def test_a_room_is_left_out_whose_sofa_fits_at_the_angle_alone_at_which_it_stands(side: float, kept: bool) -> None:
+    sofa = Item("sofa", (0.3, 2.6), (side / 2, side / 2), 45.0)
+    chosen = all_standing(Collection("files", [rectangular_room(side, side, sofa)]))
+    assert len(chosen.rooms) == kept
+    assert [*reasons(chosen).values()] == ["the sofa fits in no way along the walls, as items are placed"][kept:]
+    briefs = [brief_of(room) for room in chosen.rooms]
+    assert not kept or RoomsSimulator(briefs, None, Moves(), Reward()).count == [1]  # it takes all that are left
 
 
 # split

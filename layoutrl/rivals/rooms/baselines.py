@@ -9,10 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from layoutrl.env.geometry import CONTACT, fitting_positions
+from layoutrl.env.geometry import CONTACT
 from layoutrl.rivals.rules import play
 from layoutrl.rooms.brief import Pose, facings, missing, standing, with_poses
 from layoutrl.rooms.clearances import off
+from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
 DRAWS = 100  # of a place in the box around all places, before one is taken as it comes; unsourced: seldom reached

@@ -1,0 +1,38 @@
+"""The positions at which an item fits, with shapely. Metres throughout."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from layoutrl.rooms.room import FIT
+
+
+def edges(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The edges (n, 4) of all rings of polygons (B,), as x0, y0, x1, y1, and the polygon (n,) of each, ascending."""
+    parts, polygon = shapely.get_parts(polygons, return_index=True)
+    rings, part = shapely.get_rings(parts, return_index=True)
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    start = np.flatnonzero(ring[:-1] == ring[1:])
+    return np.hstack([corners[start], corners[start + 1]]), polygon[part[ring[start]]]
+
+
+def fitting_positions(areas: np.ndarray, templates: np.ndarray, slack: float = FIT) -> np.ndarray:
+    """The centres at which each template lies inside its area, give or take `slack` (metres): geometries (B,).
+
+    Areas and templates are polygons (B,), templates convex and around the origin. This is the erosion
+    of the area by the template: what no edge of the area's border, swept by the template, covers. Empty
+    where the item does not fit.
+    """
+    regions = shapely.buffer(areas, slack, join_style="mitre")
+    ends, area = edges(regions)
+    count = np.bincount(area, minlength=len(regions))
+    first = np.cumsum(count) - count
+    # All areas lose their k-th edge at once: faster than one by one, or than to unite what is swept first.
+    for k in range(count.max(initial=0)):
+        left = np.flatnonzero(count > k)
+        corners, of = shapely.get_coordinates(templates[left], return_index=True)
+        both_ends = ends[first[left] + k].reshape(-1, 2, 2)[of] - corners[:, None]  # the template is mirrored
+        swept = shapely.convex_hull(shapely.linestrings(both_ends.reshape(-1, 2), indices=np.repeat(of, 2)))
+        regions[left] = shapely.difference(regions[left], swept)
+    return regions
