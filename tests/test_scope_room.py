@@ -135,6 +135,10 @@ def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else
     )
     assert layouts == of_the_package
 
+    text = (folder / "config.yaml").read_text()
+    (folder / "config.yaml").write_text(text.replace("- 0.02\n", "- 0.04\n"))  # the package's had other moves then
+    assert load_config(folder, TrainConfig).method.steps == [0.32, 0.08, 0.04, 0.005]
+
 
 @pytest.mark.parametrize("room", MAIN_ITEM)
 def test_mirrored_rooms_are_learned_from_but_in_studies(room: str) -> None:

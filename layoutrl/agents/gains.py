@@ -10,7 +10,6 @@ from torch import Tensor, nn
 from layoutrl.agents.exploration import LinearSchedule
 from layoutrl.agents.replay import REWARD_SCALE, Transitions
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.scenes import Scenes
 
 UNIT = 0.01  # of rewards / 100: smaller values are learned as they are, larger ones by their logarithm
 LARGEST = 12.0  # on that scale: more than any value has, whatever a network says
@@ -38,7 +37,7 @@ class EveryMove:
     both back.
     """
 
-    simulator: BatchSimulator | Scenes
+    simulator: BatchSimulator
     updates: int
     discount: tuple[float, float]  # first and last: what rises linearly is the horizon, 1 / (1 - discount)
     repeats: int = 32  # of a move at most, a power of two

@@ -60,7 +60,7 @@ class Learner:
     """An agent and all that it learns from: rooms whose target moves or, with scope=room, whole designs.
 
     It is untrained, or knows what an agent of `before` does, of the same observation and moves. Raises InputError where
-    nothing can move in any of the rooms.
+    an item does not fit into its room, and where nothing can move in any of them.
     """
 
     def __init__(
@@ -127,6 +127,7 @@ class Learner:
         )
 
     def _every_move(self) -> EveryMove:
+        assert isinstance(self.simulator, BatchSimulator)
         return EveryMove(self.simulator, self.updates, (self.method.discount_start, self.method.discount))
 
 

@@ -87,7 +87,9 @@ class Replay:
 
     def state_dict(self) -> dict[str, Any]:
         """What is stored, and where the next goes."""
-        return {"columns": [column[: self.size] for column in self._columns], "next": self._next}
+        # A copy of a part: whoever saves a view saves all that it is a view of.
+        columns = [c if self.size == self.capacity else c[: self.size].clone() for c in self._columns]
+        return {"columns": columns, "next": self._next}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Hold what another of the same capacity held."""

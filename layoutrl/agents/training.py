@@ -62,8 +62,9 @@ class Training:
 
     `begin` makes the episodes, of which `Episodes` and `SceneEpisodes` say when they end. What they are cut off by the
     agent cannot see: the last transition bootstraps like any other.
-    Iterating trains, and yields a report every `report_every` updates; only there, and where a goal ends episodes,
-    does it wait for the device. It ends after the last update, or after the one in which `stopping` is set.
+    Iterating trains, and yields a report every `report_every` updates; only there, where a goal ends episodes, and
+    with `every_move` does it wait for the device. It ends after the last update, or after the one in which `stopping`
+    is set.
     Its `state_dict` is all that it needs to go on as if it had never ended, at any update.
 
     Illegal moves are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.

@@ -58,6 +58,6 @@ def staff_of(searching: Searching) -> Staff:
     def ready() -> None:
         for room_type in MAIN_ITEM:
             with suppress(InputError):  # that somebody who asks is told
-                agents().agent(room_type)
+                agents().of(room_type)
 
-    return Staff(furnisher, lambda room_type: agents().agent(room_type), pretrained.known, ready)
+    return Staff(furnisher, lambda room_type: agents().of(room_type), pretrained.known, ready)

@@ -70,7 +70,8 @@ class Furnisher:
     that does not help, the room is furnished anew, what was most wrong first; and where a fault is left, with its
     largest item elsewhere.
     A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back. The designer's
-    layout is not known here. Nothing is left to chance: the same brief always gets the same layouts.
+    layout is not known here. Nothing is left to chance: the same briefs always get the same layouts. (Beside others a
+    brief's values are rounded otherwise, in the seventh digit.)
     """
 
     def __init__(self, network: nn.Module, method: Method, categories: Sequence[str]):

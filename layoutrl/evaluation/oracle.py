@@ -29,7 +29,7 @@ EPISODES = 32  # searched together: many enough for tensors to pay, few enough f
 AT_ONCE = 8192  # poses in one call of the simulator: they stay in the processor's cache
 BEAM = 100  # open paths an episode in the first, incomplete search
 SLACK = 0.01  # of reward / REWARD_SCALE: how tight the bound on the best place of a room is
-BITS = 26  # of a coordinate in a key: 33 m from the start on the grid
+BITS = 29  # of a coordinate in a key: 268 m from the start on the grid; with 5 for one of EPISODES, 63
 Ask = Callable[[Tensor, Tensor], tuple[Tensor, ...]]  # about poses: rooms (n,), positions (n, 2)
 
 

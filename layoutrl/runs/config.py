@@ -130,8 +130,6 @@ class TrainConfig(LearningConfig):
             one_of("room.item of whole rooms", self.room.item, "main")
         one_of("budget.name", self.budget.name, *self.method.updates)
         one_of("begin", self.begin, "nothing", "package")
-        if self.begin == "package":
-            check_begin("begin=package", self.method, cards()[self.room.type]["method"])
 
 
 @dataclass
@@ -181,7 +179,9 @@ class TrainCommand(TrainConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # Here: runs of before, which had it in vain, can be read.
+        # Here: runs of before, which had it in vain, or began with another package, can be read.
+        if self.begin == "package":
+            check_begin("begin=package", self.method, cards()[self.room.type]["method"])
         useful = self.reward.theta4 == 0 or self.method.scope == "room"
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
 

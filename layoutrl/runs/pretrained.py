@@ -71,14 +71,14 @@ class Agents:
     """Furnishes rooms of several types, each by the agent of its type, which is loaded when it is first needed."""
 
     def __init__(self, device: torch.device):
-        self.agent = cache(lambda room_type: load(room_type, device))
+        self.of = cache(lambda room_type: load(room_type, device))
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Raises InputError as `load` does."""
         found: list[list[Furnished]] = [[] for _ in briefs]
         for room_type in sorted({brief.room_type for brief in briefs}):
             which = [k for k, brief in enumerate(briefs) if brief.room_type == room_type]
-            answers = self.agent(room_type).furnish([briefs[k] for k in which], choices, seed)
+            answers = self.of(room_type).furnish([briefs[k] for k in which], choices, seed)
             for k, answer in zip(which, answers, strict=True):
                 found[k] = answer
         return found

@@ -118,6 +118,11 @@ def session(
     begun, folder = folder is not None, folder or new_folder(config)
     with locked(folder / LOCK, wait=False):
         if begun and (state := last_state(folder, identity, device)):
+            if others := [name for name, value in about.items() if state[name] != value]:
+                raise InputError(
+                    f"the checkpoint of {folder} has other {', '.join(others)}; expected the version of layoutrl that "
+                    "began the run"
+                )
             with taken(folder):
                 training.load_state_dict(state["training"])
             print(f"going on after {training.updates} updates")
@@ -241,7 +246,7 @@ def begun(config: Config) -> Path | None:
 
 
 def identity_of(config: AnyTraining, rooms: Sequence[Room], device: torch.device) -> dict[str, Any]:
-    """What a checkpoint must agree with to be gone on with."""
+    """What a checkpoint says of its run: all of it must agree to go on with it, but for the version."""
     return {"version": __version__, "config": stated(config), "rooms": digest(rooms), "device": device.type}
 
 

@@ -206,6 +206,15 @@ def test_neither_what_was_stored_nor_what_was_drawn_is_shared():
     assert all(torch.equal(a, b) for a, b in zip(after, copies, strict=True))
 
 
+@pytest.mark.parametrize("stored", [3, 20])
+def test_what_is_saved_takes_no_more_room_than_what_is_stored(stored):
+    replay = Replay(20, 6)
+    replay.add(numbered(0, stored))
+    columns = replay.state_dict()["columns"]  # torch saves all that a view is a view of
+    assert {len(column) for column in columns} == {stored}
+    assert all(column.untyped_storage().nbytes() == column.nbytes for column in columns)
+
+
 def test_nothing_stored_changes_nothing():
     replay = Replay(4, 6)
     replay.add(numbered(0, 3))

@@ -213,7 +213,7 @@ def test_the_agents_of_the_package_furnish_and_the_search_helps_them():
     helped = staff.furnisher()
     assert isinstance(helped, Helped)
     assert staff.furnisher() is helped
-    assert staff.thinker("bathroom") is helped.one.agent("bathroom")
+    assert staff.thinker("bathroom") is helped.one.of("bathroom")
     assert staff.known("bathroom") == pretrained.cards()["bathroom"]["categories"]
 
 

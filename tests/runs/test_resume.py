@@ -266,6 +266,9 @@ def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_
     save_checkpoint(folder, state | {"device": "cuda"}, UPDATES)
     with pytest.raises(InputError, match="is of cuda; expected to go on there, got cpu"):
         resumed(folder, run, TrainConfig)
+    save_checkpoint(folder, state | {"categories": [*state["categories"], "piano"]}, UPDATES)
+    with pytest.raises(InputError, match="has other categories; expected the version of layoutrl that began the run"):
+        resumed(folder, run, TrainConfig)
     save_checkpoint(folder, state | {"training": state["training"] | {"agent": {}}}, UPDATES)
     with pytest.raises(InputError, match=r"the checkpoint of .* does not fit \(KeyError"):
         resumed(folder, run, TrainConfig)
