@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -81,8 +82,8 @@ def furnish(
     """What the command places in these rooms, told as it tells it: of each room up to `choices` layouts, best first.
 
     `stood` is the furniture of each room as it stood, if it is lifted already (`Source.stood`); the options are those
-    of conf/place.yaml. What nobody can place stays where it stood, or has no center. Raises InputError for an option of
-    another kind, and for a `run` that is no training run.
+    of conf/place.yaml. What nobody can place stays where it stood, or has no center. Items have categories: everyday
+    names are the command's. Raises InputError for an option of another kind, and for a `run` that is no training run.
     """
     config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
@@ -390,16 +391,23 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
 
 def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
     """All that decides what is placed where, as JSON keeps it: a run that was stopped goes on only with the same."""
-    if source:
-        files = files_below(Path(config.rooms), FORMATS)
-    elif config.rooms == STANDARD:
-        files = []
+    if config.rooms == STANDARD:
+        rooms: Any = time.time_ns()  # nobody knows whether the same comes again
     else:
-        files = inputs(config)
-    stats = [(str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+        rooms = [*map(stated, files_below(Path(config.rooms), FORMATS) if source else inputs(config))]
+    read: dict[str, Any] = {
+        "rooms": rooms,
+        "categories": config.categories and stated(Path(config.categories)),
+        "run": config.run and [stated(file) for file in sorted(Path(config.run).glob("checkpoints/*"))],
+    }
     said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
-    kept: dict[str, Any] = json.loads(json.dumps(said | {"rooms": stats, "version": __version__}))
+    kept: dict[str, Any] = json.loads(json.dumps(said | read | {"version": __version__}))
     return kept
+
+
+def stated(file: Path) -> tuple[str, int, int]:
+    """A file as it is now: where it is, its bytes, and the nanosecond in which it was changed."""
+    return str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns
 
 
 def carry_out(config: PlaceConfig) -> None:

@@ -569,6 +569,19 @@ def test_an_interrupted_run_goes_on_where_it_was(
     assert "goes on after 3 rooms" in capsys.readouterr().out
 
 
+def test_what_came_by_standard_input_is_not_gone_on_with_as_other_rooms_may_come(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, _ = many(tmp_path)
+    interrupted(monkeypatch, 4)
+    config = PlaceConfig(by="search", rooms="-", out=str(tmp_path / "out.jsonl"))
+    monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(file.read_bytes())))
+    with pytest.raises(KeyboardInterrupt):
+        place(config)
+    with pytest.raises(InputError, match=r"^out: a run was stopped there, with another rooms; expected the same, or"):
+        place(config)
+
+
 def test_a_full_disk_is_answered_and_the_same_command_goes_on(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
