@@ -122,6 +122,7 @@ def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else
     next_to_nothing = "method.updates.smoke=1", "method.learning_rate=1e-12"
     folder = train(part(composed("train", *given, *less, *next_to_nothing, f"runs={tmp_path}"), TrainConfig))
 
+    assert folder.name == "json-rooms-geometric-package-smoke-seed0"
     settings = load_config(folder, TrainConfig)
     network, categories, _ = trained_network(folder, settings, torch.device("cpu"))
     assert categories == [*pretrained.known("tatami"), "piano"]
