@@ -129,13 +129,15 @@ def _home(path: Path, name: str, names: Names, move: str | None, into: str | Non
         raise InputError(f"{path}: {HOME}, line {error.lineno}: expected whole XML; got {what}") from None
     home = Home(path, Collection(f"home {path}"), {}, xml)
     moved = None if move is None else names_in(move)
-    for storey in storeys:
+    levels: dict[str, str | None] = {}  # of rooms, by their ids
+    for level, storey in storeys.items():
         for read, pieces in storey.finished(names, name, room_type, lambda piece: _moves(piece, moved, False)):
             home.collection.rooms.append(read)
             home.pieces[read.id] = pieces
+            levels[read.id] = level
         home.collection.left_out += storey.left_out
         home.collection.notes += storey.notes
-    _park(home, [(prefix, piece) for prefix, piece in outside if _moves(piece, moved, True)], into)
+    _park(home, levels, [(level, piece) for level, piece in outside if _moves(piece, moved, True)], into)
     if not any(element.tag == "room" for element in elements):
         home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
     return home
@@ -177,22 +179,24 @@ def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collecti
 
 def _storeys(
     elements: list[Element], name: str, names: Names
-) -> tuple[list[Storey[HomePiece]], list[tuple[str, HomePiece]]]:
-    """The levels with all that stands in their rooms, and (prefix of its level, piece) outside all rooms.
+) -> tuple[dict[str | None, Storey[HomePiece]], list[tuple[str | None, HomePiece]]]:
+    """By the id of its level, None where the home has none, each storey with all that stands in its rooms; and (level,
+    piece) outside all rooms.
 
     Raises RoomError for a number that is none.
     """
     named = {e.attributes.get("id"): e for e in elements if e.tag == "level"}
     storeys: dict[str | None, Storey[HomePiece]] = {}
     taken: set[str] = set()  # prefixes
-    of: dict[int, Storey[HomePiece]] = {}  # an element, by where it begins
+    level_of: dict[int, str | None] = {}  # an element, by where it begins
     for element in elements:
         level = element.attributes.get("level")
         level = level if level in named else None
         if level not in storeys:
             called = "" if level is None else f"/{_label(named[level].attributes.get('name') or level)}"
             storeys[level] = Storey(unused(name + called, taken), [])
-        storey = of[element.start] = storeys[level]
+        level_of[element.start] = level
+        storey = storeys[level]
         if element.tag == "wall" and storey.walls is not None:
             storey.walls += _walls(element)
         for each in (element, *within(element)):
@@ -203,13 +207,13 @@ def _storeys(
         raise RoomError("room", f"expected at most {MOST_PAIRS // walls} rooms beside {walls} walls; got {len(rooms)}")
     for number, element in enumerate(rooms, 1):
         called = (element.attributes.get("name") or "").strip()
-        of[element.start].draw(called, _label(called or f"room {number}"), partial(_traced, element))
+        storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
     outside = []
     for element in elements:
-        storey = of[element.start]
-        if element.tag in (*PIECES, GROUP) and (piece := _piece(element, names)) and not storey.put(piece):
-            outside.append((storey.prefix, piece))
-    return list(storeys.values()), outside
+        level = level_of[element.start]
+        if element.tag in (*PIECES, GROUP) and (piece := _piece(element, names)) and not storeys[level].put(piece):
+            outside.append((level, piece))
+    return storeys, outside
 
 
 def _label(name: str) -> str:
@@ -310,7 +314,9 @@ def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
     return piece.item.category in move or (ALL in move and piece.element.flag("movable", True))
 
 
-def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> None:
+def _park(
+    home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None
+) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
     type knows it and that has the floor for it: of its level, without such a piece, with the most floor free."""
     if into is not None and into not in home.pieces:
@@ -320,13 +326,13 @@ def _park(home: Home, parked: list[tuple[str, HomePiece]], into: str | None) -> 
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}
     given: dict[str, list[Item]] = defaultdict(list)
-    for prefix, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
+    for level, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
         item = piece.item
         fitting = [k for k, r in rooms.items() if item.category in HOLDS[r.room_type] and free[k] > item.area]
         if into is not None:
             chosen = into
         elif fitting:
-            chosen = min(fitting, key=lambda k: (not k.startswith(prefix), item.category in held[k], -free[k]))
+            chosen = min(fitting, key=lambda k: (levels[k] != level, item.category in held[k], -free[k]))
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
             home.collection.notes.append(f"{note} (into=<id>)")

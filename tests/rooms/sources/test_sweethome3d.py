@@ -313,6 +313,16 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
         flat(tmp_path, FLAT + parked, into="kitchen")
 
 
+def test_what_stands_outside_goes_to_a_room_of_its_level_before_one_of_a_level_whose_name_begins_alike(
+    tmp_path: Path,
+) -> None:
+    levels = tag("level", id="a", name="Level 1") + tag("level", id="b", name="Level 10")
+    rooms = room_tag(0, 0, 400, 300, name="Bedroom", level="a") + room_tag(0, 0, 600, 500, name="Bedroom", level="b")
+    one, ten = flat(tmp_path, levels + rooms + piece("wardrobe", 900, 100, 100, 54, level="a")).rooms
+    assert (one.id, ten.id) == ("flat/Level 1/Bedroom", "flat/Level 10/Bedroom")
+    assert ([item.category for item in one.furniture], ten.furniture) == (["wardrobe"], ())
+
+
 def test_what_is_marked_is_to_be_placed_and_nothing_else(tmp_path: Path) -> None:
     body = FLAT + piece("wardrobe", 300, 270, 100, 54, movable="false") + piece("chair", 900, 100, 40, 42)
 
