@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 from xml.parsers import expat
+from xml.sax.saxutils import escape
 
 from layoutrl import InputError
 from layoutrl.rooms.room import RoomError
@@ -147,7 +148,7 @@ def within(element: Element) -> Iterator[Element]:
         yield from within(inner)
 
 
-def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
+def changed(xml: bytes, changes: Mapping[int, Mapping[str, float | str]]) -> bytes:
     """Home.xml with other values of attributes in the tags that begin at these places; all else is as it was."""
     parts, done = [], 0
     for start, values in sorted(changes.items()):
@@ -158,8 +159,7 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
             found[attribute[1].decode()], at = attribute, attribute.end()
         edits = []
         for name, value in values.items():
-            digits = 7 if name == "angle" else 4
-            text = f"{value:.{digits}f}".rstrip("0").rstrip(".").encode()
+            text = _written(name, value)
             if attribute := found.get(name):
                 edits.append((attribute.start(2) + 1, attribute.end(2) - 1, text))
             else:
@@ -169,6 +169,14 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float]]) -> bytes:
             parts += [xml[done:first], text]
             done = last
     return b"".join((*parts, xml[done:]))
+
+
+def _written(name: str, value: float | str) -> bytes:
+    """A value as it stands between quotation marks of either kind, in any encoding that is read."""
+    if isinstance(value, str):
+        return escape(value, {"'": "&apos;", '"': "&quot;"}).encode("ascii", "xmlcharrefreplace")
+    digits = 7 if name == "angle" else 4
+    return f"{value:.{digits}f}".rstrip("0").rstrip(".").encode()
 
 
 def write_home(path: Path, out: Path, xml: bytes) -> None:

@@ -48,9 +48,16 @@ WINDOWS = ("window", "bay", "fenetre", "shutter")
 
 @dataclass(frozen=True)
 class HomePiece(Piece):
-    """A piece of furniture, and its element in the file."""
+    """A piece of furniture, its element in the file, and the level that it goes to, "" for none; None: it stays on its
+    own."""
 
     element: Element
+    level: str | None = None
+
+    @property
+    def stood(self) -> Item:
+        """The item as it was on the level of its room."""
+        return self.item if self.level is None else replace(self.item, center=None, rotation=None)
 
 
 @dataclass
@@ -70,23 +77,27 @@ class Home:
 
     @property
     def stood(self) -> list[tuple[Item, ...]]:
-        """The furniture of each room as the home has it; what was outside all rooms stands there still."""
-        return [tuple(piece.item for piece in self.pieces[room.id]) for room in self.rooms]
+        """The furniture of each room as the home has it; what was outside all rooms stands there still.
+
+        What comes from another level stands nowhere on that of the room.
+        """
+        return [tuple(piece.stood for piece in self.pieces[room.id]) for room in self.rooms]
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
         """Write the whole home with what was placed in these layouts where they have it.
 
         Nothing else changes: every other entry of the file is the same, byte for byte, and so is every attribute but
-        x, y and angle of what was placed. Raises InputError where `out` is there already or cannot be written.
+        x, y and angle of what was placed, and level where it goes to another. Raises InputError where `out` is there
+        already or cannot be written.
         """
         check_new(out, self.suffix)
-        changes: dict[int, dict[str, float]] = {}
+        changes: dict[int, dict[str, float | str]] = {}
         asked = {room.id: room for room in self.rooms}
         for layout in layouts:
             pieces = self.pieces[layout.id]
             for piece, before, item in zip(pieces, asked[layout.id].furniture, layout.furniture, strict=True):
                 if before.center is None and item.center is not None:
-                    changes |= _moved(piece.element, item)
+                    changes |= _moved(piece, item)
         xml = changed(self.xml, changes)
         try:
             if xml == self.xml:
@@ -341,25 +352,29 @@ def _park(
         given[chosen].append(item)
         held[chosen].add(item.category)
         free[chosen] -= item.area
-        home.pieces[chosen].append(piece)
+        stays = levels[chosen] == level
+        home.pieces[chosen].append(piece if stays else replace(piece, level=levels[chosen] or ""))
     for k, room in enumerate(home.rooms):
         items = (*room.furniture, *given[room.id])
         home.rooms[k] = replace(room, furniture=lifted(items, range(len(room.furniture), len(items))))
 
 
-def _moved(element: Element, item: Item) -> dict[int, dict[str, float]]:
-    """Which x, y and angle of an element, and of all in it, are others with its item where it is now, by where their
-    tags begin."""
+def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:
+    """Which x, y, angle and level of an element, and of all in it, are others with its item where it is now, by where
+    their tags begin. Heights are those above the level, and stay."""
     assert item.center is not None
+    element = piece.element
     old = complex(element.number("x"), element.number("y"))
     new = complex(item.center[0], -item.center[1]) * 100
     stays = item.rotation is None or item.form == "circle"
     turn = 0.0 if stays else math.radians(270 - item.degrees) - element.number("angle", 0.0)
     inner = [e for e in within(element) if e.tag in (*PIECES, OPENING, GROUP)]
-    changes = {}
+    changes: dict[int, dict[str, float | str]] = {}
     for each in (element, *inner):
         place = new + (complex(each.number("x"), each.number("y")) - old) * cmath.rect(1, turn)
         angle = (each.number("angle", 0.0) + turn) % math.tau
         values = {"x": place.real, "y": place.imag, "angle": angle}
         changes[each.start] = {name: value for name, value in values.items() if not each.has(name, value)}
+        if piece.level is not None:
+            changes[each.start]["level"] = piece.level
     return changes

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
@@ -339,8 +340,8 @@ def test_what_is_marked_is_to_be_placed_and_nothing_else(tmp_path: Path) -> None
 # Writing
 
 
-def assert_only_moved(before: Path, after: Path, moved: Iterable[str]) -> None:
-    """Nothing but x, y and angle of elements with these ids differs, and no other entry of the ZIP."""
+def assert_only_moved(before: Path, after: Path, moved: Iterable[str], *more: str) -> None:
+    """Nothing but x, y, angle and `more` of elements with these ids differs, and no other entry of the ZIP."""
     with zipfile.ZipFile(before) as one, zipfile.ZipFile(after) as other:
         assert one.namelist() == other.namelist()
         assert all(one.read(name) == other.read(name) for name in one.namelist() if name != "Home.xml")
@@ -348,7 +349,7 @@ def assert_only_moved(before: Path, after: Path, moved: Iterable[str]) -> None:
     for old, new in zip(xml_of(before), xml_of(after), strict=True):
         assert (old.tag, old.text, old.tail) == (new.tag, new.text, new.tail)
         differing = {key for key in {**old.attrib, **new.attrib} if old.get(key) != new.get(key)}
-        assert differing <= {"x", "y", "angle"}
+        assert differing <= {"x", "y", "angle", *more}
         if differing:
             changed.add(old.get("id"))
     assert changed == set(moved)
@@ -427,6 +428,38 @@ def test_an_angle_that_was_left_out_is_added_and_a_group_moves_as_one(tmp_path: 
     assert found["g"] == pytest.approx([200, 200, math.pi / 2])
     assert found["a"] == pytest.approx([200, 190, math.pi / 2], abs=1e-3)  # 10 left of the middle: now above it
     assert found["b"] == pytest.approx([200, 240, 1 + math.pi / 2], abs=1e-3)
+
+
+UPSTAIRS = '<up> & "é"'
+STOREYS = tag("level", id="down", name="Ground") + tag("level", id=escape(UPSTAIRS), name="Upper")
+STOREYS += room_tag(0, 0, 400, 300, name="Bathroom", level="down")
+STOREYS += room_tag(0, 0, 600, 300, name="Bedroom", level=escape(UPSTAIRS))
+
+
+@pytest.mark.parametrize("level", [{"level": "down"}, {}])
+@pytest.mark.parametrize("group", [True, False])
+def test_what_goes_to_a_room_of_another_level_is_written_onto_that_level(
+    group: bool, level: dict[str, str], tmp_path: Path
+) -> None:
+    bed = piece("bed", 900, 100, 140, 200, id="bed", elevation=0, **level)
+    grouped = piece("none", 900, 100, 140, 200, tag="furnitureGroup", inside=bed, name="Group", id="g", **level)
+    home = flat(tmp_path, STOREYS + (grouped if group else bed))
+    below, above = home.rooms
+    assert (below.furniture, [item.category for item in above.furniture]) == ((), ["bed"])
+    layout = replace(above, furniture=(replace(above.furniture[0], center=(3, -1.5), rotation=0),))
+    home.write([below, layout], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["bed", "g"] if group else ["bed"], "level")
+    moved = [e for e in xml_of(tmp_path / "out.sh3d") if e.get("id") in ("bed", "g")]
+    assert {e.get("level") for e in moved} == {UPSTAIRS}
+    again, bedroom = read_home(tmp_path / "out.sh3d", move="").rooms
+    assert again.furniture == ()
+    (item,) = bedroom.furniture
+    assert item.footprint.symmetric_difference(layout.furniture[0].footprint).area < 1e-3
+
+
+def test_what_is_parked_below_a_room_of_another_level_did_not_stand_in_it(tmp_path: Path) -> None:
+    home = flat(tmp_path, STOREYS + piece("bed", 500, 150, 140, 200, level="down"))
+    assert [[item.center for item in items] for items in home.stood] == [[], [None]]
 
 
 def test_a_home_is_never_overwritten(tmp_path: Path) -> None:
