@@ -112,6 +112,11 @@ class Names:
         part = self._known([name for name in names if name])
         return part is not None and self._furniture[part] not in (OBSTACLE, DECOR)
 
+    def is_decor(self, *names: str | None) -> bool:
+        """Whether a name is that of decor."""
+        part = self._known([name for name in names if name])
+        return part is not None and self._furniture[part] == DECOR
+
     def ours(self, document: Any) -> Any:
         """A room's document, its furniture by the categories that its names are known by; all else is as it was."""
         if not isinstance(document, dict) or not isinstance(document.get("furniture"), list):

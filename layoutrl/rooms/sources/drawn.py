@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.categories import NO_ROOM, OBSTACLE, Names
+from layoutrl.rooms.categories import NO_ROOM, NOTED, OBSTACLE, Names
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
@@ -108,6 +109,7 @@ class Storey(Generic[P]):
     rooms: list[DrawnRoom[P]] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    unsized: Counter[str] = field(default_factory=Counter)  # names of pieces of which no size is known
 
     @cached_property
     def _bodies(self) -> shapely.Geometry | None:
@@ -144,6 +146,11 @@ class Storey(Generic[P]):
 
         What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it.
         """
+        if self.unsized:
+            called = ", ".join(f"{name[:40]} ({n})" for name, n in self.unsized.most_common(NOTED))
+            more = ", ..." if len(self.unsized) > NOTED else ""
+            said = f"pieces of unknown size are left out ({self.unsized.total()}), and others may be placed there"
+            self.notes.append(f"{self.prefix}: {said}: {called}{more}")
         taken: set[str] = set()
         bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
         shapes = shapely.STRtree([gap.shape for gap in self.gaps])

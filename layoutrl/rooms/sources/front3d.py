@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -119,7 +120,8 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
     for room in rooms:
         for child in room["children"]:
             try:
-                piece = child["ref"] in furniture and _piece(child, furniture[child["ref"]], models, names)
+                given = furniture.get(child["ref"])
+                piece = given and _piece(child, given, models, names, house.unsized)
             except RoomError as error:
                 house.notes.append(f"{house.prefix}: a piece is left out: {error}")
                 continue
@@ -183,20 +185,25 @@ def _yaw(child: Any) -> float:
     return math.degrees(math.atan2(2 * (d * b + a * c), 1 - 2 * (a * a + b * b)))
 
 
-def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names) -> Piece | None:
-    """A piece that stands on the floor; None for decor, and for what no size is known of."""
+def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names, unsized: Counter[str]) -> Piece | None:
+    """A piece that stands on the floor; None for decor, and for what no size is known of, which `unsized` counts."""
     x, y, z = lengths(child["pos"])
-    size = _size(piece, models.get(str(piece.get("jid"))))
-    if y > HIGHEST or size is None:
+    if y > HIGHEST:
+        return None
+    model = models.get(str(piece.get("jid")), {})
+    given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))))
+    more = (piece.get("category"), model.get("category"), model.get("super-category"))
+    called = [str(name) for name in (*given, *more) if name]
+    size = _size(piece, model)
+    if size is None:
+        if not names.is_decor(*called):
+            unsized[called[0] if called else "without a name"] += 1
         return None
     scale = lengths(child["scale"])
     width, height, depth = (abs(side * by) for side, by in zip(size, scale, strict=True))
     if height < FLATTEST or min(width, depth) < TOLERANCE:
         return None
-    model = models.get(str(piece.get("jid")), {})
-    given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))))
-    more = (piece.get("category"), model.get("category"), model.get("super-category"))
-    found = names.category(*(str(name) for name in (*given, *more) if name))
+    found = names.category(*called)
     if found is None:
         return None
     return Piece(Item(found[0], (depth, width), (x, -z), (270 + _yaw(child)) % 360), found[1])

@@ -116,7 +116,9 @@ def _add(collection: Collection, text: bytes, label: str, sizes: Mapping[str, tu
             house.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
         house.gaps = list(_gaps(document))
         for thing in document["objects"]:
-            if piece := _piece(thing, sizes, names):
+            if thing["assetId"] not in sizes:
+                house.unsized[str(thing["assetId"])] += 1
+            elif piece := _piece(thing, sizes, names):
                 house.put(piece)
         collection.rooms += [room for room, _ in house.finished(names, label)]
     collection.left_out += house.left_out
@@ -143,9 +145,7 @@ def _gaps(house: Any) -> Iterator[Gap]:
 
 
 def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names) -> Piece | None:
-    """An object that stands on the floor; None for decor, and for what no size is known of."""
-    if thing["assetId"] not in sizes:
-        return None
+    """An object of known size that stands on the floor; None for decor."""
     kind, (along, height, across) = sizes[thing["assetId"]]
     x, y, z = lengths(thing["position"][axis] for axis in "xyz")
     degrees = length(thing["rotation"]["y"])

@@ -91,6 +91,18 @@ def test_sizes_and_categories_are_looked_up_where_the_house_has_none(tmp_path: P
     assert [(item.category, item.size) for item in room.furniture] == [("bed", (2.0, 1.5)), ("wardrobe", (0.6, 1.0))]
 
 
+def test_furniture_of_unknown_size_is_left_out_and_said_once_a_house_and_decor_is_not(tmp_path: Path) -> None:
+    pieces = [{"uid": "bed", "title": "bed/king-size bed"}, {"uid": "desk"}, {"uid": "lamp", "title": "sofa"}]  # hangs
+    pieces += [{"uid": "curtain", "title": "curtain"}, {"uid": "titled", "title": "door/single swing door"}]
+    document = house(furniture=pieces)
+    document["scene"]["room"][0]["children"] += [child("bed"), child("curtain"), child("titled")]
+    write(tmp_path, document)
+    collection = read(tmp_path, names_of())
+    assert collection.rooms[0].furniture == ()
+    said = "pieces of unknown size are left out (3), and others may be placed there"
+    assert collection.notes == [f"house-1: {said}: bed/king-size bed (2), without a name (1)"]
+
+
 def test_a_hole_down_to_the_floor_is_a_door_and_a_hatch_is_none(tmp_path: Path) -> None:
     document = house()
     document["mesh"] += [slab("hole", "Hole", -0.24, 1, 0, 2), slab("hatch", "Hole", 1, 3, 2, 3.24)]
