@@ -141,10 +141,12 @@ class Storey(Generic[P]):
         group: str,
         room_type: str | None = None,
         moves: Callable[[P], bool] = lambda _: False,
+        or_else: str = "",
     ) -> Iterator[tuple[Room, list[P]]]:
         """(room, its pieces) of every room of a type that is furnished; `left_out` and `notes` tell of the others.
 
-        What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it.
+        What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it; `or_else` ends
+        what is said of these, with an option that would.
         """
         if self.unsized:
             called = ", ".join(f"{name[:40]} ({n})" for name, n in self.unsized.most_common(NOTED))
@@ -158,7 +160,7 @@ class Storey(Generic[P]):
             room_id = f"{self.prefix}/{unused(drawn.label, taken)}"
             kind = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces]) or room_type
             if kind is None or kind == NO_ROOM:
-                unknown = "nothing tells its type; expected a name or furniture that does, or room_type=<type>"
+                unknown = f"nothing tells its type; expected a name or furniture that does{or_else}"
                 self.left_out.append((room_id, "nobody furnishes such a room" if kind else unknown))
                 continue
             standing = _tucked([piece.item for piece in drawn.pieces])

@@ -122,13 +122,23 @@ def read_home(
     no home.
     """
     names = names or names_of()
-    home = _home(path, path.stem, names, move, into, room_type)
+    home = _home(path, path.stem, names, move, into, room_type, alone=True)
     home.collection.notes += names.notes()
     return home
 
 
-def _home(path: Path, name: str, names: Names, move: str | None, into: str | None, room_type: str | None) -> Home:
-    """The same, of which `names` alone know what they did not know."""
+def _home(
+    path: Path,
+    name: str,
+    names: Names,
+    move: str | None,
+    into: str | None = None,
+    room_type: str | None = None,
+    *,
+    alone: bool = False,
+) -> Home:
+    """The same, of which `names` alone know what they did not know. Where it is `alone`, its options are told."""
+    or_else = ", or room_type=<type>" if alone else ""
     xml = xml_of(path)
     try:
         elements = elements_of(xml)
@@ -142,13 +152,14 @@ def _home(path: Path, name: str, names: Names, move: str | None, into: str | Non
     moved = None if move is None else names_in(move)
     levels: dict[str, str | None] = {}  # of rooms, by their ids
     for level, storey in storeys.items():
-        for read, pieces in storey.finished(names, name, room_type, lambda piece: _moves(piece, moved, False)):
+        held = storey.finished(names, name, room_type, lambda piece: _moves(piece, moved, False), or_else)
+        for read, pieces in held:
             home.collection.rooms.append(read)
             home.pieces[read.id] = pieces
             levels[read.id] = level
         home.collection.left_out += storey.left_out
         home.collection.notes += storey.notes
-    _park(home, levels, [(level, piece) for level, piece in outside if _moves(piece, moved, True)], into)
+    _park(home, levels, [(level, piece) for level, piece in outside if _moves(piece, moved, True)], into, alone)
     if not any(element.tag == "room" for element in elements):
         home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
     return home
@@ -172,7 +183,7 @@ def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collecti
     for file in files:
         name = name_of(file, root)
         try:
-            home = _home(file, name, names, move, None, None)
+            home = _home(file, name, names, move)
         except InputError as error:
             collection.left_out.append((str(file), str(error).removeprefix(f"{file}: ")))
             continue
@@ -326,7 +337,7 @@ def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
 
 
 def _park(
-    home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None
+    home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None, alone: bool
 ) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
     type knows it and that has the floor for it: of its level, without such a piece, with the most floor free."""
@@ -346,7 +357,7 @@ def _park(
             chosen = min(fitting, key=lambda k: (levels[k] != level, item.category in held[k], -free[k]))
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
-            home.collection.notes.append(f"{note} (into=<id>)")
+            home.collection.notes.append(note + alone * " (into=<id>)")
             home.collection.homeless.append(item.category)
             continue
         given[chosen].append(item)

@@ -124,6 +124,14 @@ def test_what_no_size_is_known_of_is_left_out_and_said_once_a_house(tmp_path: Pa
     assert collection.notes == [f"train/1: {said}"]
 
 
+def test_a_room_of_which_nothing_tells_the_type_is_left_out_without_advice_that_is_of_homes(tmp_path: Path) -> None:
+    document = house(objects=[])
+    document["rooms"][0]["roomType"] = "Nook"
+    write(tmp_path, document)
+    reason = "nothing tells its type; expected a name or furniture that does"
+    assert read(tmp_path, names_of()).left_out == [("train/1/Nook 2", reason)]
+
+
 def change(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     def changed(document: Any) -> None:
         for key in path[:-1]:

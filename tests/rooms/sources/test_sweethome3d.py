@@ -239,6 +239,15 @@ def test_a_room_of_which_nothing_tells_the_type_is_left_out_or_is_what_the_user_
     assert [room.room_type for room in flat(tmp_path, body, room_type="study").rooms] == ["study"]
 
 
+def test_options_of_one_home_are_named_where_one_is_read_alone(tmp_path: Path) -> None:
+    path = home_file(tmp_path / "a.sh3d", WALLS + room_tag(0, 0, 400, 300) + piece("cooker", 900, 9, 60, 60))
+    for read_from, named in ((path, True), (tmp_path, False)):
+        said = str(opened(read_from).collection)
+        assert "nothing tells its type" in said
+        assert "the cooktop outside all rooms stays there" in said
+        assert [option in said for option in ("room_type=<type>", "into=<id>")] == [named, named]
+
+
 def test_a_name_that_nobody_knows_stands_as_an_obstacle_and_is_said(tmp_path: Path) -> None:
     home = flat(tmp_path, BED + piece("sofaa", 300, 200, 60, 40) + ROOMS, move="all")
     assert home.rooms[0].furniture[1].category == "sofaa"
@@ -290,7 +299,7 @@ def test_a_home_of_a_folder_is_read_as_it_is_alone(move: str | None, tmp_path: P
     assert folder.collection.rooms[:2] == alone.collection.rooms
     assert folder.stood[:2] == alone.stood
     assert folder.collection.homeless == alone.collection.homeless
-    notes = alone.collection.notes
+    notes = [note.removesuffix(" (into=<id>)") for note in alone.collection.notes]  # which is of one home
     assert folder.collection.notes == [note if note.startswith("a/") else f"a: {note}" for note in notes]
     if move is None:
         assert [note[:20] for note in notes] == ["a/room 2: stays as a", "the cooktop outside "]
