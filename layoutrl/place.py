@@ -11,7 +11,6 @@ import json
 import re
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -147,7 +146,6 @@ class Work:
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
-        self._locked = Counter[str]()  # categories
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
@@ -209,7 +207,7 @@ class Work:
     def say_unmet(self) -> None:
         """Say what is to move, and is locked or in no room."""
         named = names_in(self.config.move)
-        if locked := [f"{name} ({n})" for name, n in self._locked.items() if name in named or ALL in named]:
+        if locked := [f"{name} ({n})" for name, n in self.tally.locked.items()]:
             self.say(f"move: what is locked stays: {', '.join(locked)}")
         if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)):
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
@@ -222,6 +220,7 @@ class Work:
         shard, shards = self.config.part
         done = self.tally.entries
         first = shard + done * shards
+        named = names_in(self.config.move)
         folder = picture_folder(self.config, new=not done)
         if done:
             self.say(f"goes on after {done} rooms")
@@ -230,7 +229,7 @@ class Work:
         if self.source:
             for line in str(self.source.collection).splitlines():
                 self.say(line)
-            if shard == 0:
+            if shard == 0 and not done:
                 self.tally.items += sum(self.config.item in (None, c) for c in self.source.collection.homeless)
             entries = islice(source_entries(self.source), first, None, shards)
         else:
@@ -246,7 +245,9 @@ class Work:
                 for entry in block:
                     self.tally.entries += 1
                     self._objects += bool(entry.document)
-                    self._locked.update(item.category for item in entry.stood if item.locked)
+                    for name in (item.category for item in entry.stood if item.locked):
+                        if name in named or ALL in named:
+                            self.tally.locked[name] = self.tally.locked.get(name, 0) + 1
                     if self._seen is not None:
                         self._seen |= {item.category for item in entry.stood}
                     if entry.room is None:

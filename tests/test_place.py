@@ -582,6 +582,28 @@ def test_what_came_by_standard_input_is_not_gone_on_with_as_other_rooms_may_come
         place(config)
 
 
+def test_a_run_that_goes_on_counts_what_is_in_no_room_and_what_is_locked_once(
+    middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
+    for name in "abc":
+        home_file(tmp_path / "homes" / f"{name}.sh3d", FLAT + parked)
+    bed = DOCUMENTS[0]["furniture"][DOCUMENTS[0]["target"]]
+    two = {"furniture": [bed, bed | {"locked": True}], "target": 0}
+    documents = [DOCUMENTS[0] | two | {"id": f"room {k}"} for k in range(4)]
+    for file, move in ((tmp_path / "homes", None), (written(tmp_path, documents), "bed")):
+        config = PlaceConfig(by="search", rooms=str(file), move=move)
+        whole = place(replace(config, out=str(tmp_path / f"{file.stem}-whole.jsonl"))).tally
+        with monkeypatch.context() as context:
+            interrupted(context, 2)
+            with pytest.raises(KeyboardInterrupt):
+                place(config)
+        assert place(config).tally == whole
+    said = capsys.readouterr().out
+    assert said.count("placed 3 of 6 items") == 2
+    assert said.count("move: what is locked stays: bed (4)") == 2
+
+
 def test_a_full_disk_is_answered_and_the_same_command_goes_on(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,6 +162,7 @@ class Tally:
     items: int = 0  # to be placed
     placed: int = 0
     faults: dict[str, int] = field(default_factory=dict)  # of the best layout of each room
+    locked: dict[str, int] = field(default_factory=dict)  # categories of what is to move, and is locked
 
     def __str__(self) -> str:
         said = [f"placed {self.placed} of {self.items} items in {self.rooms} room{'s' * (self.rooms != 1)}"]
