@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import gzip
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
+
+from shapely import Point
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
@@ -54,15 +56,15 @@ class Source(Protocol):
     def write(self, layouts: Iterable[Room], out: Path) -> None:
         """Write layouts to a new file: rooms of the collection, by their ids, with the same items in the same order.
 
-        An item without a center is left where it was. Raises InputError where `out` is there already, has another
-        suffix or cannot be written.
+        An item without a center is left where it was, if that is in its room. Raises InputError where `out` is there
+        already, has another suffix or cannot be written.
         """
         ...
 
 
 @dataclass
 class RoomsSource:
-    """Rooms of a format that layouts are not written in: they are written as JSON, a room a line."""
+    """Rooms in JSON, or of a format that layouts are not written in: they are written as JSON, a room a line."""
 
     collection: Collection
     stood: list[tuple[Item, ...]]
@@ -71,10 +73,21 @@ class RoomsSource:
     def write(self, layouts: Iterable[Room], out: Path) -> None:
         """Write the layouts, and no other rooms. Raises InputError as every Source does."""
         check_new(out, self.suffix)
+        stood = {room.id: items for room, items in zip(self.collection.rooms, self.stood, strict=True)}
         try:
-            write_rooms(out, layouts)
+            write_rooms(out, (_or_as_it_stood(layout, stood[layout.id]) for layout in layouts))
         except OSError as error:
             raise InputError(f"out: {out} cannot be written ({error.strerror})") from None
+
+
+def _or_as_it_stood(layout: Room, stood: Sequence[Item]) -> Room:
+    """The layout, in which what has no center is as it stood, if that is in the room."""
+
+    def stays(item: Item, before: Item) -> bool:
+        return item.center is None and before.center is not None and layout.envelope.covers(Point(before.center))
+
+    items = zip(layout.furniture, stood, strict=True)
+    return replace(layout, furniture=tuple(before if stays(item, before) else item for item, before in items))
 
 
 def opened(

@@ -18,6 +18,7 @@ from layoutrl.rooms.formats import format_of, opened, to_place
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
 from tests.builders import rectangular_room, rooms
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 
 @given(st.lists(rooms(), min_size=1, max_size=3, unique_by=lambda room: room.id))
@@ -42,6 +43,30 @@ def test_what_is_to_move_has_no_pose(tmp_path_factory: pytest.TempPathFactory, r
             taken = move == "all" or before.category == category
             assert (item.center, item.rotation) == ((None, None) if taken else (before.center, before.rotation))
             assert (item.category, item.size, item.form) == (before.category, before.size, before.form)
+
+
+@given(rooms())
+def test_what_a_layout_does_not_place_is_written_where_it_stood(
+    tmp_path_factory: pytest.TempPathFactory, room: Room
+) -> None:
+    folder = tmp_path_factory.mktemp("rooms")
+    write_rooms(folder / "rooms.jsonl", [room])
+    source = opened(folder / "rooms.jsonl", move="all")
+    source.write(source.collection.rooms, folder / "same.jsonl")
+    assert read_rooms(folder / "same.jsonl").rooms == [room]
+    (asked,) = source.collection.rooms
+    before, *others = room.furniture
+    first = replace(asked.furniture[0], center=before.center, rotation=(before.degrees + 180) % 360)
+    source.write([replace(asked, furniture=(first, *asked.furniture[1:]))], folder / "one.jsonl")
+    assert read_rooms(folder / "one.jsonl").rooms[0].furniture == (first, *others)
+
+
+def test_what_was_parked_outside_a_room_has_no_place_in_what_is_written(tmp_path: Path) -> None:
+    home_file(tmp_path / "homes" / "a.sh3d", FLAT + piece("wardrobe", 900, 100, 100, 54))
+    source = opened(tmp_path / "homes", move="all")
+    source.write(source.collection.rooms, tmp_path / "out.jsonl")
+    bed, wardrobe = read_rooms(tmp_path / "out.jsonl").rooms[0].furniture
+    assert (bed.center, wardrobe.center) == (source.stood[0][0].center, None)
 
 
 def test_what_is_locked_stays_whatever_is_to_move() -> None:
