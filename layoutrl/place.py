@@ -292,10 +292,11 @@ class Work:
     def _asked(self, entry: Entry) -> Asked:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
-        category, moves_all = self.config.item, ALL in names_in(self.config.move)
+        moves_all = ALL in names_in(self.config.move)
+        meant = [k for k, item in enumerate(entry.room.furniture) if self.config.item in (None, item.category)]
         if not missing(entry.room):
-            return asked_of(entry, category, moves_all, ())
-        return asked_of(entry, category, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
+            return asked_of(entry, meant, moves_all, ())
+        return asked_of(entry, meant, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:

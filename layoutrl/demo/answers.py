@@ -135,7 +135,8 @@ class Answers:
     def furnish(self, asked: Any) -> Answer:
         """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each.
 
-        What stands, and nobody places in such a room, stays, and is in the way.
+        What stands, and nobody places in such a room, stays, and is in the way. What has no place, and is not of
+        `movable`, gets none.
         """
         room = room_in(asked)
         chosen = asked.get("movable")
@@ -144,7 +145,7 @@ class Answers:
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
         entry = Entry(room.id, replace(room, furniture=lifted(room.furniture, movable)), {}, stood=room.furniture)
-        told = asked_of(entry, None, True, self.staff.known(room.room_type))
+        told = asked_of(entry, movable, True, self.staff.known(room.room_type))
         lines = [said_to_stay(room, told.stays)] if told.stays else []
         if not told.wanted:
             mend = "expected other furniture" if told.stays else "expected furniture that is not locked"

@@ -28,12 +28,12 @@ class Asked:
 
 def asked_of(
     entry: Entry,
-    category: str | None,
+    meant: Collection[int],
     moves_all: bool,
     known: Collection[str],
     elsewhere: Callable[[str], Sequence[str]] = in_no_type,
 ) -> Asked:
-    """What is asked of a room: to place all that has no center, or what of it is of a category.
+    """What is asked of a room: to place what has no center, of the items that are `meant`.
 
     What the file has in the room, and who is asked cannot place, stays there, and is in the way. Where a file is to
     move all (`moves_all`), what nobody knows was not meant.
@@ -45,7 +45,7 @@ def asked_of(
     }
     # What reaches beyond the walls is in nobody's way.
     stood = {k for k in inside.intersection(missing(room)) if room.holds(entry.stood[k])}
-    wanted = [k for k in missing(room) if category in (None, room.furniture[k].category)]
+    wanted = [k for k in missing(room) if k in meant]
     stays = staying(entry.stood, inside, known).intersection(wanted) if moves_all else frozenset[int]()
     wanted = [k for k in wanted if k not in stays]
     others = frozenset(missing(room)) - {*wanted}

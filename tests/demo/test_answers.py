@@ -133,6 +133,20 @@ def test_furnishing_places_what_is_not_locked_and_leaves_the_rest(answers, room)
     assert values == sorted(values, reverse=True)
 
 
+def test_only_what_is_asked_for_is_placed_though_more_has_no_place(answers):
+    wardrobe, desk = Item("wardrobe", (0.6, 1.2), None, None), Item("desk", (0.6, 1.2), None, None)
+    room = with_corner(wardrobe, desk)
+    for movable, placed in (([1], {1}), ([0, 1], {0, 1}), ([2], {2}), ([0], {0})):
+        said = answers.answer("furnish", body(room, movable=movable))
+        assert said["lines"] == []
+        for choice in said["choices"]:
+            layout = room_from_dict(room_to_dict(room) | {"furniture": choice["furniture"]})
+            assert {k for k, _, _ in choice["path"]} == placed
+            assert {*missing(layout)} == {0, 2} - placed
+            assert all(layout.furniture[k] == room.furniture[k] for k in {0, 1, 2} - placed)
+        assert said["choices"]
+
+
 def test_as_many_layouts_are_found_as_are_asked_for(answers):
     room = ROOMS[0]
     movable = [*range(len(room.furniture))]

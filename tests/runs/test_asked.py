@@ -31,7 +31,8 @@ def under(host: str) -> Room:
 def asked(room: Room, lifts: set[int], known: set[str], category: str | None = None, moves_all: bool = True) -> Asked:
     brief = replace(room, furniture=lifted(room.furniture, lifts))
     entry = Entry(room.id, brief, room_to_dict(room), stood=room.furniture)
-    return asked_of(entry, category, moves_all, known)
+    meant = [k for k, item in enumerate(room.furniture) if category in (None, item.category)]
+    return asked_of(entry, meant, moves_all, known)
 
 
 def test_a_chair_stays_under_a_table_that_nobody_knows_and_goes_from_one_that_is_not_asked_for() -> None:
