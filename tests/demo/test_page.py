@@ -45,6 +45,10 @@ DROP = """text => {
   document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
 }"""
 
+PRESS = """keys => {
+  for (const key of keys) document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
+}"""  # sooner than the server can answer
+
 
 @pytest.fixture(scope="module")
 def address(answers) -> Iterator[str]:
@@ -230,6 +234,19 @@ def test_furniture_that_leaves_the_room_is_put_back(page):
     settled(page)
     expect(page.locator("#verdict")).to_contain_text("expected the bed to lie within")
     assert room_of(page) == before
+
+
+def test_quick_steps_out_of_the_room_are_all_put_back(page):
+    stool = SQUARE["furniture"][0] | {"center": [1.5, 2.9], "rotation": 0}
+    page.evaluate(DROP, json.dumps(SQUARE | {"furniture": [stool]}))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    for keys in (["ArrowUp"] * 5, ["r"] + ["ArrowUp"] * 5):
+        item(page, "stool").focus()
+        settled(page)
+        page.evaluate(PRESS, keys)
+        settled(page)
+        expect(page.locator("#verdict")).to_contain_text("expected the stool to lie within")
+        assert room_of(page)["furniture"] == [stool]
 
 
 def test_measurements_show_while_dragging(page):

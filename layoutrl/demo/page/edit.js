@@ -41,19 +41,24 @@ async function dropped() {
   const { index, center, moved } = drag;
   drag = null;
   if (!moved) return;
-  await settled(index, { center });
+  await settled(state.room.furniture[index], { center });
 }
 
 plan.addEventListener("pointerup", dropped);
 plan.addEventListener("pointercancel", dropped);
 
-// Keep a change of an item if the server takes it, else put it back as it was.
-async function settled(index, before) {
-  const { room } = state;
+// How items were before changes that the server has not judged yet.
+const unjudged = new Map();
+
+// Keep a change of an item if the server takes it, else put it back as it was. Quick changes wait for one look: what an
+// item was before the first of them is what the server last took.
+async function settled(changing, before) {
+  unjudged.set(changing, { ...before, ...unjudged.get(changing) });
   await look();
   const { problem } = state;
+  if (problem) unjudged.forEach((was, entry) => Object.assign(entry, was));
+  unjudged.clear();
   if (problem) {
-    Object.assign(room.furniture[index], before);
     state.notice = problem;
     await look();
   } else {
@@ -79,7 +84,7 @@ function change(fields) {
   Object.assign(chosen, fields);
   state.notice = "";
   render();
-  settled(state.selected.index, before);
+  settled(chosen, before);
 }
 
 const turn = (degrees) => item()?.center && change({ rotation: (((item().rotation ?? 0) + degrees) % 360 + 360) % 360 });
