@@ -277,10 +277,15 @@ def question(body: bytes, largest: int = LARGEST_BODY) -> dict[str, Any]:
 
 
 def suffix_of(content: bytes) -> str:
-    """What a file is, by how it begins: a home is a ZIP, a .json file is one document."""
+    """What a file is: a home is a ZIP, a .json file one document, which may be broken; else it is an object a line."""
     if content.startswith(b"PK"):
         return ".sh3d"
-    return ".jsonl" if isinstance(parsed(content), RoomError) else ".json"
+    if not isinstance(parsed(content), RoomError):
+        return ".json"
+    lines = content.strip().split(b"\n")
+    # Of a document over several lines none that begins at the margin is an object by itself.
+    alone = any(line.startswith(b"{") and isinstance(parsed(line), dict) for line in lines)
+    return ".jsonl" if alone or len(lines) == 1 else ".json"
 
 
 def source_of(path: Path, unit: str) -> Source:

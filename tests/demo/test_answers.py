@@ -326,6 +326,18 @@ def test_files_are_read_and_what_is_wrong_is_said(answers):
         assert "/tmp" not in str(found.value)
 
 
+def test_a_broken_file_is_told_where_it_is_broken(answers):
+    lines = json.dumps(room_to_dict(ROOMS[0]), indent=2).splitlines()
+    lines[20] += ","
+    for content in (lines, ["[", *lines, "]"]):
+        with pytest.raises(InputError, match=r"^file:1: line 2\d, column \d+: expected JSON; ") as found:
+            answers.read("\n".join(content).encode())
+        assert "whole JSON object" not in str(found.value)
+    said = answers.read(b"{broken\n" + lines_of(ROOMS[:2]))
+    assert [entry["room"]["id"] for entry in said["rooms"]] == [room.id for room in ROOMS[:2]]
+    assert said["left_out"][0].startswith("line:1: column 2: expected JSON")
+
+
 def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_chosen(answers, tmp_path):
     room = {"id": "a", "room_type": "study", "outline": [[0, 0], [144, 0], [144, 120], [0, 120]], "windows": []}
     room |= {"doors": [{"polygon": [[20, -8], [56, -8], [56, 0], [20, 0]]}], "furniture": []}
