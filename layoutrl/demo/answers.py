@@ -292,7 +292,13 @@ def source_of(path: Path, unit: str) -> Source:
     """The rooms of a file, lengths in JSON in a unit. Raises InputError where it cannot be read."""
     if path.suffix == ".sh3d":
         return home_of(path)
-    if format_of(path) != "json":
+    kind = format_of(path)
+    if kind == "procthor":  # a house names its furniture, and another file says how large that is
+        raise InputError(
+            f"{path}: houses of ProcTHOR are read by `place`, beside their asset database; expected rooms in JSON, "
+            "a home of Sweet Home 3D or a house of 3D-FRONT"
+        )
+    if kind != "json":
         return opened(path)
     collection = read_rooms(path, unit=unit)
     return RoomsSource(collection, [room.furniture for room in collection.rooms])

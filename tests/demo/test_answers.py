@@ -28,6 +28,7 @@ from layoutrl.runs import pretrained
 from layoutrl.runs.answerable import answerable
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import Helped
+from tests.rooms.sources.test_procthor import house
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 3).rooms]
@@ -336,6 +337,13 @@ def test_a_broken_file_is_told_where_it_is_broken(answers):
     said = answers.read(b"{broken\n" + lines_of(ROOMS[:2]))
     assert [entry["room"]["id"] for entry in said["rooms"]] == [room.id for room in ROOMS[:2]]
     assert said["left_out"][0].startswith("line:1: column 2: expected JSON")
+
+
+def test_houses_without_the_sizes_of_their_furniture_are_left_to_place(answers):
+    line = "^file: houses of ProcTHOR are read by `place`, beside their asset database; expected rooms in JSON"
+    for houses in ([house()], [house(), house()]):
+        with pytest.raises(InputError, match=line):
+            answers.read("\n".join(map(json.dumps, houses)).encode())
 
 
 def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_chosen(answers, tmp_path):
