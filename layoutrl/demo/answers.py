@@ -25,7 +25,7 @@ from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
+from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, Fault, faults
 from layoutrl.rooms.files import read_rooms
 from layoutrl.rooms.formats import RoomsSource, Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
@@ -181,9 +181,9 @@ class Answers:
         return held.brief, item - sum(k < item for k in held.unseen)
 
     def svg(self, asked: Any) -> Answer:
-        """The room as a drawing to true size."""
+        """The room as a drawing to true size, with what the page hatches."""
         room = room_in(asked)
-        return {"svg": svg(room, faults(room))}
+        return {"svg": svg(room, wrong_with(room))}
 
     def read(self, content: bytes, unit: str = "auto") -> Answer:
         """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
@@ -354,10 +354,15 @@ def shown(room: Room) -> Answer:
     return {"room": room_to_dict(room), "box": [*room.envelope.bounds]}
 
 
+def wrong_with(room: Room) -> list[Fault]:
+    """What is wrong with a room, and what is odd, item by item."""
+    return sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
+
+
 def told(room: Room) -> list[list[Any]]:
     """What is wrong with a room, and what is odd: the item's index, the name, and words."""
-    wrong = sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
-    return [[k, name, f"{room.furniture[k].category.replace('_', ' ')} {WORDS[name]}"] for k, name in wrong]
+    words = [item.category.replace("_", " ") for item in room.furniture]
+    return [[k, name, f"{words[k]} {WORDS[name]}"] for k, name in wrong_with(room)]
 
 
 def choice(held: Answerable, furnished: Furnished) -> Answer:

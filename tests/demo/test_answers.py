@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -60,6 +61,16 @@ def test_a_look_says_what_faults_says(answers):
         assert [(k, name) for k, name, _ in said["faults"]] == faults(room_from_dict(crowded))
         assert any("overlaps" in words for _, _, words in said["faults"])
         assert room_from_dict(said["room"]) == room_from_dict(crowded)
+
+
+def test_a_drawing_marks_what_a_look_says(answers):
+    room = with_corner(Item("wardrobe", (0.6, 1.2), (2.0, 1.5), 0.0))
+    assert (0, OFF_ITS_WALL) in oddities(room)
+    said = answers.answer("look", body(room))["faults"]
+    drawn = ElementTree.fromstring(answers.answer("svg", body(room))["svg"])
+    for k in range(len(room.furniture)):
+        marked = drawn.find(f".//*[@data-id='{k}']").get("data-faults", "")
+        assert marked == ", ".join(name for item, name, _ in said if item == k)
 
 
 @given(any_room, st.data())
