@@ -20,6 +20,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
+from layoutrl.figures.drawing import in_xml
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.clearances import RUGS
 from layoutrl.rooms.room import Item, Room, along_and_through, wall_thickness
@@ -179,7 +180,7 @@ def new_home(room: Room) -> bytes:
         SubElement(floor, "point", x=_cm(x), y=_cm(-y))
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("Home.xml", tostring(home, "utf-8", xml_declaration=True))
+        archive.writestr("Home.xml", f"<?xml version='1.0' encoding='utf-8'?>\n{in_xml(tostring(home, 'unicode'))}")
     return content.getvalue()
 
 

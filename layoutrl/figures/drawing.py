@@ -261,9 +261,13 @@ def _text(text: str, x: float, y: float, size: float) -> str:
     return f'<text x="{_number(x)}" y="{_number(-y)}" font-size="{_number(size)}">{_written(text)}</text>'
 
 
+def in_xml(text: str) -> str:
+    """Text without the characters that XML cannot hold, as controls: they are replaced."""
+    return NOT_IN_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
 def _written(text: str) -> str:
-    """Text as XML can hold it: characters that it has not, as controls, are replaced."""
-    return escape(NOT_IN_XML.sub("\N{REPLACEMENT CHARACTER}", text))
+    return escape(in_xml(text))
 
 
 def _polygon(ring: Sequence[Point], color: str, more: str = "") -> str:

@@ -56,6 +56,17 @@ def test_a_new_home_is_read_as_the_room(tmp_path, room):
         assert item.footprint.symmetric_difference(its.footprint).area < 1e-3
 
 
+@pytest.mark.parametrize("character", ["\x00", "\x1b", "\ufffe", "\ud800"])
+def test_of_names_what_xml_cannot_hold_is_replaced_in_a_new_home(tmp_path, character):
+    room = next(room for room in ROOMS if room.room_type == "bedroom")
+    lamp = Item(f"lamp{character}<&>", (0.3, 0.3), room.indoor.centroid.coords[0], 0.0)
+    content = new_home(replace(room, id=f"a{character}z <&> \u00fc", furniture=(*room.furniture, lamp)))
+    home = document_of(content)
+    assert home.get("name") == "a\ufffdz <&> \u00fc"
+    assert "lamp\ufffd<&>" in {piece.get("name") for piece in home.iter("pieceOfFurniture")}
+    assert read(tmp_path, content).outline
+
+
 def test_columns_come_back_and_a_hole_that_is_no_column_is_refused(tmp_path):
     room = next(room for room in ROOMS if room.indoor.contains(room.indoor.centroid.buffer(0.5)))
     (x, y), bare = room.indoor.centroid.coords[0], replace(room, furniture=(), target=None)
