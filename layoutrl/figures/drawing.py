@@ -88,8 +88,8 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     return "\n".join(
         [
             '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
-            f'viewBox="{x0:.4g} {-y1:.4g} {width:.4g} {height:.4g}" '
-            f'width="{PRINTED * width:.4g}mm" height="{PRINTED * height:.4g}mm" font-family="sans-serif">',
+            f'viewBox="{_number(x0)} {_number(-y1)} {_number(width)} {_number(height)}" '
+            f'width="{_number(PRINTED * width)}mm" height="{_number(PRINTED * height)}mm" font-family="sans-serif">',
             f"<title>{_written(room.id)}</title>",
             '<defs><pattern id="fault" width=".1" height=".1" patternUnits="userSpaceOnUse" '
             f'patternTransform="rotate(45)"><path d="M0 0V.1" stroke="{ORANGE}" stroke-width=".04"/></pattern></defs>',
@@ -279,8 +279,8 @@ def _points(ring: Iterable[Point]) -> str:
 
 
 def _number(metres: float) -> str:
-    """To a tenth of a millimetre."""
-    return f"{round(float(metres), 4) + 0.0:g}"
+    """To a tenth of a millimetre, as far as 100 km from the origin."""
+    return f"{round(float(metres), 4) + 0.0:.9g}"
 
 
 def _hex(color: tuple[int, int, int]) -> str:

@@ -19,7 +19,7 @@ from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Room
-from tests.builders import rectangular_room, rooms
+from tests.builders import rectangle, rectangular_room, room_of, rooms
 from tests.rooms.test_documents import document
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -64,11 +64,23 @@ def test_svg_has_the_shapes_of_the_room_in_metres_a_layer_a_kind(room: Room) -> 
 def test_svg_shows_the_whole_room_to_scale(room: Room) -> None:
     drawing = ElementTree.fromstring(svg(room))
     x, y, width, height = map(float, drawing.get("viewBox", "").split())
-    assert np.allclose((x, -y - height, x + width, -y), sheet(room), atol=0.01)
+    assert np.allclose((x, -y - height, x + width, -y), sheet(room), rtol=0, atol=2 * TENTH)
     assert box(*sheet(room)).contains(room.envelope)
     assert drawing.get("width", "").endswith("mm")
     ratio = float(drawing.get("width", "")[:-2]) / float(drawing.get("height", "")[:-2])
     assert ratio == pytest.approx(width / height, rel=0.01)
+
+
+@given(st.floats(-900, 900), st.floats(-900, 900))
+def test_svg_is_as_exact_far_from_the_origin_and_writes_no_zero_that_says_nothing(x: float, y: float) -> None:
+    room = room_of(rectangle(x, y, x + 4, y + 3), Item("bed", (1.0, 1.0), (x + 2, y + 1)))
+    drawing = svg(room)
+    left, top, width, height = map(float, ElementTree.fromstring(drawing).get("viewBox", "").split())
+    assert np.allclose((left, -top - height, left + width, -top), sheet(room), rtol=0, atol=2 * TENTH)
+    for shape, wall in zip(layers(drawing)["walls"], room.wall_shapes, strict=True):
+        assert outline(shape).hausdorff_distance(wall) < TENTH
+    numbers = re.findall(r"[-\d.e]+", " ".join(re.findall(r'(?:points|viewBox)="([^"]*)"', drawing)))
+    assert not [number for number in numbers if not re.fullmatch(r"-?\d+(\.\d{0,3}[1-9])?", number)]
 
 
 def test_what_is_wrong_is_marked_and_named_on_the_item_alone() -> None:
