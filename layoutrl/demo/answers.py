@@ -282,8 +282,10 @@ def suffix_of(content: bytes) -> str:
         return ".sh3d"
     if not isinstance(parsed(content), RoomError):
         return ".json"
+    if content.lstrip().startswith(b"["):
+        return ".json"
     lines = content.strip().split(b"\n")
-    # Of a document over several lines none that begins at the margin is an object by itself.
+    # Of an object over several lines none that begins at the margin is an object by itself.
     alone = any(line.startswith(b"{") and isinstance(parsed(line), dict) for line in lines)
     return ".jsonl" if alone or len(lines) == 1 else ".json"
 

@@ -45,7 +45,7 @@ class RoomsSimulator:
 
     `briefs` are rooms with items to place; `designs`, where they are known, the same rooms as the designer has them:
     the first term of the reward is 0 where they are not. An item may take the place of any of the designer's that is
-    the same (category, size, form, whether tucked); the highest IoU counts.
+    the same (category, size, form); the highest IoU counts.
 
     Of the items (rooms, N): `count` (rooms,) is how many each room has to place, `ways` how many ways an item can face
     that look different, `degrees` (rooms, N, 4) its rotation in each, and `entry` (rooms, N, 4) the room of `simulator`

@@ -87,7 +87,7 @@ def choose_item(collection: Collection, category: str) -> Collection:
 
 
 def all_standing(collection: Collection) -> Collection:
-    """The rooms that are furnished, and of which every item stands within the outer walls."""
+    """The rooms that are furnished, and of which every item stands within the outer walls, and fits along them."""
     chosen = _after(collection, "whole rooms")
     for room in collection.rooms:
         if not room.furniture:

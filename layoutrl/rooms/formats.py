@@ -56,8 +56,8 @@ class Source(Protocol):
     def write(self, layouts: Iterable[Room], out: Path) -> None:
         """Write layouts to a new file: rooms of the collection, by their ids, with the same items in the same order.
 
-        An item without a center is left where it was, if that is in its room. Raises InputError where `out` is there
-        already, has another suffix or cannot be written.
+        An item without a center is left where it was. Raises InputError where `out` is there already, has another
+        suffix or cannot be written.
         """
         ...
 
@@ -71,7 +71,10 @@ class RoomsSource:
     suffix: str = ".jsonl"
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
-        """Write the layouts, and no other rooms. Raises InputError as every Source does."""
+        """Write the layouts, and no other rooms; what was outside its room has no place in them.
+
+        Raises InputError as every Source does.
+        """
         check_new(out, self.suffix)
         stood = {room.id: items for room, items in zip(self.collection.rooms, self.stood, strict=True)}
         try:

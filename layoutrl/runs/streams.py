@@ -223,7 +223,10 @@ def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
             if not state.exists():
                 shutil.rmtree(folder, ignore_errors=True)
             elif isinstance(error, KeyboardInterrupt):
-                print("the same command goes on where it was", file=sys.stderr)
+                again = isinstance(about.get("rooms"), list)  # files: what comes by standard input may be other rooms
+                print(
+                    "the same command goes on where it was" if again else f"the rooms are in {lines}", file=sys.stderr
+                )
             raise
         if grown.wanted:
             if out.exists():
