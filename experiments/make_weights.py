@@ -56,6 +56,7 @@ WORST = 0.8  # IoU below which an agent is said to be bad at an item
 SAME = 0.01  # mean difference of the IoU of rooms, below which they were furnished alike
 FEW = 10  # items of a category, of which nothing is said
 SETTINGS = {  # of a type's own; disturbed rooms cost dining rooms more than they brought
+    "bedroom": {"method.updates.default": "30000"},
     "study": {"method.updates.default": "30000"},
     "living_room": {"method.updates.default": "30000"},
     "dining_room": {"method.updates.default": "30000", "data.disturbed": "0.0"},
