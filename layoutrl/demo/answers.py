@@ -280,9 +280,7 @@ def suffix_of(content: bytes) -> str:
     """What a file is: a home is a ZIP, a .json file one document, which may be broken; else it is an object a line."""
     if content.startswith(b"PK"):
         return ".sh3d"
-    if not isinstance(parsed(content), RoomError):
-        return ".json"
-    if content.lstrip().startswith(b"["):
+    if content.lstrip().startswith(b"[") or not isinstance(parsed(content), RoomError):
         return ".json"
     lines = content.strip().split(b"\n")
     # Of an object over several lines none that begins at the margin is an object by itself.

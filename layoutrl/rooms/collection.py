@@ -8,13 +8,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-import shapely
-
 from layoutrl import InputError
 from layoutrl.rooms.brief import LEVEL, facings, ways
 from layoutrl.rooms.clearances import off
-from layoutrl.rooms.fitting import fitting_positions
+from layoutrl.rooms.fitting import fits
 from layoutrl.rooms.room import FIT, Item, Room
 
 FOLDS = 5  # one fifth of the groups is held out
@@ -107,9 +104,7 @@ def _fits_along_walls(room: Room, item: Item) -> bool:
     """Whether an item that stands in the room at any angle also fits into it, empty, along its walls."""
     if off(item.degrees - facings(room)[0], 90.0) < LEVEL:
         return True
-    turned = [replace(item, rotation=degrees) for degrees in ways(room, replace(item, rotation=None))]
-    envelopes, templates = np.array([room.envelope] * len(turned)), np.array([each.template for each in turned])
-    return not shapely.is_empty(fitting_positions(envelopes, templates)).all()
+    return fits(room.envelope, item, ways(room, replace(item, rotation=None)))
 
 
 def _after(collection: Collection, chosen: str) -> Collection:

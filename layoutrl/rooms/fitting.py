@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 
-from layoutrl.rooms.room import FIT
+from layoutrl.rooms.room import FIT, Item
 
 
 def edges(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,3 +40,9 @@ def fitting_positions(areas: np.ndarray, templates: np.ndarray, slack: float = F
         swept = shapely.convex_hull(shapely.linestrings(both_ends.reshape(-1, 2), indices=np.repeat(of, 2)))
         regions[left] = shapely.difference(regions[left], swept)
     return regions
+
+
+def fits(area: Polygon, item: Item, degrees: Iterable[float]) -> bool:
+    """Whether there is a place at which an item lies in the area, turned in one of these ways."""
+    templates = np.array([replace(item, rotation=way).template for way in degrees])
+    return not shapely.is_empty(fitting_positions(np.array([area] * len(templates)), templates)).all()

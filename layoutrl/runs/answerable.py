@@ -6,14 +6,11 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-import numpy as np
-import shapely
-
+from layoutrl.rooms import fitting
 from layoutrl.rooms.brief import missing, standing, ways
 from layoutrl.rooms.categories import category_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
-from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 
@@ -135,5 +132,4 @@ def _stacked(one: Item, other: Item) -> bool:
 
 def fits(room: Room, item: Item) -> bool:
     """Whether there is a place indoors at which an item lies in the room, empty, in one of the ways it may face."""
-    templates = np.array([replace(item, rotation=degrees).template for degrees in ways(room, item)])
-    return not shapely.is_empty(fitting_positions(np.array([room.indoor] * len(templates)), templates)).all()
+    return fitting.fits(room.indoor, item, ways(room, item))

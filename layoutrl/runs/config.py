@@ -181,7 +181,7 @@ class TrainCommand(TrainConfig):
         super().__post_init__()
         # Here: runs of before, which had it in vain, or began with another package, can be read.
         if self.begin == "package":
-            check_begin("begin=package", self.method, cards()[self.room.type]["method"])
+            check_begin(self.method, cards()[self.room.type]["method"])
         useful = self.reward.theta4 == 0 or self.method.scope == "room"
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
 

@@ -112,12 +112,12 @@ def check_data(data: Data) -> None:
     one_of("data.unit", data.unit, "auto", *UNITS)
 
 
-def check_begin(name: str, method: Method, before: Mapping[str, Any]) -> None:
-    """Raises InputError where an agent that learned by the method of `before` sees or moves otherwise."""
+def check_begin(method: Method, before: Mapping[str, Any]) -> None:
+    """Raises InputError where the agent in the package, which learned by `before`, sees or moves otherwise."""
     for of in ("scope", "observation", "steps", "unit", "slide", "dueling"):
         option = of if of == "scope" else f"method.{of}"
         ours, theirs = getattr(method, of), before[of]
-        within(name, f"{option}={ours}", ours == theirs, f"{option}={theirs}, as that agent has it")
+        within("begin=package", f"{option}={ours}", ours == theirs, f"{option}={theirs}, as that agent has it")
 
 
 def one_of(name: str, value: str, *allowed: str) -> None:

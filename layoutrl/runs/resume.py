@@ -117,12 +117,7 @@ def session(
     identity, seconds_before = identity_of(config, rooms, device), 0.0
     begun, folder = folder is not None, folder or new_folder(config)
     with locked(folder / LOCK, wait=False):
-        if begun and (state := last_state(folder, identity, device)):
-            if others := [name for name, value in about.items() if state[name] != value]:
-                raise InputError(
-                    f"the checkpoint of {folder} has other {', '.join(others)}; expected the version of layoutrl that "
-                    "began the run"
-                )
+        if begun and (state := last_state(folder, identity, about, device)):
             with taken(folder):
                 training.load_state_dict(state["training"])
             print(f"going on after {training.updates} updates")
@@ -250,8 +245,11 @@ def identity_of(config: AnyTraining, rooms: Sequence[Room], device: torch.device
     return {"version": __version__, "config": stated(config), "rooms": digest(rooms), "device": device.type}
 
 
-def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> dict[str, Any] | None:
-    """The last checkpoint of a run. Raises InputError where it is of other rooms, settings or another kind of device.
+def last_state(
+    folder: Path, identity: dict[str, Any], about: dict[str, Any], device: torch.device
+) -> dict[str, Any] | None:
+    """The last checkpoint of a run. Raises InputError where it is of other rooms, settings or another kind of device,
+    or says something else than `about`.
 
     None for a run that was killed before its first: it begins anew.
     """
@@ -267,6 +265,11 @@ def last_state(folder: Path, identity: dict[str, Any], device: torch.device) -> 
         raise InputError(
             f"the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
             "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"
+        )
+    if others := [name for name, value in about.items() if state[name] != value]:
+        raise InputError(
+            f"the checkpoint of {folder} has other {', '.join(others)}; expected the version of layoutrl that "
+            "began the run"
         )
     return state
 

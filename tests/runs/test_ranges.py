@@ -94,7 +94,7 @@ def test_no_agent_begins_with_one_that_is_otherwise(given: tuple[str, ...], foun
     before = asdict(composed("train", "scope=room").method)
     message = f"begin=package: expected {expected}, as that agent has it; got {found}"
     with pytest.raises(InputError, match=re.escape(message)):
-        check_begin("begin=package", composed("train", *given).method, before)
-    check_begin("begin=package", composed("train", "scope=room", "method.batch=32").method, before)
+        check_begin(composed("train", *given).method, before)
+    check_begin(composed("train", "scope=room", "method.batch=32").method, before)
     with pytest.raises(InputError, match=r"^begin"):
         composed("train", "begin=package", *given)
