@@ -236,17 +236,36 @@ def test_furniture_that_leaves_the_room_is_put_back(page):
     assert room_of(page) == before
 
 
-def test_quick_steps_out_of_the_room_are_all_put_back(page):
+def test_quick_steps_are_judged_one_by_one_and_those_out_of_the_room_are_put_back(page):
     stool = SQUARE["furniture"][0] | {"center": [1.5, 2.9], "rotation": 0}
     page.evaluate(DROP, json.dumps(SQUARE | {"furniture": [stool]}))
     expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
-    for keys in (["ArrowUp"] * 5, ["r"] + ["ArrowUp"] * 5):
+    for keys, rotation in ((["ArrowUp"] * 9, 0), (["r"] + ["ArrowUp"] * 5, 90)):
         item(page, "stool").focus()
         settled(page)
         page.evaluate(PRESS, keys)
         settled(page)
         expect(page.locator("#verdict")).to_contain_text("expected the stool to lie within")
-        assert room_of(page)["furniture"] == [stool]
+        assert room_of(page)["furniture"] == [stool | {"center": [1.5, 2.95], "rotation": rotation}]
+
+
+def test_what_is_done_before_a_step_is_judged_waits_for_it(page):
+    stools = [SQUARE["furniture"][0] | {"center": [x, 2.95], "rotation": 0} for x in (0.5, 2.5)]
+    page.evaluate(DROP, json.dumps(SQUARE | {"furniture": stools}))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    page.locator("#plan [data-item='0']").focus()
+    settled(page)
+    page.evaluate(PRESS, ["ArrowUp", "l", "ArrowDown"])  # out of the room; locked; locked things stay
+    settled(page)
+    expect(page.locator("#lock")).to_have_attribute("aria-pressed", "true")
+    assert room_of(page)["furniture"] == stools
+    page.locator("#plan [data-item='0']").focus()
+    page.evaluate(PRESS, ["l", "ArrowUp", "Delete"])
+    settled(page)
+    assert room_of(page)["furniture"] == stools[1:]
+    page.locator("#undo").click()
+    settled(page)
+    assert room_of(page)["furniture"] == stools  # not with the step that was refused
 
 
 def test_measurements_show_while_dragging(page):

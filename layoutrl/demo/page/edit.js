@@ -41,24 +41,23 @@ async function dropped() {
   const { index, center, moved } = drag;
   drag = null;
   if (!moved) return;
-  await settled(state.room.furniture[index], { center });
+  const dragged = state.room.furniture[index];
+  await inTurn(() => settled(dragged, { center }));
 }
 
 plan.addEventListener("pointerup", dropped);
 plan.addEventListener("pointercancel", dropped);
 
-// How items were before changes that the server has not judged yet.
-const unjudged = new Map();
+// Each change waits for what the server says of the one before.
+let last = Promise.resolve();
+const inTurn = (act) => (last = last.finally(act));
 
-// Keep a change of an item if the server takes it, else put it back as it was. Quick changes wait for one look: what an
-// item was before the first of them is what the server last took.
+// Keep a change of an item if the server takes it, else put it back as it was.
 async function settled(changing, before) {
-  unjudged.set(changing, { ...before, ...unjudged.get(changing) });
   await look();
   const { problem } = state;
-  if (problem) unjudged.forEach((was, entry) => Object.assign(entry, was));
-  unjudged.clear();
   if (problem) {
+    Object.assign(changing, before);
     state.notice = problem;
     await look();
   } else {
@@ -68,42 +67,59 @@ async function settled(changing, before) {
   document.dispatchEvent(new Event("choose"));
 }
 
-// Whether the chosen item is locked, which is said then.
-function held() {
-  if (!item() || !state.locked[state.selected.index]) return false;
-  state.notice = `The ${words(item().category)} is locked. Unlock it first.`;
+// Where an item is in the list, if it may be changed: what is locked may not, which is said then.
+function changeable(chosen) {
+  const index = state.room.furniture.indexOf(chosen);
+  if (index < 0 || !idle()) return -1;
+  if (!state.locked[index]) return index;
+  state.notice = `The ${words(chosen.category)} is locked. Unlock it first.`;
   render();
-  return true;
+  return -1;
 }
 
-function change(fields) {
+// Change the chosen item: `fieldsOf` says to what, of the item as it is once its turn has come.
+function change(fieldsOf) {
   const chosen = item();
-  if (!chosen || !idle() || held()) return;
+  return inTurn(() => changedTo(chosen, fieldsOf));
+}
+
+async function changedTo(chosen, fieldsOf) {
+  if (changeable(chosen) < 0) return;
+  const fields = fieldsOf(chosen);
   const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
   if ("size" in fields || !chosen.center) Object.assign(state, outdated);
   Object.assign(chosen, fields);
   state.notice = "";
   render();
-  settled(chosen, before);
+  await settled(chosen, before);
 }
 
-const turn = (degrees) => item()?.center && change({ rotation: (((item().rotation ?? 0) + degrees) % 360 + 360) % 360 });
+const turn = (degrees) =>
+  item()?.center && change(({ rotation }) => ({ rotation: (((rotation ?? 0) + degrees) % 360 + 360) % 360 }));
 
 function lock() {
-  if (!item()) return;
-  state.locked[state.selected.index] = !state.locked[state.selected.index];
-  changed();
+  const chosen = item();
+  return inTurn(() => {
+    const index = state.room.furniture.indexOf(chosen);
+    if (index < 0) return;
+    state.locked[index] = !state.locked[index];
+    changed();
+  });
 }
 
 function remove() {
-  const { selected, room } = state;
-  if (!selected || !idle() || held()) return;
-  if (selected.kind === "opening") return document.dispatchEvent(new CustomEvent("unopen", { detail: selected.index }));
-  room.furniture.splice(selected.index, 1);
-  state.locked.splice(selected.index, 1);
-  retarget(room);
-  unselect();
-  changed();
+  const { selected } = state;
+  if (selected?.kind === "opening" && idle()) document.dispatchEvent(new CustomEvent("unopen", { detail: selected.index }));
+  const chosen = item();
+  return inTurn(() => {
+    const index = changeable(chosen);
+    if (index < 0) return;
+    state.room.furniture.splice(index, 1);
+    state.locked.splice(index, 1);
+    retarget(state.room);
+    unselect();
+    changed();
+  });
 }
 
 // What has the focus is chosen: it leaves it first.
@@ -153,15 +169,17 @@ $("clear").onclick = () => {
 $("turn").onclick = () => turn(90);
 $("lock").onclick = lock;
 $("delete").onclick = remove;
-$("place").onclick = () => change({ center: [...state.look.middle], rotation: item().rotation ?? 0 });
+$("place").onclick = () => change(({ rotation }) => ({ center: [...state.look.middle], rotation: rotation ?? 0 }));
 for (const [id, side] of [["depth", 0], ["width", 1]]) {
   $(id).onchange = () => {
     const value = Number($(id).value);
-    const size = item().shape === "circle" ? [value, value] : item().size.with(side, value);
-    change({ size });
+    change(({ shape, size }) => ({ size: shape === "circle" ? [value, value] : size.with(side, value) }));
   };
 }
-$("degrees").onchange = () => item().center && change({ rotation: Number($("degrees").value) });
+$("degrees").onchange = () => {
+  const rotation = Number($("degrees").value);
+  if (item().center) change(() => ({ rotation }));
+};
 
 async function travelled(back) {
   if (!idle() || !travel(back)) return;
@@ -192,7 +210,8 @@ plan.addEventListener("keydown", (event) => {
     else select("opening", Number(thing.dataset.opening));
   } else if (way && item()?.center) {
     const step = event.shiftKey ? 0.01 : 0.05;
-    change({ center: item().center.map((value, axis) => centimetres(value + step * way[axis])) });
+    const stepped = ({ center }) => ({ center: center.map((value, axis) => centimetres(value + step * way[axis])) });
+    if (!event.repeat || plan.ariaBusy !== "true") change(stepped); // a key that is held waits: else the item ran on after it
   } else if (event.key === "Escape") unselect();
   else if (event.key === "Delete" || event.key === "Backspace") remove();
   else if (event.key === "r" || event.key === "R") turn(event.shiftKey ? 15 : 90);
