@@ -11,6 +11,7 @@ import gzip
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -116,9 +117,7 @@ def _add(collection: Collection, text: bytes, label: str, sizes: Mapping[str, tu
             house.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
         house.gaps = list(_gaps(document))
         for thing in document["objects"]:
-            if thing["assetId"] not in sizes:
-                house.unsized[str(thing["assetId"])] += 1
-            elif piece := _piece(thing, sizes, names):
+            if piece := _piece(thing, sizes, names, house.unsized):
                 house.put(piece)
         collection.rooms += [room for room, _ in house.finished(names, label)]
     collection.left_out += house.left_out
@@ -144,12 +143,16 @@ def _gaps(house: Any) -> Iterator[Gap]:
                 yield Gap(kind, oblong(x, y, abs(last - first), WALL_THICKNESS, degrees))
 
 
-def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names) -> Piece | None:
-    """An object of known size that stands on the floor; None for decor."""
-    kind, (along, height, across) = sizes[thing["assetId"]]
+def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names, unsized: Counter[str]) -> Piece | None:
+    """An object that stands on the floor; None for decor, and for what no size is known of, which `unsized` counts."""
     x, y, z = lengths(thing["position"][axis] for axis in "xyz")
     degrees = length(thing["rotation"]["y"])
+    if (asset := thing["assetId"]) not in sizes:
+        if not names.is_decor(str(thing.get("id", asset)).partition("|")[0], str(asset)):
+            unsized[str(asset)] += 1
+        return None
+    kind, (along, height, across) = sizes[asset]
     if y - height / 2 > HIGHEST or height < FLATTEST or min(along, across) < TOLERANCE:
         return None
-    found = names.category("corner counter" if BENT.match(thing["assetId"]) else kind)
+    found = names.category("corner counter" if BENT.match(asset) else kind)
     return found and Piece(Item(found[0], (across, along), (x, z), (90 - degrees) % 360), found[1])

@@ -117,7 +117,8 @@ def test_a_counter_round_a_corner_is_not_moved_as_the_box_that_it_is_not(
 
 def test_what_no_size_is_known_of_is_left_out_and_said_once_a_house(tmp_path: Path) -> None:
     unknown = [thing(asset, 2.0, 0.45, 2.0, 0) for asset in ("Sofa_9", "Desk_9", "Sofa_9")]
-    write(tmp_path, house(objects=house()["objects"] + unknown), house())
+    decor = [thing("Painting_9", 2.0, 0.45, 2.0, 0), thing("Frame_9", 2.0, 0.45, 2.0, 0) | {"id": "Painting|2|1"}]
+    write(tmp_path, house(objects=house()["objects"] + unknown + decor), house())
     collection = read(tmp_path, names_of())
     assert [item.category for room in collection.rooms for item in room.furniture] == ["bed", "chair"] * 2
     said = "pieces of unknown size are left out (3), and others may be placed there: Sofa_9 (2), Desk_9 (1)"
