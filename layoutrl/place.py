@@ -182,7 +182,7 @@ class Work:
         if file is None:
             grown: AbstractContextManager[Growing] = nullcontext(Growing(sys.stdout.buffer, Tally()))
         else:
-            grown = growing(file, about(self.config, self.source))
+            grown = growing(file, about(self.config, self.source), again=self.config.rooms != STANDARD)
         with grown as sheet:
             self.tally = sheet.tally
             for block in self.answers():

@@ -175,10 +175,12 @@ class Tally:
 class Growing:
     """A file that grows line by line, and what was done for it."""
 
-    def __init__(self, stream: IO[bytes], tally: Tally, state: Path | None = None, about: Any = None):
+    def __init__(
+        self, stream: IO[bytes], tally: Tally, state: Path | None = None, about: Any = None, again: bool = False
+    ):
         self.tally = tally
         self.wanted = True  # once it is whole
-        self._stream, self._state, self._about = stream, state, about
+        self._stream, self._state, self._about, self._again = stream, state, about, again
 
     def add(self, documents: Iterable[dict[str, Any]]) -> None:
         """Write rooms, and that they are done: from here on nothing of it is done again.
@@ -196,18 +198,19 @@ class Growing:
         except BrokenPipeError:  # nobody reads any more
             raise
         except OSError as error:
+            then = ": the same command goes on then" * self._again
             raise InputError(
-                f"out: cannot write {self._stream.name} ({error.strerror}); expected a disk with room: "
-                "the same command goes on then"
+                f"out: cannot write {self._stream.name} ({error.strerror}); expected a disk with room{then}"
             ) from None
 
 
 @contextmanager
-def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
+def growing(out: Path, about: dict[str, Any], *, again: bool = True) -> Iterator[Growing]:
     """A file that is there under its name when it is whole. Until then it grows in the folder <name>.part.
 
-    Where that folder is left of a run that was stopped, and was `about` the same, this goes on with it. Raises
-    InputError where it was about something else, another process is at it, or the file is there by then.
+    Where that folder is left of a run that was stopped, and was `about` the same, this goes on with it: `again` says
+    whether the same command can be about the same. Raises InputError where it was about something else, another
+    process is at it, or the file is there by then.
     """
     folder = out.with_name(f"{out.name}{PART}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -217,16 +220,14 @@ def growing(out: Path, about: dict[str, Any]) -> Iterator[Growing]:
         try:
             with lines.open("ab") as stream:
                 stream.truncate(kept["bytes"])
-                grown = Growing(stream, Tally(**kept["tally"]), state, about)
+                grown = Growing(stream, Tally(**kept["tally"]), state, about, again)
                 yield grown
         except BaseException as error:
             if not state.exists():
                 shutil.rmtree(folder, ignore_errors=True)
             elif isinstance(error, KeyboardInterrupt):
-                again = isinstance(about.get("rooms"), list)  # files: what comes by standard input may be other rooms
-                print(
-                    "the same command goes on where it was" if again else f"the rooms are in {lines}", file=sys.stderr
-                )
+                said = "the same command goes on where it was" if again else f"the rooms are in {lines}"
+                print(said, file=sys.stderr)
             raise
         if grown.wanted:
             if out.exists():

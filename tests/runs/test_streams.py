@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 
 from layoutrl import InputError
 from layoutrl.runs import streams
-from layoutrl.runs.streams import growing
+from layoutrl.runs.streams import Growing, Tally, growing
+
+FULL = Path("/dev/full")  # what is written there finds no room
 
 
 def test_blocks_begin_with_a_room_and_double_while_they_are_answered_soon(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -59,3 +61,29 @@ def test_a_state_that_is_none_is_answered(state: str, tmp_path: Path) -> None:
     ):
         pass
     assert (part / "state.json").read_text() == state
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_who_is_stopped_is_told_to_go_on_only_where_that_can_be(
+    again: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped() -> None:
+        with growing(tmp_path / "out.jsonl", {"seed": 0}, again=again) as grown:
+            grown.add([{"id": "done"}])
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    lines = tmp_path / "out.jsonl.part" / "rooms.jsonl"
+    said = "the same command goes on where it was" if again else f"the rooms are in {lines}"
+    assert capsys.readouterr().err == f"{said}\n"
+    assert lines.read_text() == '{"id": "done"}\n'
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="it has no /dev/full")
+@pytest.mark.parametrize("again", [False, True])
+def test_a_full_disk_is_answered(again: bool) -> None:
+    then = ": the same command goes on then" * again
+    said = rf"^out: cannot write {FULL} \(No space left on device\); expected a disk with room{then}$"
+    with FULL.open("wb", buffering=0) as disk, pytest.raises(InputError, match=said):
+        Growing(disk, Tally(), again=again).add([{"id": "done"}])
