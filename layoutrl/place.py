@@ -86,11 +86,11 @@ def furnish(
     """
     config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
-    check_move(config)
+    config = by_category(config)
     if run is not None:
         load_config(Path(run), TrainConfig)
     entries = [
-        Entry(room.id, to_place(room, move), room_to_dict(room), stood=tuple(items))
+        Entry(room.id, to_place(room, config.move), room_to_dict(room), stood=tuple(items))
         for room, items in zip(rooms, stood or [room.furniture for room in rooms], strict=True)
     ]
     return Work(config, None, None, None).answered(entries)
@@ -104,7 +104,7 @@ def run(config: PlaceConfig) -> Done:
     check_who(config)
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
-    check_move(config)
+    config = by_category(config)
     source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = (config.out or config.rooms) == STANDARD
@@ -330,13 +330,25 @@ def check_who(config: PlaceConfig) -> None:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
 
 
-def check_move(config: PlaceConfig) -> None:
-    """Raise InputError where `move=` names no known category; an agent of the user's own may know others."""
-    table = names_of(Path(config.categories) if config.categories else None)
-    for name in sorted(names_in(config.move) - {ALL, *table.categories}):
-        if config.run is None:
-            near = ", ".join(nearest(name, table.categories))
-            raise InputError(f"move: expected all, or categories as {near}, with commas between them; got {name!r}")
+def by_category(config: PlaceConfig) -> PlaceConfig:
+    """The options with categories for the everyday names in `move` and `item`.
+
+    Raises InputError for a name that nobody knows. An agent of the user's own has words of its own.
+    """
+    if config.run is not None:
+        return config
+    names = names_of(Path(config.categories) if config.categories else None)
+
+    def meant(option: str, name: str, expected: str) -> str:
+        if (ours := names.meant(name)) is None:
+            near = ", ".join(nearest(name, names.categories))
+            raise InputError(f"{option}: expected {expected}, as {near}; got {name!r}")
+        return ours
+
+    several = "all, or furniture with commas between"
+    moved = [name if name == ALL else meant("move", name, several) for name in sorted(names_in(config.move))]
+    item = config.item and meant("item", config.item, "furniture")
+    return replace(config, move=",".join(moved) if moved else None, item=item)
 
 
 def source_of(config: PlaceConfig) -> Source | None:

@@ -707,20 +707,39 @@ def test_a_closed_stream_is_answered(
     ("given", "said"),
     [
         ({"drawing": "png"}, "drawing: nothing is drawn as png without pictures=; expected pictures=<folder>"),
-        ({"move": "bed,bookcas"}, "move: expected all, or categories as bookcase, .*; got 'bookcas'"),
-        ({"move": "couch"}, "move: expected all, or categories as sofa, .*; got 'couch'"),
+        (
+            {"move": "bed,bookcas"},
+            "move: expected all, or furniture with commas between, as bookcase, .*; got 'bookcas'",
+        ),
+        ({"by": None, "item": "bookcas"}, "item: expected furniture, as bookcase, .*; got 'bookcas'"),
     ],
 )
 def test_an_option_that_would_be_ignored_is_refused(given: dict[str, Any], said: str, tmp_path: Path) -> None:
     file, _ = many(tmp_path, 1)
     with pytest.raises(InputError, match=f"^{said}$"):
-        place(PlaceConfig(by="search", rooms=str(file), **given))
+        place(PlaceConfig(**{"by": "search", "rooms": str(file)} | given))
+
+
+@pytest.mark.parametrize("option", ["move", "item"])
+def test_options_take_the_names_that_furniture_goes_by(option: str, middle: Middle, tmp_path: Path) -> None:
+    document = furnished_room() | {"id": "b-17"}
+    document["furniture"] = [item for item in document["furniture"] if item["category"] != "bed"]
+    bed = {"category": "bed", "size": [2.0, 1.5]} | ({"center": [2.0, 2.0], "rotation": 0} if option == "move" else {})
+    document["furniture"].append(bed)
+    file = written(tmp_path, [document])
+    by = {"by": "search"} if option == "move" else {}
+    ours, theirs = (
+        place(PlaceConfig(rooms=str(file), out=str(tmp_path / f"{name}.jsonl"), **by | {option: name})).tally
+        for name in ("bed", "Bett")
+    )
+    assert ours == theirs
+    assert ours.items > 0
 
 
 def test_an_item_that_no_room_lacks_is_named(middle: Middle, tmp_path: Path) -> None:
     file, _ = many(tmp_path, 1)
-    with pytest.raises(InputError, match="has no room with a zebra without a center; expected one or more"):
-        place(PlaceConfig(rooms=str(file), item="zebra"))
+    with pytest.raises(InputError, match="has no room with a sofa without a center; expected one or more"):
+        place(PlaceConfig(rooms=str(file), item="sofa"))
 
 
 def test_what_is_to_move_and_is_in_no_room_is_said(
@@ -962,7 +981,7 @@ def test_what_nobody_places_stays_where_it_stood_though_it_was_lifted(middle: Mi
         ({"choices": 0}, "choices: expected 1 to"),
         ({"by": "magic"}, "by: expected"),
         ({"by": "search", "run": "runs/x"}, "run: expected either"),
-        ({"move": "sofaa"}, "move: expected all, or categories as sofa"),
+        ({"move": "sofaa"}, "move: expected all, or furniture with commas between, as sofa"),
         ({"run": "nowhere"}, "nowhere"),
     ],
 )

@@ -107,6 +107,13 @@ class Names:
         self.unknown[given[-1][:40] if given else "without a name", called] += 1
         return called, False
 
+    def meant(self, name: str) -> str | None:
+        """The category that a name is known by, if any."""
+        if name in self.categories:
+            return name
+        found = self._furniture.get(self._known([name]) or "")
+        return None if found in (OBSTACLE, DECOR) else found
+
     def knows(self, *names: str | None) -> bool:
         """Whether a name is that of a category."""
         part = self._known([name for name in names if name])
@@ -125,9 +132,9 @@ class Names:
 
     def _named(self, entry: Any) -> Any:
         name = entry.get("category") if isinstance(entry, dict) else None
-        if not isinstance(name, str) or name in self.categories or not self.knows(name):
+        if not isinstance(name, str) or (ours := self.meant(name)) is None:
             return entry
-        return entry | {"category": self._furniture[self._known([name]) or name]}
+        return entry | {"category": ours}
 
     def _known(self, names: list[str]) -> str | None:
         """The first part of these names that the table has; else the longest words of it that one ends with; else those
@@ -184,16 +191,9 @@ class Names:
         return lines
 
 
-def category_of(name: str) -> str | None:
-    """The category that the table has for a name, if any."""
-    names = own_names()
-    found = names.category(name) if names.knows(name) else None
-    return found[0] if found else None
-
-
 def nearest(name: str, known: Collection[str]) -> list[str]:
     """Up to three known categories that a name may mean: what the table says it is, then what is spelled alike."""
-    ours = category_of(name) or ""
+    ours = own_names().meant(name) or ""
     alike = difflib.get_close_matches(name, known, 3, 0)
     return [*dict.fromkeys([ours, *alike] if ours in known else alike)][:3]
 

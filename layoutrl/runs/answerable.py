@@ -8,7 +8,7 @@ from itertools import combinations
 
 from layoutrl.rooms import fitting
 from layoutrl.rooms.brief import missing, standing, ways
-from layoutrl.rooms.categories import category_of
+from layoutrl.rooms.categories import own_names
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
 from layoutrl.rooms.room import TOLERANCE, Item, Room
@@ -93,7 +93,7 @@ def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[
     """Why nobody places a category that is not known in a room."""
     if not known:
         return f"nobody who is asked furnishes a {room.room_type}"
-    ours = category_of(category) or category
+    ours = own_names().meant(category) or category
     if ours in known:
         return f"it is known as {ours}; expected that category"
     if types := elsewhere(ours):
