@@ -58,25 +58,25 @@ def run(config: WatchConfig) -> list[Path]:
 
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
-    chosen = rng.permutation(len(shown.rooms))[: config.rooms]
+    rooms = [shown.rooms[k] for k in rng.permutation(len(shown.rooms))[: config.rooms]]
     method, categories = shown.method, shown.categories
     if method.scope == "room":
         furnisher = Furnisher(shown.network, method, categories)
-        episodes = rooms_filling_up(furnisher, [shown.rooms[k] for k in chosen])
+        episodes = rooms_filling_up(furnisher, rooms)
     else:
-        policy, simulator = greedy(shown.network, method), Simulator(shown.rooms, method.moves, shown.reward)
-        observe = observation_of(method.observation, shown.rooms, policy.q.device, categories)
-        starts = simulator.starts(chosen, rng)
-        run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, chosen, starts)
-        iou = simulator.reward(chosen, run.final).iou
-        episodes = [one_item(simulator.rooms[k], run.way(n), float(iou[n])) for n, k in enumerate(chosen)]
+        policy, simulator = greedy(shown.network, method), Simulator(rooms, method.moves, shown.reward)
+        observe = observation_of(method.observation, rooms, policy.q.device, categories)
+        every = np.arange(len(rooms))
+        run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, every, simulator.starts(every, rng))
+        iou = simulator.reward(every, run.final).iou
+        episodes = [one_item(room, run.way(k), float(iou[k])) for k, room in enumerate(simulator.rooms)]
     with style.context([STYLE, PLAIN]):
         pictures = list(frames(episodes, config.width))
     own = Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}"
     write(pictures, files := asked or files_of(own))
     moves = np.mean([episode.moves for episode in episodes])
     mean = np.mean([episode.iou for episode in episodes])
-    print(f"mean IoU {mean:.3f} in {len(chosen)} rooms, {moves:.1f} moves each")
+    print(f"mean IoU {mean:.3f} in {len(rooms)} rooms, {moves:.1f} moves each")
     for file in files:
         print(f"wrote {file} ({file.stat().st_size / 1000:.0f} kB)")
     return files

@@ -110,9 +110,7 @@ class GeometryNetwork(nn.Module):
         return wider
 
     def forward(self, elements: Tensor) -> Tensor:
-        """The value of each action (B, A), of elements float32 (B, N, columns), the moving item first."""
-        if elements.shape[1] == 1:  # nothing else in any of the rooms: one row of padding, to take extremes over
-            elements = nn.functional.pad(elements, (0, 0, 0, 1))
+        """The value of each action (B, A), of two or more elements float32 (B, N, columns), the moving item first."""
         # A row of memory a column: what is worked out below has an inner axis of two to four, and would be slow on it.
         moving, others = elements.movedim(-1, 0).contiguous().tensor_split([1], -1)  # (columns, B, 1), (columns, B, N)
         gap = _gaps(moving, others)

@@ -60,6 +60,7 @@ class RoomsObservation:
         shell[..., STANDS] = shell[..., PRESENT]
 
         rows, most = simulator.entry.shape[:2]
+        shell = np.pad(shell, ((0, 0), (0, max(0, 2 - most - shell.shape[1])), (0, 0)))  # to take extremes over others
         items = np.zeros((rows, most, 4, len(ROOM_COLUMNS) + len(names)))
         waiting = np.zeros((rows, most, 2))
         given = np.zeros((rows, most), dtype=bool)

@@ -90,7 +90,11 @@ class RoomsSimulator:
         self.targets: list[list[list[Item]]] = [[[] for _ in range(shape[1])] for _ in briefs]
         for targets, design, items in zip(self.targets, designs or [None] * len(briefs), self.items, strict=True):
             for n, item in enumerate(items):
-                targets[n] = [there for there in (design.furniture if design else ()) if _same(there, item)]
+                targets[n] = [
+                    there
+                    for there in (design.furniture if design else ())
+                    if there.center and _kind(there) == _kind(item)
+                ]
 
     @property
     def actions(self) -> int:
@@ -149,7 +153,7 @@ class RoomsSimulator:
             for n, item in enumerate(items):
                 if not (there := self.targets[r][n]):
                     raise ValueError(f"room {self.rooms[r].id}: the designer's places are not known")
-                target = there[items[:n].count(item)]
+                target = there[[*map(_kind, items[:n])].count(_kind(item))]
                 alike = [faces_alike(target, self.degrees[r, n, q]) for q in range(self.ways[r, n])]
                 center[r, n], quarter[r, n] = target.center, np.argmax(alike)
         return center, quarter
@@ -161,8 +165,8 @@ class RoomsSimulator:
         """
         rank = np.full(self.ways.shape, self.ways.shape[1])
         for r, items in enumerate(self.items):
-            first = sorted(items, key=lambda item: -item.area)  # of the same size, as the brief has them
-            rank[r, : len(items)] = [first.index(item) for item in items]
+            first = [_kind(item) for item in sorted(items, key=lambda item: -item.area)]  # of one size as in the brief
+            rank[r, : len(items)] = [first.index(_kind(item)) for item in items]
         return rank
 
     def empty(self, room: np.ndarray) -> State[np.ndarray]:
@@ -302,11 +306,9 @@ def _takes_floor(floor: Item, other: Item) -> bool:
     return not may_stand_before(floor.category, other.category)
 
 
-def _same(item: Item, other: Item) -> bool:
-    """Whether the one stands where the other could: items of one category, size and form."""
-    if item.center is None:
-        return False
-    return (item.category, item.size, item.form) == (other.category, other.size, other.form)
+def _kind(item: Item) -> tuple[object, ...]:
+    """What items have in common of which each could stand where another does: category, size and form."""
+    return item.category, item.size, item.form
 
 
 def _with(shell: Room, item: Item, envelope: Polygon) -> Room:

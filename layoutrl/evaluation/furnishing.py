@@ -21,10 +21,10 @@ from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destination
 from layoutrl.env.simulator import TOUCHING, Moves
 from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong, wrong_at
 from layoutrl.evaluation.policy import greedy
-from layoutrl.rooms.brief import Pose, facings, missing, with_poses
+from layoutrl.rooms.brief import Pose, facings, lifted, missing, with_poses
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.oddities import AT_A_WALL
-from layoutrl.rooms.room import Item, Point, Room, rotation
+from layoutrl.rooms.room import Point, Room, rotation
 
 STARTS = 32  # places spread for each way that an item can face, and valued
 TRIED = 4  # of these, the most valued, from which the item moves
@@ -107,8 +107,9 @@ class Furnisher:
         """What the agent thinks of places of one item among what stands.
 
         Of centers (n, 2), `step` metres apart, the value (n,) of the best way to face there, and its degrees (n,).
+        Raises InputError where it, or what else is still to be placed, fits into the room in no way.
         """
-        world, state, n, lean = self._one(replace(room.furniture[item], center=None, rotation=None), room, item)
+        world, state, n, lean = self._one(room, item)
         x0, y0, x1, y1 = room.envelope.bounds
         grid = np.stack(np.meshgrid(np.arange(x0, x1, step) + step / 2, np.arange(y0, y1, step) + step / 2), -1)
         centers, turn = grid.reshape(-1, 2), rotation(lean)  # from the right, it turns points back
@@ -126,11 +127,12 @@ class Furnisher:
     def moves(self, room: Room, item: int) -> list[tuple[str, Point, float]]:
         """The legal moves of an item from where it stands, in words, where each leads in metres, and its value.
 
-        The most valued first.
+        The most valued first. Raises ValueError where the item stands nowhere, and InputError as `values` does.
         """
-        center = room.furniture[item].center
-        assert center is not None
-        world, state, _, lean = self._one(replace(room.furniture[item], center=None), room, item)
+        center, degrees = room.furniture[item].center, room.furniture[item].rotation
+        if center is None:
+            raise ValueError(f"item {item} of room {room.id} stands nowhere: it has no moves")
+        world, state, _, lean = self._one(room, item, degrees)
         turn = rotation(lean)
         scene = world.scenes_of(state, np.zeros(1, int), np.zeros(1, int))
         here = snap(torch.tensor(np.array([center]) @ turn, dtype=torch.float64, device=scene.device))
@@ -146,10 +148,12 @@ class Furnisher:
         found = [(names[a], (x, y), q) for a, (x, y), q in zip(action.tolist(), reached, value, strict=True)]
         return sorted(found, key=lambda move: -move[2])
 
-    def _one(self, item: Item, room: Room, k: int) -> tuple[_World, State[np.ndarray], int, float]:
-        """A room in which item k is to be placed, as the agent has it, which of what is to be placed that is, and by
-        how many degrees the room leans."""
-        brief = replace(room, furniture=(*room.furniture[:k], item, *room.furniture[k + 1 :]), target=None)
+    def _one(self, room: Room, k: int, degrees: float | None = None) -> tuple[_World, State[np.ndarray], int, float]:
+        """A room in which item k is to be placed, facing one way where that is given, as the agent has it; which of
+        what is to be placed that is; and by how many degrees the room leans."""
+        furniture = list(lifted(room.furniture, [k]))
+        furniture[k] = replace(furniture[k], rotation=degrees)
+        brief = replace(room, furniture=tuple(furniture), target=None)
         brief, lean = _upright(brief)
         world = _World([brief], self._moves, self._categories, self._policy.q.device)
         n = missing(brief).index(k)

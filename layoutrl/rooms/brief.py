@@ -33,8 +33,8 @@ def brief_of(room: Room) -> Room:
 def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
     """The items, of which `those`, by their indices, are to be placed anew.
 
-    A chair may then stand under what one sits at, wherever it stood: designs have it there. One that stood nowhere
-    says itself whether it may.
+    A chair may then stand under what one sits at, and nothing else may, wherever it stood: what stood under a table
+    does not tell so. One that stood nowhere says itself whether it may.
     """
     return tuple(
         replace(item, center=None, rotation=None, tucked=_may_stand_under(item, items), locked=False)
@@ -45,7 +45,7 @@ def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
 
 
 def _may_stand_under(item: Item, items: Sequence[Item]) -> bool:
-    return item.tucked or (bool(item.center) and may_tuck(item, items))
+    return item.tucked if item.center is None else may_tuck(item, items)
 
 
 def missing(room: Room) -> list[int]:

@@ -167,6 +167,17 @@ def test_equal_items_may_stand_for_each_other() -> None:
         assert simulator.reward(put).iou == pytest.approx(1)
 
 
+def test_equal_items_have_a_place_each_and_one_turn_though_one_alone_may_stand_under_others() -> None:
+    first, second = (Item("chair", (0.4, 0.4), (x, 1.0), 0.0) for x in (1.0, 3.0))
+    design = rectangular_room(4, 3, first, others=(second,), target=None)
+    brief = replace(design, furniture=tuple(replace(i, center=None, rotation=None) for i in (first, second)))
+    brief = replace(brief, furniture=(replace(brief.furniture[0], tucked=True), brief.furniture[1]))
+    simulator = RoomsSimulator([brief], [design], Moves(), Reward())
+    center, _ = simulator.designed()
+    assert center.tolist() == [[[1.0, 1.0], [3.0, 1.0]]]
+    assert simulator.sequence().tolist() == [[0, 0]]
+
+
 def test_an_item_may_stand_where_the_designer_has_locked_it() -> None:
     simulator = simulator_of(rectangular_room(4, 3, replace(BED, locked=True)))
     center, quarter = simulator.designed()

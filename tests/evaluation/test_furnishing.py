@@ -361,6 +361,33 @@ def test_values_of_places_are_those_of_the_best_way_to_face_there(furnisher: Fur
         assert best == pytest.approx(value[k], abs=1e-4)
 
 
+def test_what_stands_is_thought_of_as_what_is_to_be_placed(method: Method) -> None:
+    (design,) = design_rooms("study", "test", 0, 1).rooms
+    categories = categories_of([design])
+    furnisher = Furnisher(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories)
+    k = next(k for k, item in enumerate(design.furniture) if item.category == "chair")
+    thoughts = []
+    for tucked in (False, True):  # whether it stands under something now is no matter
+        furniture = (*design.furniture[:k], replace(design.furniture[k], tucked=tucked), *design.furniture[k + 1 :])
+        room = replace(design, furniture=furniture, target=None)
+        _, value, _ = furnisher.values(room, k, 0.5)
+        thoughts.append([*value, *(value for _, _, value in furnisher.moves(room, k))])
+    assert thoughts[0] == thoughts[1]
+
+
+def test_what_stands_nowhere_has_no_moves(furnisher: Furnisher, designs: list[Room]) -> None:
+    with pytest.raises(ValueError, match=r"^item 0 of room .* stands nowhere"):
+        furnisher.moves(brief_of(designs[0]), 0)
+
+
+def test_an_item_alone_in_a_room_without_walls_is_put_into_line(method: Method) -> None:
+    room = rectangular_room(4, 3, Item("bed", (2.0, 1.5), (1.0, 1.0)), walls=(), target=None)
+    snapping = replace(method, snap=0.015)
+    furnisher = Furnisher(q_network(snapping, ["bed"], np.random.SeedSequence(0), CPU), snapping, ["bed"])
+    ((best,),) = furnisher.furnish([brief_of(room)], 1, 0)
+    assert missing(best.layout) == []
+
+
 def test_moves_are_legal_lead_where_they_say_and_come_by_value(furnisher: Furnisher, designs: list[Room]) -> None:
     room = replace(designs[0], target=None)
     moves = furnisher.moves(room, 0)

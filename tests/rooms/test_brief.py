@@ -43,6 +43,9 @@ def test_a_brief_does_not_tell_which_chair_stood_under_the_table() -> None:
         brief_of(room)
     )
     assert not brief_of(replace(room, furniture=(apart,))).furniture[0].tucked  # there is nothing to stand under
+    stool = replace(under, category="stool")  # as drawn, where somebody pushed one under the table
+    (said,) = (item for item in brief_of(replace(room, furniture=(table, stool))).furniture if item.category == "stool")
+    assert not said.tucked
 
 
 def test_what_is_to_be_placed_is_not_locked() -> None:
