@@ -315,7 +315,8 @@ def _envelopes(rooms: Sequence[Room]) -> np.ndarray:
     rounded = shapely.transform(parts, lambda corners: np.round(corners, 6))
     corners, part = shapely.get_coordinates(rounded, return_index=True)
     slants = np.diff(corners, axis=0).all(1) & (part[1:] == part[:-1])
-    slanting = np.bincount(room_of[part[1:]], slants, len(rooms)) > 0
+    broken = ~shapely.is_valid(rounded)  # as a ring with a spike is
+    slanting = np.bincount(room_of[part[1:]], slants, len(rooms)) + np.bincount(room_of, broken, len(rooms)) > 0
     # On a grid, since a plain union can lose a part whose side nearly coincides with another's. Upright
     # sides between corners on the grid coincide or do not: their plain union, several times as fast, is safe.
     collections = shapely.geometrycollections(np.where(slanting[room_of], parts, rounded), indices=room_of)[:, None]

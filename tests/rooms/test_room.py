@@ -381,3 +381,22 @@ def test_walls_are_as_thick_as_their_band(thickness: float) -> None:
     room = rectangular_room()
     assert wall_thickness(replace(room, walls=wall_band(room.outline, (), (), thickness))) == pytest.approx(thickness)
     assert wall_thickness(replace(room, walls=())) == WALL_THICKNESS
+
+
+def test_an_opening_with_a_spike_keeps_no_room_from_being_united() -> None:
+    """As homes have them where a door meets a corner that points inwards: by rounding the ring folds back on itself."""
+    outline = (
+        (0.0, 2.31),
+        (0.0, 0.0),
+        (5.76, 0.0),
+        (5.76, 2.14),
+        (5.38, 2.14),
+        (5.38, 2.73),
+        (1.16, 2.73),
+        (1.16, 2.31),
+    )
+    spiked = (0.9600000000000001, 2.31), (0.9600000000000001, 2.63), (0.96, 2.51), (0.06, 2.51), (0.06, 2.31)
+    room = Room("spiked", "bedroom", outline, wall_band(outline, (), ()), (Opening("door", spiked),))
+    assert room.envelope.is_valid
+    assert room.envelope.covers(room.indoor)
+    assert room.envelope.buffer(1e-6).covers(Polygon(spiked).buffer(0))
