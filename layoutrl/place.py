@@ -27,7 +27,7 @@ from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
-from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below
+from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, name_of
 from layoutrl.rooms.formats import Source, format_of, opened, to_place, unread
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
@@ -170,12 +170,15 @@ class Work:
     @property
     def nothing(self) -> str:
         """Why nothing was to be placed."""
-        rooms, item = self.config.rooms, self.config.item
+        rooms, move, item = self.config.rooms, self.config.move, self.config.item
         if (self.source and not self.source.collection.rooms) or 0 < self.tally.left_out == self.tally.entries:
             return f"no room of {rooms} could be read, as is said above; expected one or more"
         if not self.tally.entries:
             return f"{rooms} is empty; expected one room or more"
-        return f"{rooms} has no room with {f'a {item}' if item else 'an item'} without a center; expected one or more"
+        named = item or move or ALL
+        what = "an item" if named == ALL else f"a {named.replace(',', ' or a ')}"
+        anew = "furniture without a center, or what is to be placed anew, as move=wardrobe or move=all"
+        return f"{rooms} has no room with {what} to place; expected {'one or more' if move else anew}"
 
     def write_each(self, file: Path | None) -> None:
         """Write the rooms as they are done, to a new file or one that is gone on with, or to standard output."""
@@ -231,6 +234,7 @@ class Work:
                 self.say(line)
             if shard == 0 and not done:
                 self.tally.items += sum(self.config.item in (None, c) for c in self.source.collection.homeless)
+                self.tally.unread = self.source.collection.unread
             entries = islice(source_entries(self.source), first, None, shards)
         else:
             for line in unread(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
@@ -378,7 +382,8 @@ def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
     """
     source = Path(config.rooms)
     source = source.resolve() if source.is_dir() else source.absolute()  # .. is no name for a file
-    out = Path(config.out) if config.out else source.with_name(f"{source.stem}-placed{suffix}")
+    name = source.name if source.is_dir() else name_of(source, source)
+    out = Path(config.out) if config.out else source.with_name(f"{name}-placed{suffix}")
     shard, shards = config.part
     if shards > 1:
         out = out.with_name(f"{out.stem}-{shard}of{shards}{out.suffix}")
@@ -429,7 +434,7 @@ def carry_out(config: PlaceConfig) -> None:
     tally = run(config).tally
     if tally.placed < tally.items:
         raise Incomplete("not everything is placed, as is said above")
-    if tally.left_out:
+    if tally.left_out or tally.unread:
         raise Incomplete("not all rooms could be read, as is said above")
 
 

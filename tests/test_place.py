@@ -41,7 +41,7 @@ from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
 from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
 from layoutrl.train import run as train
-from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
+from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece, room_tag
 from tests.runs.test_resume import SHORT
 
 DOCUMENTS = [room_to_dict(room) for room in design_rooms("bedroom", "test", 3, 3).rooms]
@@ -639,6 +639,13 @@ def test_what_a_folder_is_called_by_is_no_name_for_a_file(tmp_path: Path, monkey
         assert layoutrl.place.out_files(PlaceConfig(rooms=folder), ".jsonl") == [tmp_path / "homes-placed.jsonl"]
 
 
+def test_of_a_name_its_format_alone_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / "rooms.v1").mkdir()
+    for name in ("rooms.v1", "val.jsonl.gz"):
+        (out,) = layoutrl.place.out_files(PlaceConfig(rooms=str(tmp_path / name)), ".jsonl")
+        assert out.name == f"{name.removesuffix('.jsonl.gz')}-placed.jsonl"
+
+
 def test_a_folder_of_homes_is_furnished(middle: Middle, tmp_path: Path) -> None:
     homes = tmp_path / "homes"
     homes.mkdir()
@@ -738,7 +745,9 @@ def test_options_take_the_names_that_furniture_goes_by(option: str, middle: Midd
 
 def test_an_item_that_no_room_lacks_is_named(middle: Middle, tmp_path: Path) -> None:
     file, _ = many(tmp_path, 1)
-    with pytest.raises(InputError, match="has no room with a sofa without a center; expected one or more"):
+    with pytest.raises(
+        InputError, match="has no room with a sofa to place; expected furniture without a center, or what"
+    ):
         place(PlaceConfig(rooms=str(file), item="sofa"))
 
 
@@ -892,6 +901,24 @@ def test_what_is_not_placed_or_not_read_is_the_exit_status(
     assert "error: not all rooms could be read" in warned
     assert "rooms.jsonl:2: left out: room 'b': room_type: missing" in said
     assert "; 1 of 2 rooms could not be read, and are not in what is written" in said
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_a_home_that_cannot_be_read_is_the_exit_status_and_a_corridor_is_not(
+    broken: bool, middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    homes = tmp_path / "homes"
+    home_file(homes / "flat.sh3d", FLAT + room_tag(0, 400, 600, 500, name="Corridor"))
+    if broken:
+        (homes / "broken.sh3d").write_bytes(b"no home")
+    monkeypatch.setattr("sys.argv", ["layoutrl", "by=search", f"rooms={homes}", "move=bed"])
+    if not broken:
+        layoutrl.place.main()
+        return
+    with pytest.raises(SystemExit) as ended:
+        layoutrl.place.main()
+    assert ended.value.code == 2
+    assert (tmp_path / "homes-placed.jsonl").exists()
 
 
 def test_what_stands_outside_all_rooms_of_a_home_and_stays_is_not_placed(middle: Middle, tmp_path: Path) -> None:

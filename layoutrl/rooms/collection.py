@@ -16,6 +16,8 @@ from layoutrl.rooms.room import FIT, Item, Room
 
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
+NOBODYS = "nobody furnishes such a room"
+UNTYPED = "nothing tells its type"
 
 
 @dataclass
@@ -32,6 +34,11 @@ class Collection:
     inside: bool = False
     notes: list[str] = field(default_factory=list)
     homeless: list[str] = field(default_factory=list)
+
+    @property
+    def unread(self) -> int:
+        """How many rooms and files could not be read, and are not of a kind that is left alone."""
+        return sum(not reason.startswith((NOBODYS, UNTYPED)) for _, reason in self.left_out)
 
     @contextmanager
     def or_left_out(self, label: str) -> Iterator[None]:

@@ -158,6 +158,7 @@ class Tally:
 
     entries: int = 0
     left_out: int = 0
+    unread: int = 0  # rooms and files of homes and houses that could not be read
     rooms: int = 0  # in which something was to be placed
     items: int = 0  # to be placed
     placed: int = 0

@@ -43,7 +43,9 @@ from layoutrl.rooms.sources.home_xml import (
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
 MOST_PAIRS = 15_000  # of a room and a wall
 ARC_STEP = math.radians(15)  # of round walls
-WINDOWS = ("window", "bay", "fenetre", "shutter")
+WINDOWS = (  # in the languages of the names of furniture, wherever they stand in a name
+    "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

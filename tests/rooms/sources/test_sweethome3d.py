@@ -156,6 +156,13 @@ def test_windows_are_told_from_doors_by_their_names_and_by_how_high_they_lie(tmp
     assert [opening.kind for opening in room.openings] == ["door", "window", "window"]
 
 
+@pytest.mark.parametrize("name", ["Fenster", "Fenêtre", "ventana", "Doppia finestra", "Janela", "raam", "窗户"])
+def test_a_window_is_one_in_every_language_of_furniture(name: str, tmp_path: Path) -> None:
+    low = piece("imported", 100, -5, 126, 10, tag="doorOrWindow", elevation=30, name=name)
+    (room, *_) = flat(tmp_path, low + door(-5, 100, angle=math.pi / 2) + BED + WALLS + ROOMS).rooms
+    assert [opening.kind for opening in room.openings] == ["door", "window"]
+
+
 def test_thresholds_and_slips_of_the_hand_are_no_part_of_a_floor(tmp_path: Path) -> None:
     corners = [
         (0, 0),
