@@ -13,7 +13,7 @@ from layoutrl.agents.replay import Transitions
 
 
 class UpdateStats(NamedTuple):
-    """Of one update, on the device: reading them waits for it."""
+    """Of one update, on the device: reading them waits for it. Q is that of the moves taken, or of every move."""
 
     loss: Tensor
     mean_q: Tensor
@@ -59,7 +59,7 @@ class DQN:
         return self._descend(smooth_l1_loss(q, target), q)
 
     def update_every_move(self, legal: Tensor, target: Tensor, observation: Tensor) -> UpdateStats:
-        """One step on the absolute error of the values of all legal moves (B, A) at once."""
+        """One step on the absolute error of the values of all moves (B, A) at once, a mean: illegal ones have none."""
         q = self.network(observation)
         assert q.shape == target.shape == legal.shape
         return self._descend((q - target).where(legal, 0.0).abs().mean(), q)

@@ -100,16 +100,19 @@ class BatchSimulator:
         position: Tensor,
         others: Footprints | None = None,
         target_iou: Tensor | None = None,
+        floor_taken: Tensor | None = None,
     ) -> RewardTerms[Tensor]:
         """The reward of standing at `position`: terms of shape (B,).
 
-        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own.
+        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own, and of the
+        floor before items `floor_taken` (B,) is, else none.
         """
         if target_iou is None:
             off_target = position - self._designer_position.index_select(0, room)
             target_iou = self._shapes.iou_with_itself(room, off_target)
         at, around = self._from(room, position, others)
-        return self._reward(target_iou, *self._shapes.ious(room, at, around))
+        taken = torch.zeros_like(target_iou) if floor_taken is None else floor_taken
+        return self._reward(target_iou, *self._shapes.ious(room, at, around), taken)
 
     def ious(self, room: Tensor, position: Tensor, footprints: Footprints) -> Tensor:
         """The item's IoU with each of K footprints: (B, K)."""

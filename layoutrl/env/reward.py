@@ -25,7 +25,7 @@ class RewardTerms(NamedTuple, Generic[Values]):
     r2: Values  # off walls, doors, windows and other items
     r3: Values  # inside the room
     r4: Values  # floor free before items: 0 but in whole rooms
-    iou: Values  # with the designer's footprint, 0 to 1
+    iou: Values  # with the designer's footprint, 0 to 1; in whole rooms less where the item faces another way
 
     @property
     def total(self) -> Values:
@@ -60,12 +60,18 @@ class Reward:
                 raise InputError(f"reward.{name}: expected a finite number; got {weight}")
 
     def __call__(
-        self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values
+        self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values, floor_taken: Values
     ) -> RewardTerms[Values]:
-        """The terms from the IoU with the target, the summed IoU with all elements, and how much is indoors: (B,)."""
+        """The terms from the IoU with the target, the summed IoU with all elements, how much is indoors, and how much
+        floor before items is taken: (B,)."""
         inside = indoor_share if self.inside == "share" else indoor_iou
-        r1, r2, r3 = self.theta1 * target_iou, self.theta2 * element_ious, self.theta3 * (1 - inside)
-        return RewardTerms(r1, r2, r3, 0 * target_iou, target_iou)
+        return RewardTerms(
+            r1=self.theta1 * target_iou,
+            r2=self.theta2 * element_ious,
+            r3=self.theta3 * (1 - inside),
+            r4=self.theta4 * floor_taken,
+            iou=target_iou,
+        )
 
 
 def _clipped(total: Any) -> Any:

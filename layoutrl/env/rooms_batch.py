@@ -42,17 +42,16 @@ class BatchRoomsSimulator:
         rows, most = simulator.entry.shape[:2]
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
-        # The floor that is to be free before each, where there is any.
-        self._floors = None
-        if simulator.floors:
-            self._floors = BatchSimulator(simulator.floors, device, dtype)
+        # The floor that is to be free before each, where it counts; and where it fits, a simulator of it.
+        self._floors = BatchSimulator(simulator.floors, device, dtype) if simulator.floors else None
+        self._floors_count = simulator.reward_function.theta4 != 0
+        if self._floors_count:
             floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
             self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
             self._floor_entry, self._ahead, self._welcome = (
                 torch.tensor(table, device=device)
                 for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
             )
-            self._theta4 = simulator.reward_function.theta4
 
         # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
         places = [there for targets in simulator.targets for there in targets]
@@ -131,24 +130,26 @@ class BatchRoomsSimulator:
             iou = (ious * self._target_counts[which, :, quarter]).amax(1)
         else:
             iou = torch.zeros(len(entry), device=self.device, dtype=self._target_counts.dtype)
-        terms = self.simulator.reward(entry, center, self._others(state), iou)
-        if self._floors is not None:
-            terms = terms._replace(r4=self._theta4 * self._floor_taken(self._floors, state))
+        taken = self._floor_taken(state) if self._floors_count else None
+        terms = self.simulator.reward(entry, center, self._others(state), iou, taken)
         stands = state.stands.gather(1, state.moving[:, None])[:, 0]
         return RewardTerms(*(term * stands for term in terms))
 
-    def _floor_taken(self, floors: BatchSimulator, state: State[Tensor]) -> Tensor:
+    def _floor_taken(self, state: State[Tensor]) -> Tensor:
         """As the reference has it: (B,)."""
         entry, center, quarter = self._moving(state)
         floor = self._floor_entry[state.room, state.moving, quarter]
         middle = center + self._ahead[state.room, state.moving, quarter]
         item, stand = torch.arange(state.stands.shape[1], device=self.device), _others_stand(state)
-        others = self._items.some(state, state.center, stand & ~self._welcome[state.room, state.moving])
-        terms = floors.reward(floor.clamp(min=0), middle, others, self._target_counts.new_zeros(len(entry)))
+        taken = self._target_counts.new_zeros(len(entry))
+        if self._floors is not None:
+            others = self._items.some(state, state.center, stand & ~self._welcome[state.room, state.moving])
+            terms = self._floors.reward(floor.clamp(min=0), middle, others, taken)
+            taken = (terms.r2 + terms.r3).where(floor >= 0, 0.0)
         in_the_way = stand & ~self._welcome[state.room[:, None], item, state.moving[:, None]]
         middles = state.center + self._ahead[state.room[:, None], item, state.quarter]
         theirs = self._floor_table.some(state, middles, in_the_way)
-        return (terms.r2 + terms.r3).where(floor >= 0, 0.0) + self.simulator.ious(entry, center, theirs).sum(1)
+        return taken + self.simulator.ious(entry, center, theirs).sum(1)
 
     def _moving(self, state: State[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Of what moves its room of `simulator` (B,), center (B, 2) and quarter (B,)."""

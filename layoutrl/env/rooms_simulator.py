@@ -226,8 +226,7 @@ class RoomsSimulator:
             for target in self.targets[room][item]:
                 found = self.simulator.ious(entry[[b]], center[[b]], np.array([[target.footprint]])).item()
                 iou[b] = max(iou[b], found * (1 if faces_alike(target, degrees) else self.reward_function.faces_away))
-        terms = self.simulator.reward(entry, center, self._others(state), iou)
-        terms = terms._replace(r4=self.reward_function.theta4 * self.floor_taken(state))
+        terms = self.simulator.reward(entry, center, self._others(state), iou, self.floor_taken(state))
         return RewardTerms(*(term * state.stands[np.arange(len(iou)), state.moving] for term in terms))
 
     def floor_taken(self, state: State[np.ndarray]) -> np.ndarray:
@@ -239,13 +238,13 @@ class RoomsSimulator:
         every, moving = np.arange(len(state.room)), state.moving
         entry, center, quarter = self._moving(state)
         taken = np.zeros(len(every))
-        if self.floors is None:
+        if not self.reward_function.theta4:
             return taken
         floor, middle = self.floor_entry[state.room, moving, quarter], self.ahead[state.room, moving, quarter] + center
         b = np.flatnonzero(floor >= 0)  # what fits nowhere is not asked for
         others = self._others(state)
         others[self.welcome[state.room, moving]] = None
-        if len(b):
+        if self.floors and len(b):
             terms = self.floors.reward(floor[b], middle[b], others[b], np.zeros(len(b)))
             taken[b] = terms.r2 + terms.r3
         floors = self._others(state, floors=True)

@@ -148,10 +148,12 @@ class Simulator:
         position: np.ndarray,
         others: np.ndarray | None = None,
         target_iou: np.ndarray | None = None,
+        floor_taken: np.ndarray | None = None,
     ) -> RewardTerms[np.ndarray]:
         """The reward of standing at `position`: terms of shape (B,).
 
-        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own.
+        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own, and of the
+        floor before items `floor_taken` (B,) is, else none.
         """
         shared = self._shared_areas(room, position)  # (B, shapes)
         item, areas = self.item_area[room], self._areas[room]
@@ -160,7 +162,8 @@ class Simulator:
         if others is not None:
             elements += self.ious(room, position, others).sum(1)
         target = iou[:, 1] if target_iou is None else target_iou
-        return self.reward_function(target, elements, shared[:, 0] / item, iou[:, 0])
+        taken = np.zeros(len(target)) if floor_taken is None else floor_taken
+        return self.reward_function(target, elements, shared[:, 0] / item, iou[:, 0], taken)
 
     def ious(self, room: np.ndarray, position: np.ndarray, footprints: np.ndarray) -> np.ndarray:
         """The item's IoU with footprints (B, K); 0 with None."""

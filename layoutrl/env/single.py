@@ -92,7 +92,7 @@ class SingleSimulator:
             touches = x0 < right and x1 > left and y0 < up and y1 > below
             shared.append(max(self._shared(x, y, box, shape), 0.0) if touches else 0.0)  # -0 up to rounding
             ious.append(shared[-1] / (self._area + area - shared[-1]))
-        return self._reward(ious[1], sum(ious[2:], 0.0), shared[0] / self._area, ious[0])
+        return self._reward(ious[1], sum(ious[2:], 0.0), shared[0] / self._area, ious[0], 0.0)
 
     def _seen(self, shapes: np.ndarray, is_disc: np.ndarray) -> list[Shape]:
         """Shapes (n,), some of which are discs, as the item sees them."""

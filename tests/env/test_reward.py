@@ -17,9 +17,11 @@ from tests.builders import rectangular_room
 shares = st.floats(0, 1)
 
 
-def terms(reward: Reward, target_iou: float, elements: float, indoor: float) -> tuple[float, float, float, float]:
+def terms(
+    reward: Reward, target_iou: float, elements: float, indoor: float, floor: float = 0.0
+) -> tuple[float, float, float, float]:
     """r1, r2, r3 and total of one pose; the IoU with the whole room is not read here."""
-    got = reward(np.array([target_iou]), np.array([elements]), np.array([indoor]), np.array([np.nan]))
+    got = reward(*(np.array([value]) for value in (target_iou, elements, indoor, np.nan, floor)))
     return got.r1.item(), got.r2.item(), got.r3.item(), got.total.item()
 
 
@@ -34,6 +36,7 @@ def test_every_weight_scales_its_own_term_only() -> None:
     assert terms(Reward(theta1=10), 0.5, 0.5, 0.5) == (5, -50, -50, -95)
     assert terms(Reward(theta2=-10), 0.5, 0.5, 0.5) == (50, -5, -50, -5)
     assert terms(Reward(theta3=-10), 0.5, 0.5, 0.5) == (50, -50, -5, -5)
+    assert terms(Reward(theta4=-10), 0.5, 0.5, 0.5, 0.5) == (50, -50, -50, -55)
 
 
 def test_the_sum_is_clipped_and_the_terms_are_not() -> None:
@@ -92,7 +95,13 @@ def test_weights_are_finite(name: str) -> None:
 
 @pytest.mark.parametrize("array", [np.array, torch.tensor])
 def test_a_batch_has_one_reward_each_as_arrays_or_tensors(array: Callable[[list[float]], Any]) -> None:
-    ious = array([1.0, 0.0, 0.5]), array([0.0, 3.0, 0.0]), array([1.0, 1.0, 0.5]), array([0.25, 0.75, 0.0])
+    ious = (
+        array([1.0, 0.0, 0.5]),
+        array([0.0, 3.0, 0.0]),
+        array([1.0, 1.0, 0.5]),
+        array([0.25, 0.75, 0.0]),
+        array([0.0] * 3),
+    )
     share, literal = Reward()(*ious), Reward(inside="iou")(*ious)
     assert share.total.tolist() == [100, -200, 0]
     assert share.iou.tolist() == [1, 0, 0.5]

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
 from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.brief import brief_of, facings
@@ -113,6 +115,26 @@ def test_what_is_taken_of_the_floor_before_items_counts() -> None:
     assert taken(at_desk) == pytest.approx(0)
     assert taken(at_desk._replace(moving=np.array([names.index("desk")]))) == pytest.approx(0)
     assert taken(put(at_desk, "wardrobe", (2.0, 2.0), 0.0)) > 0.1
+
+
+def test_what_is_taken_of_the_floor_hangs_on_no_other_room() -> None:
+    fridge, chair = Item("fridge", (0.3, 0.3), (0.2, 0.2), 90.0), Item("chair", (0.2, 0.2), (0.2, 0.5), 270.0)
+    small = rectangular_room(
+        0.85, 0.7, fridge, others=(chair,), target=None
+    )  # the floor before the fridge fits nowhere
+    taken = []
+    for rooms in ([small], [small, rectangular_room(4, 3, BED)]):
+        simulator = simulator_of(*rooms, theta4=-100.0)
+        state = simulator.empty(np.zeros(1, dtype=int))
+        for n, (center, degrees) in enumerate(((chair.center, 270.0), (fridge.center, 90.0))):
+            quarter = np.flatnonzero(simulator.degrees[0, n] % 360 == degrees)
+            state = simulator.put(state, np.array([n]), np.array([center]), quarter)
+        state = state._replace(moving=np.zeros(1, dtype=int))
+        batch = BatchRoomsSimulator(simulator, dtype=torch.float64).reward(State(*map(torch.tensor, state)))
+        assert batch.r4.item() == pytest.approx(simulator.reward(state).r4.item(), abs=1e-4)
+        taken.append(batch.r4.item())
+    assert taken[0] == pytest.approx(taken[1], abs=1e-4)
+    assert taken[0] < 0
 
 
 def test_what_stands_for_good_takes_floor_but_for_what_is_welcome() -> None:

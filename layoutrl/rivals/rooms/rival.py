@@ -87,7 +87,11 @@ def several(layouts: Layouts, briefs: Sequence[Room], choices: int, seed: int) -
 
 
 def same(one: Room, other: Room) -> bool:
-    """Whether each item of one layout has one like it in the other that stands there and faces alike."""
+    """Whether each item of either layout has one like it in the other that stands there and faces alike."""
+    return _covered(one, other) and _covered(other, one)
+
+
+def _covered(one: Room, other: Room) -> bool:
     return all(any(_alike(item, its) for its in other.furniture) for item in one.furniture)
 
 

@@ -13,10 +13,18 @@ from hypothesis import strategies as st
 from layoutrl.rivals.rooms.rival import APART, TRIES, same, several
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from tests.builders import random_room, rectangular_room
 
 seeds = st.integers(0, 2**32 - 1)
+
+
+def test_two_items_in_the_place_of_one_are_not_the_same() -> None:
+    near, nearer, between, far = (Item("nightstand", (0.4, 0.4), (x, 1.0)) for x in (1.0, 1.45, 1.22, 3.0))
+    one = rectangular_room(4, 3, near, others=(nearer,), target=None)
+    other = rectangular_room(4, 3, between, others=(far,), target=None)
+    assert not same(one, other)
+    assert not same(other, one)
 
 
 def test_layouts_are_the_same_where_every_item_has_one_like_it_in_its_place() -> None:
