@@ -50,7 +50,7 @@ class Method:
     scope: Any = "item"  # what is furnished: one item of a room, or the whole room (room)
     every_move: bool = False  # learn what every legal move of a pose gains, not only the one that was made
     discount_start: float = 0.5  # with every_move: from which the discount rises, over the first half of the updates
-    near_share: float = 0.0  # of the episodes: they begin near the designer's place
+    near_share: float = 0.0  # of the episodes that are to begin near the designer's place, if legal
     # Of whole rooms:
     own_share: float = 0.5  # of rooms in which the agent's own mistakes stay, as far as it does not explore
 

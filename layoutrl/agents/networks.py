@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from layoutrl.env.observation import COLUMNS, ITEM, Y, upright_box
+from layoutrl.env.observation import COLUMNS, ITEM, PRESENT, Y, upright_box
 from layoutrl.env.simulator import TOUCHING
 
-PRESENT, WALL, WINDOW = (COLUMNS.index(name) for name in ("present", "wall", "window"))
+WALL, WINDOW = (COLUMNS.index(name) for name in ("wall", "window"))
 TYPICAL = 8  # elements: what sums are divided by, to be about as large as maxima
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
 SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, next to nothing best

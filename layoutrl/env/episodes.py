@@ -35,7 +35,8 @@ class Episodes:
     """B parallel episodes in rooms drawn at random. Their state is `room`, `position` and `legal`, as in Step.
 
     An episode is truncated after `max_moves` moves and, with `goal_iou`, terminates at that IoU with the
-    designer's footprint. `near` is the share of them that begin near the designer's places, and these (rooms, 2).
+    designer's footprint. `near` is the share of them that are to begin near the designer's places, and these
+    (rooms, 2): where a place that is drawn there is illegal the start is anywhere.
     `ages` (B,) are the moves that count as made at the beginning: staggered, not all end at once.
     """
 
@@ -101,7 +102,7 @@ class Episodes:
         """Go on from where others were."""
         self.stand_at(state["room"], state["position"])
         self._age = np.array(state["age"])
-        self._whole = np.array(state.get("whole", [True] * len(self._age)))  # checkpoints of before do not say it
+        self._whole = np.array(state["whole"])
         self._generator.set_state(state["generator"].cpu())
 
     def stand_at(self, room: Tensor, position: Tensor) -> None:

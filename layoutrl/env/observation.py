@@ -26,8 +26,9 @@ from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
-X, Y, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
-    COLUMNS.index(name) for name in ("x", "y", "item", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
+X, Y, PRESENT, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
+    COLUMNS.index(name)
+    for name in ("x", "y", "present", "item", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
 )
 STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # what else stands in a room is one of these
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory

@@ -20,6 +20,8 @@ from layoutrl.env.observation import (
     COS,
     COS2,
     DEPTH,
+    ITEM,
+    PRESENT,
     SIN,
     SIN2,
     WIDTH,
@@ -34,7 +36,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.room import envelopes
 
-PRESENT, MOVING, ITEM = (COLUMNS.index(name) for name in ("present", "moving", "item"))
+MOVING = COLUMNS.index("moving")
 ROOM_COLUMNS = (*COLUMNS, "stands", "tucked")  # one column a known furniture category follows
 STANDS, TUCKED = len(COLUMNS), len(COLUMNS) + 1
 

@@ -23,11 +23,12 @@ LEFT_FURNISHED = 0.5  # and of those in which all stands, after each item that w
 class SceneEpisodes(Episodes):
     """B rooms that are furnished in parallel; `room` (B, columns), the scenes, `position` and `legal` are their state.
 
-    An item moves for `max_moves` moves, from a place and a facing that are drawn; a `near` share of them begin near the
-    designer's place, as the designer turned them. Then the next is taken: one of those that wait, the larger the
-    sooner, or, where all stand, any of them once more; or another room begins. Rooms are furnished as the designer has
-    them, where every item goes to the designer's place before the next is taken; or by the agent itself, whose mistakes
-    stay: an `own` share of them, as far as it does not explore. Rooms have designs.
+    An item moves for `max_moves` moves, from a place and a facing that are drawn; a `near` share of them are turned as
+    the designer turned them, and begin near the designer's place where what is drawn there is legal. Then the next is
+    taken: one of those that wait, the larger the sooner, or, where all stand, any of them once more; or another room
+    begins. Rooms are furnished as the designer has them, where every item goes to the designer's place before the next
+    is taken; or by the agent itself, whose mistakes stay: an `own` share of them, as far as it does not explore. Rooms
+    have designs.
     """
 
     def __init__(

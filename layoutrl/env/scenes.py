@@ -12,10 +12,10 @@ from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID
-from layoutrl.env.observation import COS, DEPTH, SIN, WIDTH, X, Y
+from layoutrl.env.observation import COS, DEPTH, ITEM, SIN, WIDTH, X, Y
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
-from layoutrl.env.rooms_observation import ITEM, STANDS, RoomsObservation, lying
+from layoutrl.env.rooms_observation import STANDS, RoomsObservation, lying
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.symmetry import Symmetry
 

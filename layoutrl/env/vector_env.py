@@ -162,9 +162,9 @@ def reseeded(
         return streams if seed is None else None
     if len(seed) != env.num_envs:
         raise ValueError(f"seed: expected {env.num_envs} seeds, one an environment; got {len(seed)}")
-    begun = [None if one is None else np_random(one)[0] for one in seed]
+    drawn = [None if one is None else np_random(one)[0] for one in seed]
     streams = streams or env.np_random.spawn(env.num_envs)
-    return [old if new is None else new for new, old in zip(begun, streams, strict=True)]
+    return [old if new is None else new for new, old in zip(drawn, streams, strict=True)]
 
 
 def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:

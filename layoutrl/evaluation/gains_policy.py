@@ -13,7 +13,7 @@ from layoutrl.agents.gains import gains
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import Observe
 from layoutrl.env.scenes import Scenes, destinations
-from layoutrl.evaluation.rollout import MeanQ, Rollout, been, begun
+from layoutrl.evaluation.rollout import MeanQ, Rollout, been, first_poses
 
 FRUITLESS = 120  # moves in a row that gain nothing end an episode: a room's length
 
@@ -39,7 +39,7 @@ class GainsPolicy:
     ) -> Rollout:
         """Follow the policy in rooms (B,) from starts (B, 2)."""
         began = time.perf_counter()
-        rooms, path, value = begun(simulator, room, starts, self.max_moves)
+        rooms, path, value = first_poses(simulator, room, starts, self.max_moves)
         active = every = torch.arange(len(rooms), device=rooms.device)
         value[0] = 0.0
         left = torch.zeros_like(value)  # to be gained, by the best move

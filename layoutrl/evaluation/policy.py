@@ -16,7 +16,7 @@ from layoutrl.env.observation import Observe, out_of_line
 from layoutrl.env.scenes import Scenes, destinations, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.gains_policy import GainsPolicy
-from layoutrl.evaluation.rollout import MeanQ, Remembered, Rollout, been, begun
+from layoutrl.evaluation.rollout import MeanQ, Remembered, Rollout, been, first_poses
 
 SHORTLIST = 8  # places of an episode that may be the stopping place
 
@@ -47,7 +47,7 @@ class GreedyPolicy:
     ) -> Rollout:
         """Follow the policy in rooms or scenes (B, ...) from starts (B, 2)."""
         began = time.perf_counter()
-        rooms, path, value = begun(simulator, room, starts, self.max_moves)
+        rooms, path, value = first_poses(simulator, room, starts, self.max_moves)
         active = every = torch.arange(len(rooms), device=rooms.device)
         q_of = Remembered(self.q, observe)
         for t in range(self.max_moves):

@@ -136,7 +136,7 @@ class Remembered:
         return self._known[rows]
 
 
-def begun(
+def first_poses(
     simulator: BatchSimulator | Scenes, room: np.ndarray | Tensor, starts: np.ndarray, moves: int
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Of episodes of so many moves: rooms (B, ...), paths (moves + 1, B, 2) that stay at the start, values of -inf."""

@@ -17,10 +17,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import l1_loss, mse_loss
 
-from layoutrl.agents.networks import PRESENT, GeometryNetwork, weights_of
+from layoutrl.agents.networks import GeometryNetwork, weights_of
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import padded, snap
-from layoutrl.env.observation import GeometryObservation, in_every_view, upright_box
+from layoutrl.env.observation import PRESENT, GeometryObservation, in_every_view, upright_box
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent

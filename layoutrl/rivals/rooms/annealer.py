@@ -26,7 +26,7 @@ import numpy as np
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.cost import Cost
 from layoutrl.rivals.rooms.relations import Relations
-from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Scene, ahead, boxes_at, scene_of
+from layoutrl.rivals.rooms.scene import FACINGS, Array, Scene, ahead, boxes_at, scene_of
 from layoutrl.rooms.room import Room
 
 MOVES = ("shift", "turn", "swap", "slide", "place", "beside")
@@ -140,7 +140,7 @@ class Chains:
             self._slide(center, i, ahead(box, scene.solids), quarter[chain, i] + 2)
         elif kind == "beside":  # touching another on a side, their middles or ends in line
             j = rng.integers(quarter.shape[1], size=count)
-            side = DIRECTIONS[rng.integers(4, size=count)]
+            side = FACINGS[rng.integers(4, size=count)]
             quarter[chain, i] = np.where(turns & (j != i), rng.integers(4, size=count), quarter[chain, i])
             mine, its = scene.half[i, quarter[chain, i] % 4], scene.half[j, quarter[chain, j]]
             along = (its - mine) * rng.integers(-1, 2, (count, 1)) * (side == 0)
@@ -156,7 +156,7 @@ class Chains:
 
     def _slide(self, center: Array, i: Array, way: Array, direction: Array) -> None:
         direction = direction % 4
-        center[self.chain, i] += DIRECTIONS[direction] * way[self.chain, direction, None]
+        center[self.chain, i] += FACINGS[direction] * way[self.chain, direction, None]
 
 
 def _between(first: float, last: float, share: float) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layoutrl.rivals.rooms.scene import DIRECTIONS, Array, Gate, Scene, ahead, boxes_at, daylight, depth, gap, scene_of
+from layoutrl.rivals.rooms.scene import FACINGS, Array, Gate, Scene, ahead, boxes_at, daylight, depth, gap, scene_of
 from layoutrl.rooms.room import TOLERANCE, Room
 
 # What counts as a habit; unsourced, all of them.
@@ -125,8 +125,8 @@ def alone_features(scene: Scene, box: Array, quarter: Array) -> Array:
 def pair_features(box: Array, quarter: Array, other: Array, facing: Array) -> Array:
     """(..., 5) of two items: metres between middles and sides; turn; bearing; metres off the first's axis."""
     offset = (other[..., :2] + other[..., 2:] - box[..., :2] - box[..., 2:]) / 2
-    forward = (offset * DIRECTIONS[quarter]).sum(-1)
-    across = np.abs((offset * DIRECTIONS[(quarter + 1) % 4]).sum(-1))
+    forward = (offset * FACINGS[quarter]).sum(-1)
+    across = np.abs((offset * FACINGS[(quarter + 1) % 4]).sum(-1))
     distance = np.hypot(forward, across)
     bearing = np.where(across >= np.abs(forward), 1.0, np.where(forward > 0, 0.0, 2.0))
     turn = np.broadcast_to(_turn(facing - quarter), distance.shape)

@@ -25,7 +25,7 @@ THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over
 BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light; unsourced
 SLACK = 0.005  # metres: who fits exactly passes, as in the designer's own test
 TOUCH = 1e-6  # metres of rounding
-DIRECTIONS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # the four facings, in the room's frame
+FACINGS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # the four facings, in the room's frame
 Array = np.ndarray
 
 
@@ -41,7 +41,7 @@ class Gate:
 
 @dataclass(frozen=True)
 class Scene:
-    """A brief in its own frame. n items; the arrays by facing have the four DIRECTIONS on axis 1."""
+    """A brief in its own frame. n items; the arrays by facing have the four FACINGS on axis 1."""
 
     brief: Room
     base: float  # degrees by which the frame is turned
@@ -92,7 +92,7 @@ def scene_of(brief: Room) -> Scene:
     before = [[may_stand_before(a.category, b.category) for b in brief.furniture] for a in brief.furniture]
     aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
     half = np.array([h for h, _ in items]).reshape(-1, 4, 2)
-    along = np.abs(DIRECTIONS)
+    along = np.abs(FACINGS)
     return Scene(
         brief=brief,
         base=base,
@@ -102,7 +102,7 @@ def scene_of(brief: Room) -> Scene:
         radius=way_width(brief) / 2,
         half=half,
         front_half=half * (1 - along) + front / 2 * along,
-        front_offset=DIRECTIONS * (half + front / 2),
+        front_offset=FACINGS * (half + front / 2),
         stands_aside=aside,
         may_overlap=shared | np.eye(len(items), dtype=bool),
         may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool),
@@ -133,7 +133,7 @@ def _gate(opening: Opening, base: float, indoor: shapely.Polygon) -> Gate:
     middle = np.array(shape.centroid.coords[0])
     ends = middle + through / 2, middle - through / 2
     inner = min(ends, key=lambda end: indoor.distance(shapely.Point(end + 0.5 * (end - middle))))
-    inward = int((DIRECTIONS @ (inner - middle)).argmax())
+    inward = int((FACINGS @ (inner - middle)).argmax())
     return Gate(np.array(shape.bounds), inward, inner, float(np.hypot(*along)))
 
 
@@ -174,7 +174,7 @@ def _beyond(gate: Gate, depth: float) -> Array:
     """The opening and the floor before it."""
     box = gate.box.copy()
     side = {0: 2, 1: 3, 2: 0, 3: 1}[gate.inward]
-    box[side] += depth * DIRECTIONS[gate.inward].sum()
+    box[side] += depth * FACINGS[gate.inward].sum()
     return box
 
 
@@ -199,7 +199,7 @@ def gap(a: Array, b: Array) -> Array:
 
 
 def ahead(a: Array, blocks: Array) -> Array:
-    """How far a box (..., 4) slides in each of the DIRECTIONS until it touches one of the blocks (..., k, 4): (..., 4).
+    """How far a box (..., 4) slides in each of the FACINGS until it touches one of the blocks (..., k, 4): (..., 4).
 
     What it is in already, by more than TOLERANCE, does not stop it.
     """
@@ -243,7 +243,7 @@ def unreached(scene: Scene, boxes: Array) -> Array:
 
     parts, _ = ndimage.label(free, _WITHIN_A_LAYOUT)
     door = scene.doors[0]
-    entry = door.middle + DIRECTIONS[door.inward] * (scene.radius + TOUCH)
+    entry = door.middle + FACINGS[door.inward] * (scene.radius + TOUCH)
     at = [((s[..., 0] <= p + TOUCH) & (p - TOUCH <= s[..., 1])) for s, p in zip(spans, entry, strict=True)]
     entered = parts * (at[0][:, :, None] & at[1][:, None])
     component = entered.reshape(count[0], -1).max(1)

@@ -17,7 +17,7 @@ import numpy as np
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rooms.cost import Cost
 from layoutrl.rivals.rooms.relations import Relations
-from layoutrl.rivals.rooms.scene import DIRECTIONS, STRIP, Array, Scene, boxes_at, depth, scene_of, unreached
+from layoutrl.rivals.rooms.scene import FACINGS, STRIP, Array, Scene, boxes_at, depth, scene_of, unreached
 from layoutrl.rooms.brief import largest_first
 from layoutrl.rooms.room import FIT, Room
 
@@ -179,7 +179,7 @@ class Finder:
             a.ravel() for a in np.meshgrid(others, np.arange(4), (-1, 0, 1), self._facings(i), indexing="ij")
         )
         mine, its = self.scene.half[i, quarter], self.scene.half[j, self.quarter[j]]
-        way = DIRECTIONS[side]
+        way = FACINGS[side]
         along = (its - mine) * end[:, None] * (way == 0)
         return self.center[j] + way * (its + mine) + along, quarter
 

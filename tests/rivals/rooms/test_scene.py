@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate
 
 from layoutrl.rivals.rooms.scene import (
-    DIRECTIONS,
+    FACINGS,
     SLACK,
     STRIP,
     ahead,
@@ -84,7 +84,7 @@ def _unreached(scene, boxes) -> int:
     grown = np.array([*scene.solids, *ways]) + radius * np.array([-1, -1, 1, 1])
     left = shapely.box(*scene.bounds).difference(shapely.union_all(shapely.box(*grown.T)))
     door = scene.doors[0]
-    entry = shapely.Point(door.middle + DIRECTIONS[door.inward] * scene.radius)
+    entry = shapely.Point(door.middle + FACINGS[door.inward] * scene.radius)
     parts = [part for part in shapely.get_parts(left) if part.distance(entry) < 1e-5]
     entered = shapely.union_all(parts)
     within = scene.radius + TOLERANCE
