@@ -55,13 +55,7 @@ LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what i
 WORST = 0.8  # IoU below which an agent is said to be bad at an item
 SAME = 0.01  # mean difference of the IoU of rooms, below which they were furnished alike
 FEW = 10  # items of a category, of which nothing is said
-SETTINGS = {  # of a type's own; disturbed rooms cost dining rooms more than they brought
-    "bedroom": {"method.updates.default": "30000"},
-    "study": {"method.updates.default": "30000"},
-    "living_room": {"method.updates.default": "30000"},
-    "dining_room": {"method.updates.default": "30000", "data.disturbed": "0.0"},
-    "kitchen": {"method.updates.default": "30000"},
-}
+SETTINGS = {"dining_room": {"data.disturbed": "0.0"}}  # of a type's own: there they cost more than they brought
 MEASURES = {
     "iou": "IoU",
     "facing": "facing",

@@ -42,9 +42,8 @@ REAL = ("bedroom", "tatami")  # the types of which there are real rooms
 TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
 # Agents of real rooms learn from longer episodes and a smaller memory: their cells are of before others were usual.
-OF_BEFORE = {
-    "rooms_agent": {"method.max_moves": "30", "method.episodes": "64", "method.replay_capacity": "200000"},
-}
+OF_BEFORE = {"method.max_moves": "30", "method.episodes": "64", "method.replay_capacity": "200000"}
+UPDATES_OF_BEFORE = {"bedroom": {"method.updates.default": "48000"}, "tatami": {"method.updates.default": "24000"}}
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_pointer",
@@ -110,9 +109,11 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             sweep = {name: value for name, value in sweep.items() if name != "data.root"} | own
             learn = [column for column in columns.split(",") if column in LEARNS.values()]
             others = [column for column in columns.split(",") if column not in learn]
-            apart = [([column], OF_BEFORE.get(column, {}) | trained_on) for column in learn]
-            for some, more in (*apart, (others, {})):
-                made += [more | sweep | {"column": ",".join(some)}] if some else []
+            for column in learn:
+                for room in real:
+                    of_before = OF_BEFORE | UPDATES_OF_BEFORE[room] if column == LEARNS["agent"] else {}
+                    made.append(of_before | trained_on | sweep | {"column": column, "room": room})
+            made += [sweep | {"column": ",".join(others)}] if others else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:
         raise InputError(
