@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from pathlib import Path
 
@@ -39,6 +40,8 @@ def kept() -> dict[str, list[Table]]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.parse_args()  # who asks for help wants nothing written
     tables: dict[str, str] = {}
     for name, those in kept().items():
         write(those, KEPT / name)

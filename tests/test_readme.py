@@ -34,7 +34,7 @@ def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     (tmp_path / "my_rooms.json").write_text(EXAMPLE)
     monkeypatch.chdir(tmp_path)
     programs = [block for page in (README, PLACE) for block in blocks(page) if "import " in block]
-    assert len(programs) == 4
+    assert len(programs) == 5
     for code in programs:
         names = dict[str, Any]()
         exec(compile(code, "a page", "exec"), names)
@@ -95,8 +95,8 @@ def tables(text: str) -> list[str]:
 def test_a_reader_sees_one_animation_one_figure_and_two_narrow_tables_before_trainings() -> None:
     first, _, later = README.partition("## Train, watch, score")
     assert len(re.findall(r"!\[|<img", first)) == 2
-    items, rooms = tables(first)
-    assert all(table.splitlines()[0].count("|") - 1 <= 6 for table in (items, rooms))
+    rooms, items = tables(first)
+    assert all(table.splitlines()[0].count("|") - 1 <= 6 for table in (rooms, items))
     assert re.findall(r"^    make (\w+)", later, flags=re.MULTILINE) == ["train", "test"]
     assert README.index("## Your own rooms") < README.index("## Results")
 
@@ -105,7 +105,7 @@ def test_the_table_of_whole_rooms_has_the_numbers_of_table_3() -> None:
     page = PAGES[PROJECT / "docs/whole_rooms_results.md"].partition("<!-- table3-best -->")[2]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in tables(page)[0].splitlines()[2:]]
     of = {(row[0], row[1]): (row[2].split()[0], row[5].split()[0]) for row in rows}
-    shown = [[cell.strip(" *") for cell in line.split("|")[1:-1]] for line in tables(README)[1].splitlines()[2:]]
+    shown = [[cell.strip(" *") for cell in line.split("|")[1:-1]] for line in tables(README)[0].splitlines()[2:]]
     assert len(shown) == 8
     for room_type, iou, faultless, rival, its_iou, its_faultless in shown:
         assert of[room_type, "agent"] == (iou, faultless)
