@@ -132,6 +132,13 @@ def take(page: Page, name: str, number: int = 0) -> Any:
     settled(page)
 
 
+def shown(page: Page, room: dict[str, Any]) -> None:
+    """Drop a room on the page, which shows it then."""
+    page.evaluate(DROP, json.dumps(room))
+    expect(page.locator("#title")).to_have_attribute("data-room", room["id"])
+    settled(page)
+
+
 def middle(target: Any) -> tuple[float, float]:
     while (box := target.bounding_box()) is None:  # it is being drawn anew
         expect(target).to_be_visible()
@@ -268,6 +275,59 @@ def test_what_is_done_before_a_step_is_judged_waits_for_it(page):
     assert room_of(page)["furniture"] == stools  # not with the step that was refused
 
 
+def test_undo_waits_for_what_was_done_before(page):
+    shown(page, SQUARE)
+    item(page, "stool").focus()
+    page.keyboard.press("ArrowRight")
+    settled(page)
+    page.evaluate(f"keys => {{ ({PRESS})(keys); document.querySelector('#undo').click() }}", ["ArrowUp"])
+    settled(page)
+    assert room_of(page)["furniture"][0]["center"] == [1.55, 1.5]
+    page.locator("#redo").click()
+    settled(page)
+    assert room_of(page)["furniture"][0]["center"] == [1.55, 1.55]
+
+
+def test_undo_that_the_server_does_not_answer_is_said_and_shown(page):
+    shown(page, SQUARE)
+    before = item(page, "stool").get_attribute("transform")
+    dragged(page, item(page, "stool"), 0.5, 0)
+    page.route("**/api/look", lambda route: route.fulfill(status=400, body='{"error": "gone"}'))
+    page.locator("#undo").click()
+    expect(page.locator("#verdict")).to_have_text("gone")
+    expect(item(page, "stool")).to_have_attribute("transform", before)
+    expect(page.locator("#redo")).to_be_enabled()
+    page.locator("#building summary").click()
+    page.locator("#door").click()
+    expect(page.locator("#verdict")).to_contain_text("Click a wall")
+    page.locator("#undo").click()
+    expect(page.locator("#verdict")).to_have_text("gone")
+    page.locator("#door").click()
+    page.unroute("**/api/look")
+    page.locator("#redo").click()
+    settled(page)
+    page.locator("#redo").click()
+    settled(page)
+    expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+
+
+@pytest.mark.parametrize("ends", ["Delete", "Control+z"])
+def test_what_is_deleted_or_undone_while_it_is_dragged_is_dragged_no_more(page, ends):
+    """What has its place in the list then stays."""
+    stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.5, 2.5)]
+    shown(page, SQUARE | {"furniture": stools})
+    item(page, "stool", 1).focus()
+    page.keyboard.press("ArrowUp")
+    settled(page)
+    drag(page, page.locator("#plan [data-item='0']"), 0, 0.5)
+    page.keyboard.press(ends)
+    settled(page)
+    page.mouse.move(500, 500)
+    page.mouse.up()
+    settled(page)
+    assert room_of(page)["furniture"] == (stools if ends == "Control+z" else [stools[1] | {"center": [2.5, 1.55]}])
+
+
 def test_measurements_show_while_dragging(page):
     expect(page.locator("#plan .metres")).to_have_count(0)
     drag(page, item(page, "bed"), -0.6, 0)
@@ -335,6 +395,66 @@ def test_the_chosen_item_has_buttons_for_all_of_it(page):
     expect(page.locator("#selected")).to_be_hidden()
 
 
+def test_what_is_typed_in_a_field_is_of_the_item_that_was_chosen(page):
+    """Whatever is clicked next: the floor, another item, or its row of the list."""
+    stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.75, 2.25)]
+    shown(page, SQUARE | {"furniture": stools})
+
+    def typed(field: str, value: str) -> None:
+        page.locator("#plan [data-item='0']").focus()
+        page.locator(f"#{field}").fill(value)
+
+    typed("degrees", "45")
+    page.mouse.click(*corner(page, 1.5, 2.5))
+    settled(page)
+    expect(page.locator("#selected")).to_be_hidden()
+    typed("depth", "0.6")
+    page.mouse.click(*middle(page.locator("#plan [data-item='1']")))
+    settled(page)
+    expect(page.locator("#furniture [data-row='1']")).to_have_attribute("aria-pressed", "true")
+    typed("width", "1.4")
+    rows = page.locator("#furniture [data-row]")
+    page.mouse.move(*middle(rows.nth(1)))
+    page.mouse.down()
+    expect(rows.first).to_contain_text("1.40 m")  # it is drawn anew
+    settled(page)
+    page.mouse.up()
+    expect(rows.nth(1)).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#width")).to_have_value("0.5")
+    assert room_of(page)["furniture"] == [stools[0] | {"size": [0.6, 1.4], "rotation": 45}, stools[1]]
+
+
+def test_keys_on_a_row_of_the_list_are_as_on_the_plan(page):
+    stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.5, 2.5)]
+    shown(page, SQUARE | {"furniture": stools})
+    rows = page.locator("#furniture [data-row]")
+    rows.nth(1).click()
+    for key in ("ArrowUp", "Shift+ArrowLeft", "r", "l", "ArrowUp"):
+        page.keyboard.press(key)
+        settled(page)
+        expect(rows.nth(1)).to_be_focused()
+    expect(rows.nth(1)).to_contain_text("locked")
+    expect(page.locator("#verdict")).to_have_text("The stool is locked. Unlock it first.")
+    page.keyboard.press("Shift+Tab")  # what has the focus is chosen
+    expect(rows.first).to_be_focused()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    moved = [stools[0] | {"center": [0.5, 1.45]}, stools[1] | {"center": [2.49, 1.55], "rotation": 90}]
+    assert room_of(page)["furniture"] == moved
+    rows.first.focus()
+    page.keyboard.press("Escape")
+    expect(page.locator("#selected")).to_be_hidden()
+    expect(rows.first).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("#selected")).to_be_visible()
+    page.keyboard.press("Delete")
+    settled(page)
+    expect(rows).to_have_count(1)
+    page.keyboard.press("Delete")  # nothing is chosen
+    settled(page)
+    assert room_of(page)["furniture"] == moved[1:]
+
+
 def test_undo_in_a_field_is_the_fields_own(page):
     page.locator("#furniture").get_by_role("button", name="bed").click()
     settled(page)
@@ -374,6 +494,22 @@ def test_furnish_plays_moves_offers_choices_and_skips(page):
     page.locator("#undo").click()
     settled(page)
     assert room_of(page)["furniture"] == first
+
+
+@pytest.mark.parametrize("kind", ["door", "window"])
+def test_furnishing_ends_that_doors_or_windows_are_put_in(page, kind):
+    page.locator("#building summary").click()
+    page.locator(f"#{kind}").click()
+    count = page.locator(f"#plan .{kind}").count()
+    page.locator("#speed").select_option("slow")
+    page.locator("#furnish").click()
+    expect(page.locator("body")).to_have_attribute("data-state", "playing")
+    page.mouse.click(*corner(page, 0, 2.5))
+    page.locator("#skip").click()
+    settled(page)
+    expect(page.locator(f"#plan .{kind}")).to_have_count(count)
+    expect(page.locator("#verdict")).not_to_contain_text("Looking")
+    expect(page.locator(f"#{kind}")).to_have_attribute("aria-pressed", "false")
 
 
 def test_the_moves_end_by_themselves(page):
@@ -568,6 +704,31 @@ def test_a_room_is_drawn_by_keyboard(page):
     expect(page.locator("#plan .door")).to_have_count(0)
 
 
+def test_undo_takes_back_a_corner_while_an_outline_is_drawn(page):
+    for dx in (-0.3, -0.2):
+        dragged(page, item(page, "bed"), dx, 0)
+    before = room_of(page)
+    page.locator("#undo").click()
+    settled(page)
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    for name in ("undo", "redo", "door", "window"):
+        expect(page.locator(f"#{name}")).to_be_disabled()
+    for x, y in ((1, 1), (4, 1), (4, 4)):
+        page.mouse.click(*corner(page, x, y))
+    corners = page.locator("#plan .corner")
+    expect(corners).to_have_count(3)
+    for count, undo in ((2, lambda: page.locator("#undo").click()), (1, lambda: page.keyboard.press("Control+z"))):
+        undo()
+        expect(corners).to_have_count(count)
+    page.keyboard.press("Control+y")
+    expect(page.locator("#draw")).to_have_text("Cancel")
+    page.locator("#draw").click()
+    page.locator("#redo").click()
+    settled(page)
+    assert room_of(page) == before
+
+
 def test_as_large_a_room_is_drawn_as_is_taken_and_all_of_it_is_shown(page):
     page.locator("#building summary").click()
     page.locator("#draw").click()
@@ -609,6 +770,74 @@ def test_furniture_of_the_palette_stands_in_the_room(page):
     expect(page.locator("#plan .item")).to_have_count(count + 1)
     expect(page.locator("#name")).to_have_text("desk")
     assert room_of(page)["furniture"][-1]["category"] == "desk"
+
+
+def test_furniture_that_does_not_fit_in_the_middle_is_to_be_placed(still):
+    page = still
+    room = {
+        "id": "narrow",
+        "room_type": "living_room",
+        "outline": [[0, 0], [3, 0], [3, 1.3], [0, 1.3]],
+        "furniture": [],
+    }
+    shown(page, SQUARE | room)
+    page.locator("#adding summary").click()
+    page.locator("#palette").get_by_role("button", name=re.compile("^sofa")).first.click()
+    settled(page)
+    expect(page.locator("#verdict")).to_have_text("1 to be placed")
+    expect(page.locator("#name")).to_have_text("sofa")
+    (sofa,) = room_of(page)["furniture"]
+    assert "center" not in sofa
+    for field, value in (("width", "0.9"), ("depth", "0.8")):
+        page.locator(f"#{field}").fill(value)
+        page.locator(f"#{field}").blur()
+        settled(page)
+    page.locator("#place").click()
+    settled(page)
+    expect(page.locator("#plan .item")).to_have_count(1)  # what fits then is taken
+
+
+def test_furniture_that_the_server_refuses_is_taken_out_again(page):
+    full = [{"category": "stool", "size": [0.5, 0.5]}] * 40
+    shown(page, SQUARE | {"furniture": full, "target": 3})
+    before = room_of(page)
+    page.locator("#adding summary").click()
+    for row, press in enumerate((page.locator("#palette button").first, page.locator("#usual"))):
+        press.click()
+        expect(page.locator("#verdict")).to_contain_text("expected at most 40 pieces; got 4")
+        settled(page)
+        assert room_of(page) == before
+        expect(page.locator("#furniture li")).to_have_count(40)
+        page.locator("#furniture button").nth(row).click()
+        expect(page.locator("#verdict")).to_have_text("40 to be placed")
+    page.locator("#undo").click()  # to the room before the file
+    settled(page)
+    expect(page.locator("#title")).to_contain_text("bedroom")
+
+
+def test_what_is_taken_out_is_put_back_where_the_server_does_not_answer(page):
+    before = room_of(page)
+    page.route("**/api/look", lambda route: route.fulfill(status=400, body='{"error": "gone"}'))
+    page.locator("#clear").click()
+    expect(page.locator("#verdict")).to_have_text("gone")
+    settled(page)
+    page.unroute("**/api/look")
+    expect(page.locator("#undo")).to_be_disabled()
+    assert room_of(page) == before
+
+
+def test_a_file_is_opened_again(page, tmp_path):
+    """A browser says so of a file only where another was chosen before, or none."""
+    file = tmp_path / "room.json"
+    page.locator("#saving summary").click()
+    for text, said in (("no room", "expected JSON"), (json.dumps(SQUARE), "Nothing is wrong.")):
+        file.write_text(text)
+        with page.expect_file_chooser() as chooser:
+            page.locator("#file").click()
+        expect(page.locator("#file")).to_have_value("")
+        chooser.value.set_files(file)
+        expect(page.locator("#verdict")).to_contain_text(said)
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
 
 
 def test_files_are_opened_and_dropped(page, tmp_path):
@@ -665,6 +894,20 @@ def test_a_file_is_read_anew_in_the_unit_that_is_chosen(page):
     settled(page)
     expect(page.locator("#lines li")).to_have_count(0)
     expect(page.locator("#gallery li")).to_have_count(count + 1)
+
+
+def test_a_room_that_was_read_in_another_unit_is_saved_and_opened_in_metres(page, tmp_path):
+    inches = SQUARE | {"outline": [[0, 0], [144, 0], [144, 120], [0, 120]], "furniture": []}
+    inches |= {"doors": [{"polygon": [[20, -8], [56, -8], [56, 0], [20, 0]]}]}
+    page.locator("#saving summary").click()
+    page.locator("#unit").select_option("in")
+    shown(page, inches)
+    file = tmp_path / "room.json"
+    file.write_bytes(saved(page, "json"))
+    expect(page.locator("#unit")).to_have_value("auto")
+    take(page, "bedroom")
+    page.locator("#file").set_input_files(file)
+    expect(page.locator("#title")).to_contain_text("11.1 m²")
 
 
 def test_who_edited_a_file_is_asked_before_it_is_read_anew(page):
@@ -957,6 +1200,24 @@ def test_a_link_holds_the_room_and_what_is_locked(page, browser):
     assert "#room=" in link
     other = next(pages := visited(browser, link))
     assert room_of(other) == room_of(page)
+    expect(other.locator("#plan .item.locked")).to_have_count(1)
+    assert next(pages, None) is None
+
+
+def test_a_room_of_a_link_is_kept_in_the_strip(page, browser):
+    dragged(page, item(page, "bed"), -0.3, 0)
+    page.locator("#lock").click()
+    page.locator("#saving summary").click()
+    page.locator("#share").click()
+    expect(page.locator("#link")).not_to_have_value("")
+    other = next(pages := visited(browser, page.locator("#link").input_value()))
+    dragged(other, item(other, "wardrobe"), -0.2, -0.3)
+    left = room_of(other)
+    take(other, "kitchen")
+    other.locator("#gallery button").first.click()
+    expect(other.locator("#title")).to_contain_text("bedroom")
+    settled(other)
+    assert room_of(other) == left
     expect(other.locator("#plan .item.locked")).to_have_count(1)
     assert next(pages, None) is None
 

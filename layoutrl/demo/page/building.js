@@ -1,8 +1,8 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { $, answered, changed, grid, known, open, plan, render, say } from "./page.js";
+import { $, answered, changed, grid, known, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
-import { offer } from "./saving.js";
+import { openAlone } from "./saving.js";
 import { outdated, state, words } from "./store.js";
 
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -53,10 +53,7 @@ async function put() {
 async function close() {
   const kind = $("kind").value;
   const room = { id: `my ${words(kind)}`, room_type: kind, outline: state.draft, doors: [], windows: [], furniture: [] };
-  if (!(await open(room))) return;
-  state.source.rooms.push(state.look);
-  offer(state.source, true);
-  $("adding").open = true;
+  if (await openAlone(room)) $("adding").open = true;
 }
 
 document.addEventListener("unopen", async ({ detail }) => {
@@ -98,7 +95,7 @@ plan.addEventListener("keydown", (event) => {
   event.stopImmediatePropagation();
 });
 
-function back() {
+export function back() {
   state.draft.pop();
   render();
 }

@@ -1,6 +1,7 @@
 // Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
 
-import { $, answered, changed, known, look, plan, render, select } from "./page.js";
+import { back } from "./building.js";
+import { $, changed, known, look, plan, render, say, select } from "./page.js";
 import { metres } from "./plan.js";
 import { commit, item, outdated, state, travel, words } from "./store.js";
 
@@ -11,6 +12,7 @@ let drag = null;
 
 plan.addEventListener("pointerdown", (event) => {
   if (state.mode !== "edit" || !idle() || event.button !== 0) return;
+  document.activeElement.blur(); // what was typed in a field is of the item that was chosen
   const thing = event.target.closest("[data-item], [data-opening]");
   if (!thing) return select(null);
   if (thing.dataset.opening) return select("opening", Number(thing.dataset.opening));
@@ -20,17 +22,19 @@ plan.addEventListener("pointerdown", (event) => {
   event.preventDefault();
   if (state.locked[index]) return;
   plan.setPointerCapture(event.pointerId);
-  drag = { index, from: metres(plan, event), center: state.room.furniture[index].center, moved: false };
+  const dragged = state.room.furniture[index];
+  drag = { dragged, from: metres(plan, event), center: dragged.center, moved: false };
 });
 
 plan.addEventListener("pointermove", (event) => {
+  if (drag && !state.room.furniture.includes(drag.dragged)) drag = null; // deleted, or undone
   if (!drag) return;
   const [x, y] = metres(plan, event);
   const center = [drag.center[0] + x - drag.from[0], drag.center[1] + y - drag.from[1]].map(centimetres);
   if (!drag.moved && Math.hypot(x - drag.from[0], y - drag.from[1]) < 0.02) return;
   drag.moved = true;
   state.notice = "";
-  state.room.furniture[drag.index].center = center;
+  drag.dragged.center = center;
   state.look.gaps = [];
   render();
   look();
@@ -38,11 +42,9 @@ plan.addEventListener("pointermove", (event) => {
 
 async function dropped() {
   if (!drag) return;
-  const { index, center, moved } = drag;
+  const { dragged, center, moved } = drag;
   drag = null;
-  if (!moved) return;
-  const dragged = state.room.furniture[index];
-  await inTurn(() => settled(dragged, { center }));
+  if (moved) await inTurn(() => settled(() => Object.assign(dragged, { center })));
 }
 
 plan.addEventListener("pointerup", dropped);
@@ -52,12 +54,14 @@ plan.addEventListener("pointercancel", dropped);
 let last = Promise.resolve();
 const inTurn = (act) => (last = last.finally(act));
 
-// Keep a change of an item if the server takes it, else put it back as it was.
-async function settled(changing, before) {
+// Keep a change if the server takes it, which is returned; else it is put back, and said why.
+async function settled(putBack) {
+  state.notice = "";
+  render();
   await look();
   const { problem } = state;
   if (problem) {
-    Object.assign(changing, before);
+    putBack();
     state.notice = problem;
     await look();
   } else {
@@ -65,6 +69,7 @@ async function settled(changing, before) {
     render();
   }
   document.dispatchEvent(new Event("choose"));
+  return !problem;
 }
 
 // Where an item is in the list, if it may be changed: what is locked may not, which is said then.
@@ -89,9 +94,7 @@ async function changedTo(chosen, fieldsOf) {
   const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
   if ("size" in fields || !chosen.center) Object.assign(state, outdated);
   Object.assign(chosen, fields);
-  state.notice = "";
-  render();
-  await settled(chosen, before);
+  await settled(() => Object.assign(chosen, before));
 }
 
 const turn = (degrees) =>
@@ -122,9 +125,9 @@ function remove() {
   });
 }
 
-// What has the focus is chosen: it leaves it first.
+// What has the focus in the plan is chosen: it leaves it first. A row of the list keeps it.
 function unselect() {
-  plan.focus({ preventScroll: true });
+  if (!document.activeElement.dataset.row) plan.focus({ preventScroll: true });
   select(null);
 }
 
@@ -135,36 +138,41 @@ function retarget(room) {
   Object.assign(state, outdated);
 }
 
-function add(entries) {
-  const { room } = state;
+// Whether the server takes furniture more; else there is none of it.
+async function added(entries) {
+  if (!idle()) return false;
+  const { room, locked } = state;
+  const before = { ...room };
   retarget(room);
-  for (const entry of entries) {
-    room.furniture.push(structuredClone(entry));
-    state.locked.push(false);
-  }
+  room.furniture = [...room.furniture, ...entries.map((entry) => structuredClone(entry))];
+  state.locked = [...locked, ...entries.map(() => false)];
+  return settled(() => {
+    Object.assign(room, before);
+    state.locked = locked;
+  });
 }
 
-document.addEventListener("add", ({ detail }) => {
-  add([{ ...detail, center: [...state.look.middle], rotation: 0 }]);
-  select("item", state.room.furniture.length - 1);
-  changed();
-});
+// An item more stands in the middle, or is to be placed where it does not fit there.
+document.addEventListener("add", ({ detail }) => inTurn(async () => {
+  const standing = { ...detail, center: [...state.look.middle], rotation: 0 };
+  if ((await added([standing])) || (await added([detail]))) select("item", state.room.furniture.length - 1);
+}));
 
-$("usual").onclick = () => {
-  add(known.palette[state.room.room_type].flatMap(({ item: entry, usual }) => Array(usual).fill(entry)));
-  changed();
-};
+$("usual").onclick = () => inTurn(() =>
+  added(known.palette[state.room.room_type].flatMap(({ item: entry, usual }) => Array(usual).fill(entry))));
 
-$("clear").onclick = () => {
-  state.room.furniture.forEach((entry, k) => {
-    if (state.locked[k]) return;
+$("clear").onclick = () => inTurn(async () => {
+  if (!idle()) return;
+  const free = state.room.furniture.filter((_, k) => !state.locked[k]);
+  const before = free.map((entry) => ({ ...entry }));
+  for (const entry of free) {
     delete entry.center;
     delete entry.rotation;
-  });
+  }
   state.lines = [];
   state.look.gaps = [];
-  changed();
-};
+  await settled(() => free.forEach((entry, k) => Object.assign(entry, before[k])));
+});
 
 $("turn").onclick = () => turn(90);
 $("lock").onclick = lock;
@@ -178,30 +186,34 @@ for (const [id, side] of [["depth", 0], ["width", 1]]) {
 }
 $("degrees").onchange = () => {
   const rotation = Number($("degrees").value);
-  if (item().center) change(() => ({ rotation }));
+  if (item()?.center) change(() => ({ rotation }));
 };
 
-async function travelled(back) {
-  if (!idle() || !travel(back)) return;
-  Object.assign(state, { ...outdated, thoughts: null, problem: "", look: { ...state.look, gaps: [] } });
-  state.look = await answered("look", { room: state.room });
+async function travelled(before) {
+  if (!idle() || !travel(before)) return;
+  Object.assign(state, { ...outdated, thoughts: null, notice: "", look: { ...state.look, gaps: [], faults: [] } });
+  await look();
   document.dispatchEvent(new Event("choose"));
-  look();
+  if (state.problem) say(state.problem); // else unsaid while a door or window is put in
 }
 
-$("undo").onclick = () => travelled(true);
-$("redo").onclick = () => travelled(false);
+// Of an outline that is drawn, the last corner is undone: the room is hidden.
+const undo = () => (state.mode === "draw" ? back() : inTurn(() => travelled(true)));
+const redo = () => state.mode !== "draw" && inTurn(() => travelled(false));
+
+$("undo").onclick = undo;
+$("redo").onclick = redo;
 
 document.addEventListener("keydown", (event) => {
   const letter = event.key.toLowerCase();
   if (!(event.ctrlKey || event.metaKey) || event.target.matches("input")) return;
-  if (letter === "z") travelled(!event.shiftKey);
-  else if (letter === "y") travelled(false);
+  if (letter === "y" || (letter === "z" && event.shiftKey)) redo();
+  else if (letter === "z") undo();
   else return;
   event.preventDefault();
 });
 
-plan.addEventListener("keydown", (event) => {
+function pressed(event) {
   if (state.mode !== "edit" || !idle() || event.ctrlKey || event.metaKey || event.altKey) return;
   const thing = event.target.closest("[data-item], [data-opening]");
   const way = STEPS[event.key];
@@ -218,8 +230,14 @@ plan.addEventListener("keydown", (event) => {
   else if (event.key === "l" || event.key === "L") lock();
   else return;
   event.preventDefault();
-});
+}
 
-plan.addEventListener("focusin", ({ target }) => {
-  if (state.mode === "edit" && idle() && !drag && target.dataset?.item) select("item", Number(target.dataset.item));
-});
+function focused({ target }) {
+  const index = target.dataset.item ?? target.dataset.row;
+  if (state.mode === "edit" && idle() && !drag && index) select("item", Number(index));
+}
+
+for (const part of [plan, $("furniture")]) {
+  part.addEventListener("keydown", pressed);
+  part.addEventListener("focusin", focused);
+}

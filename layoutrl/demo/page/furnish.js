@@ -14,7 +14,7 @@ let skip = null;
 async function furnish(movable) {
   if (document.body.dataset.state !== "idle") return;
   const [focus, { selected }] = [document.activeElement, state];
-  Object.assign(state, { thoughts: null, notice: "", lines: [] });
+  Object.assign(state, { mode: "edit", draft: [], thoughts: null, notice: "", lines: [] });
   become("asking");
   render();
   say("");

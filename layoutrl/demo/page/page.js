@@ -121,25 +121,34 @@ export function render() {
   renderChoices();
   renderTools();
   renderLines();
-  if (where) document.querySelector(`[data-${where[0]}="${where[1]}"]`)?.focus({ preventScroll: true });
+  if (where) (document.querySelector(`[data-${where[0]}="${where[1]}"]`) ?? plan).focus({ preventScroll: true });
 }
 
 function wrongWith(index) {
   return state.look.faults.filter(([k]) => k === index).map(([, , text]) => text);
 }
 
+function rowOf(index) {
+  const row = button("", () => select("item", index));
+  row.dataset.row = index;
+  return element("li", {}, row, element("p", { className: "bad" }));
+}
+
+// Rows stay, with other words: one may have the focus, or be pressed just now.
 function renderList() {
   const { room, look: { faults }, problem, notice, mode } = state;
   $("title").textContent = `${words(room.room_type)}, ${state.look.area.toFixed(1)} m²`;
   $("title").dataset.room = room.id;
-  $("furniture").replaceChildren(...room.furniture.map((entry, k) => {
+  const list = $("furniture");
+  while (list.children.length > room.furniture.length) list.lastChild.remove();
+  room.furniture.forEach((entry, k) => {
+    const [row, wrong] = (list.children[k] ?? list.appendChild(rowOf(k))).children;
     const size = entry.size.map((side) => side.toFixed(2)).join(" × ");
-    const row = button(`${words(entry.category)}, ${size} m${state.locked[k] ? ", locked" : ""}`, () => select("item", k));
-    row.dataset.row = k;
+    row.textContent = `${words(entry.category)}, ${size} m${state.locked[k] ? ", locked" : ""}`;
     row.setAttribute("aria-pressed", state.selected?.kind === "item" && state.selected.index === k);
-    const wrong = wrongWith(k);
-    return element("li", {}, row, ...(wrong.length ? [element("p", { className: "bad", textContent: wrong.join("; ") })] : []));
-  }));
+    wrong.textContent = wrongWith(k).join("; ");
+    wrong.hidden = !wrong.textContent;
+  });
   if (mode === "draw") $("title").textContent = "A new room";
   $("standing").hidden = $("adding").hidden = mode === "draw";
   if (mode !== "edit" || ["asking", "playing"].includes(document.body.dataset.state)) return;
@@ -208,14 +217,17 @@ function renderLines() {
 function renderTools() {
   const { mode, draft, room } = state;
   const playing = document.body.dataset.state === "playing";
-  $("undo").disabled = playing || !canTravel(true);
-  $("redo").disabled = playing || !canTravel(false);
+  $("undo").disabled = playing || (mode === "draw" ? !draft.length : !canTravel(true));
+  $("redo").disabled = playing || mode === "draw" || !canTravel(false);
   $("furnish").disabled = playing || mode === "draw";
   for (const id of ["close", "back", "grid-label"]) $(id).hidden = mode !== "draw";
   $("close").disabled = draft.length < 3;
   $("back").disabled = !draft.length;
   $("draw").textContent = mode === "draw" ? "Cancel" : "Draw an outline";
-  for (const kind of ["door", "window"]) $(kind).setAttribute("aria-pressed", mode === kind);
+  for (const kind of ["door", "window"]) {
+    $(kind).setAttribute("aria-pressed", mode === kind);
+    $(kind).disabled = mode === "draw";
+  }
   const entries = known.palette[room.room_type] ?? [];
   if ($("palette").dataset.type === room.room_type) return;
   $("palette").dataset.type = room.room_type;

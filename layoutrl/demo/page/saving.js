@@ -54,6 +54,14 @@ export function offer(source, before = false) {
   return entries;
 }
 
+// Take a room that is from no file; the strip keeps it.
+export async function openAlone(room, locked) {
+  if (!(await open(room, locked))) return false;
+  state.source.rooms.push(state.look);
+  offer(state.source, true);
+  return true;
+}
+
 document.addEventListener("looked", () => {
   const { room, look, source } = state;
   source.pictures.get(room.id)?.replaceChildren(...thumbnail(room, look.box, known).children);
@@ -94,6 +102,8 @@ function saveJSON() {
   const content = whole ? rooms.map(asNow) : withLocks(state);
   download(`${JSON.stringify(content)}\n`, "application/json", "json", whole ? name : room.id);
   markSaved(source, whole ? [...now.keys()] : [room.id]);
+  $("unit").value = "auto"; // it is in metres, whatever the file was in
+  if (last) last.unit = "auto";
 }
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.
@@ -112,6 +122,7 @@ async function saveHome() {
   else markSaved(source, source.home ? [...source.now.keys()] : [room.id]);
 }
 
+$("file").onclick = () => { $("file").value = ""; }; // the same file, too, is opened anew
 $("file").onchange = () => opened($("file").files[0]);
 $("unit").onchange = () => {
   if (!last) return;
@@ -167,7 +178,7 @@ export async function fromLink() {
   if (!location.hash.startsWith("#room=")) return false;
   try {
     const { room, locked } = JSON.parse(await unpacked(location.hash.slice(6)));
-    return await open(room, locked);
+    return await openAlone(room, locked);
   } catch {
     say("The link holds no whole room.");
     return false;
