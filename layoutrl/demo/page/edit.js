@@ -101,6 +101,7 @@ const turn = (degrees) =>
   item()?.center && change(({ rotation }) => ({ rotation: (((rotation ?? 0) + degrees) % 360 + 360) % 360 }));
 
 function lock() {
+  if (drag) return; // where it is now is not judged yet
   const chosen = item();
   return inTurn(() => {
     const index = state.room.furniture.indexOf(chosen);
