@@ -81,8 +81,8 @@ def furnish(
     """What the command places in these rooms, told as it tells it: of each room up to `choices` layouts, best first.
 
     `stood` is the furniture of each room as it stood, if it is lifted already (`Source.stood`); the options are those
-    of conf/place.yaml. What nobody can place stays where it stood, or has no center. Items have categories: everyday
-    names are the command's. Raises InputError for an option of another kind, and for a `run` that is no training run.
+    of conf/place.yaml. What nobody can place stays where it stood, or has no center. Items have categories; `move` may
+    have everyday names. Raises InputError for an option of another kind, and for a `run` that is no training run.
     """
     config = replace(composed("place", f"rooms={STANDARD}"), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
@@ -104,7 +104,7 @@ def run(config: PlaceConfig) -> Done:
     check_who(config)
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
-    config = by_category(config)
+    asked, config = config, by_category(config)
     source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = (config.out or config.rooms) == STANDARD
@@ -120,6 +120,8 @@ def run(config: PlaceConfig) -> Done:
     if piped and sys.stdout is None:
         raise InputError("out: standard output is closed; expected somebody to read it, or out=<file>")
     work = Work(config, source, total, sys.stderr if piped else sys.stdout)
+    if names_in(asked.move) != names_in(config.move):
+        work.say(f"move: {asked.move} is taken for {config.move}, and all that is one moves")
     try:
         if suffix == JSON:
             work.write_each(files[0] if files else None)
@@ -176,7 +178,7 @@ class Work:
         if not self.tally.entries:
             return f"{rooms} is empty; expected one room or more"
         named = item or move or ALL
-        what = "an item" if named == ALL else f"a {named.replace(',', ' or a ')}"
+        what = "an item" if ALL in names_in(named) else f"a {named.replace(',', ' or a ')}"
         anew = "furniture without a center, or what is to be placed anew, as move=wardrobe or move=all"
         return f"{rooms} has no room with {what} to place; expected {'one or more' if move else anew}"
 

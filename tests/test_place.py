@@ -728,7 +728,9 @@ def test_an_option_that_would_be_ignored_is_refused(given: dict[str, Any], said:
 
 
 @pytest.mark.parametrize("option", ["move", "item"])
-def test_options_take_the_names_that_furniture_goes_by(option: str, middle: Middle, tmp_path: Path) -> None:
+def test_options_take_the_names_that_furniture_goes_by(
+    option: str, middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     document = furnished_room() | {"id": "b-17"}
     document["furniture"] = [item for item in document["furniture"] if item["category"] != "bed"]
     bed = {"category": "bed", "size": [2.0, 1.5]} | ({"center": [2.0, 2.0], "rotation": 0} if option == "move" else {})
@@ -741,6 +743,8 @@ def test_options_take_the_names_that_furniture_goes_by(option: str, middle: Midd
     )
     assert ours == theirs
     assert ours.items > 0
+    said = "move: Bett is taken for bed, and all that is one moves\n"
+    assert capsys.readouterr().out.count(said) == (option == "move")
 
 
 def test_an_item_that_no_room_lacks_is_named(middle: Middle, tmp_path: Path) -> None:

@@ -23,9 +23,10 @@ def brief_of(room: Room) -> Room:
     """The room without the places and rotations of its furniture, all of which is to be placed.
 
     The list is in alphabetical order of category, then by size: it tells nothing of the designer's order. Nor does it
-    tell which of the chairs stood under a table: they are `lifted`.
+    tell which of the chairs and stools stood under a table: any chair may, where there is one, and nothing else.
     """
-    free = lifted(room.furniture, range(len(room.furniture)))
+    told = [replace(item, tucked=item.tucked and item.center is None) for item in room.furniture]
+    free = lifted(told, range(len(told)))
     in_order = sorted(free, key=lambda item: (item.category, item.size, item.form, item.tucked))
     return replace(room, furniture=tuple(in_order), target=None)
 
@@ -33,8 +34,8 @@ def brief_of(room: Room) -> Room:
 def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
     """The items, of which `those`, by their indices, are to be placed anew.
 
-    A chair may then stand under what one sits at, and nothing else may, wherever it stood: what stood under a table
-    does not tell so. One that stood nowhere says itself whether it may.
+    A chair may then stand under what one sits at, wherever it stood: designs have it there. What else stood under
+    others may again, and what stood nowhere says itself whether it may.
     """
     return tuple(
         replace(item, center=None, rotation=None, tucked=_may_stand_under(item, items), locked=False)
@@ -45,7 +46,7 @@ def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
 
 
 def _may_stand_under(item: Item, items: Sequence[Item]) -> bool:
-    return item.tucked if item.center is None else may_tuck(item, items)
+    return item.tucked or (item.center is not None and may_tuck(item, items))
 
 
 def missing(room: Room) -> list[int]:

@@ -17,7 +17,6 @@ from layoutrl.rooms.room import FIT, Item, Room
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
 NOBODYS = "nobody furnishes such a room"
-UNTYPED = "nothing tells its type"
 
 
 @dataclass
@@ -37,8 +36,8 @@ class Collection:
 
     @property
     def unread(self) -> int:
-        """How many rooms and files could not be read, and are not of a kind that is left alone."""
-        return sum(not reason.startswith((NOBODYS, UNTYPED)) for _, reason in self.left_out)
+        """How many rooms and files could not be read: all that are left out, but for NOBODYS."""
+        return sum(reason != NOBODYS for _, reason in self.left_out)
 
     @contextmanager
     def or_left_out(self, label: str) -> Iterator[None]:

@@ -48,6 +48,10 @@ DROP = """text => {
 PRESS = """keys => {
   for (const key of keys) document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
 }"""  # sooner than the server can answer
+HOLD = """([key, times]) => {
+  for (let k = 0; k < times; k++)
+    document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, repeat: k > 0, bubbles: true }));
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -254,6 +258,27 @@ def test_quick_steps_are_judged_one_by_one_and_those_out_of_the_room_are_put_bac
         settled(page)
         expect(page.locator("#verdict")).to_contain_text("expected the stool to lie within")
         assert room_of(page)["furniture"] == [stool | {"center": [1.5, 2.95], "rotation": rotation}]
+
+
+def test_a_key_that_is_held_waits_for_the_server(page):
+    stool = SQUARE["furniture"][0] | {"rotation": 0}
+    shown(page, SQUARE | {"furniture": [stool]})
+    item(page, "stool").focus()
+    settled(page)
+    page.evaluate(HOLD, ["ArrowUp", 6])
+    settled(page)
+    assert room_of(page)["furniture"] == [stool | {"center": [1.5, 1.55]}]
+
+
+def test_what_is_dragged_is_not_locked_and_not_turned(page):
+    shown(page, SQUARE)
+    drag(page, item(page, "stool"), 0.5, 0)
+    for key in ("l", "r"):
+        page.keyboard.press(key)
+    page.mouse.up()
+    settled(page)
+    expect(page.locator("#lock")).to_have_attribute("aria-pressed", "false")
+    assert room_of(page)["furniture"][0].get("rotation", 0) == 0
 
 
 def test_what_is_done_before_a_step_is_judged_waits_for_it(page):

@@ -92,6 +92,11 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
     assert all("floorplans" not in sweep for sweep in sweeps)
     learned = table3.stages({"designer_rooms": "x", "room": "tatami", "column": "rooms_agent"})
     assert [sweep["trained_on"] for sweep in learned] == ["designer,own,both"]
+    both = table3.stages({"designer_rooms": "x", "room": "bedroom,tatami", "column": "rooms_agent,rooms_pointer"})
+    updates = [(sweep["column"], sweep["room"], sweep.get("method.updates.default")) for sweep in both[1:]]
+    assert ("rooms_agent", "bedroom", "48000") in updates
+    assert ("rooms_agent", "tatami", "24000") in updates
+    assert {told for column, _, told in updates if column == "rooms_pointer"} == {None}
     for room in ({}, {"designer_rooms": "x", "room": "kitchen"}):
         with pytest.raises(InputError, match="column: rooms_agent learns in real rooms; expected designer_rooms="):
             table3.stages({"column": "nearest,rooms_agent"} | room)

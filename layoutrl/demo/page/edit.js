@@ -20,7 +20,7 @@ plan.addEventListener("pointerdown", (event) => {
   select("item", index);
   document.querySelector(`[data-item="${index}"]`)?.focus({ preventScroll: true });
   event.preventDefault();
-  if (state.locked[index]) return;
+  if (state.locked[index] || waiting) return;
   plan.setPointerCapture(event.pointerId);
   const dragged = state.room.furniture[index];
   drag = { dragged, from: metres(plan, event), center: dragged.center, moved: false };
@@ -52,7 +52,16 @@ plan.addEventListener("pointercancel", dropped);
 
 // Each change waits for what the server says of the one before.
 let last = Promise.resolve();
-const inTurn = (act) => (last = last.finally(act));
+let waiting = 0; // changes
+
+function inTurn(act) {
+  waiting += 1;
+  last = last.then(act, act).finally(() => { waiting -= 1; });
+  return last;
+}
+
+// Of a key that is held, what comes before the server has answered: an item would run on after it.
+const tooSoon = (event) => event.repeat && waiting > 0;
 
 // Keep a change if the server takes it, which is returned; else it is put back, and said why.
 async function settled(putBack) {
@@ -84,6 +93,7 @@ function changeable(chosen) {
 
 // Change the chosen item: `fieldsOf` says to what, of the item as it is once its turn has come.
 function change(fieldsOf) {
+  if (drag) return null; // where it is now is not judged yet
   const chosen = item();
   return inTurn(() => changedTo(chosen, fieldsOf));
 }
@@ -92,20 +102,24 @@ async function changedTo(chosen, fieldsOf) {
   if (changeable(chosen) < 0) return;
   const fields = fieldsOf(chosen);
   const before = Object.fromEntries(Object.keys(fields).map((name) => [name, chosen[name]]));
+  const found = foundNow();
   if ("size" in fields || !chosen.center) Object.assign(state, outdated);
   Object.assign(chosen, fields);
-  await settled(() => Object.assign(chosen, before));
+  await settled(() => {
+    Object.assign(chosen, before);
+    Object.assign(state, found);
+  });
 }
 
 const turn = (degrees) =>
   item()?.center && change(({ rotation }) => ({ rotation: (((rotation ?? 0) + degrees) % 360 + 360) % 360 }));
 
 function lock() {
-  if (drag) return; // where it is now is not judged yet
+  if (drag) return null;
   const chosen = item();
   return inTurn(() => {
     const index = state.room.furniture.indexOf(chosen);
-    if (index < 0) return;
+    if (index < 0 || !idle()) return;
     state.locked[index] = !state.locked[index];
     changed();
   });
@@ -139,17 +153,20 @@ function retarget(room) {
   Object.assign(state, outdated);
 }
 
+// What is `outdated` where furniture is another: to have it back.
+const foundNow = () => Object.fromEntries(Object.keys(outdated).map((name) => [name, state[name]]));
+
 // Whether the server takes furniture more; else there is none of it.
 async function added(entries) {
   if (!idle()) return false;
   const { room, locked } = state;
-  const before = { ...room };
+  const [before, found] = [{ ...room }, foundNow()];
   retarget(room);
   room.furniture = [...room.furniture, ...entries.map((entry) => structuredClone(entry))];
   state.locked = [...locked, ...entries.map(() => false)];
   return settled(() => {
     Object.assign(room, before);
-    state.locked = locked;
+    Object.assign(state, { ...found, locked });
   });
 }
 
@@ -208,6 +225,7 @@ $("redo").onclick = redo;
 document.addEventListener("keydown", (event) => {
   const letter = event.key.toLowerCase();
   if (!(event.ctrlKey || event.metaKey) || event.target.matches("input")) return;
+  if ("yz".includes(letter) && tooSoon(event)) return event.preventDefault();
   if (letter === "y" || (letter === "z" && event.shiftKey)) redo();
   else if (letter === "z") undo();
   else return;
@@ -216,6 +234,7 @@ document.addEventListener("keydown", (event) => {
 
 function pressed(event) {
   if (state.mode !== "edit" || !idle() || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (tooSoon(event)) return event.preventDefault();
   const thing = event.target.closest("[data-item], [data-opening]");
   const way = STEPS[event.key];
   if (thing && (event.key === "Enter" || event.key === " ")) {
@@ -224,7 +243,7 @@ function pressed(event) {
   } else if (way && item()?.center) {
     const step = event.shiftKey ? 0.01 : 0.05;
     const stepped = ({ center }) => ({ center: center.map((value, axis) => centimetres(value + step * way[axis])) });
-    if (!event.repeat || plan.ariaBusy !== "true") change(stepped); // a key that is held waits: else the item ran on after it
+    change(stepped);
   } else if (event.key === "Escape") unselect();
   else if (event.key === "Delete" || event.key === "Backspace") remove();
   else if (event.key === "r" || event.key === "R") turn(event.shiftKey ? 15 : 90);

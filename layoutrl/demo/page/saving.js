@@ -102,8 +102,9 @@ function saveJSON() {
   const content = whole ? rooms.map(asNow) : withLocks(state);
   download(`${JSON.stringify(content)}\n`, "application/json", "json", whole ? name : room.id);
   markSaved(source, whole ? [...now.keys()] : [room.id]);
-  $("unit").value = "auto"; // it is in metres, whatever the file was in
-  if (last) last.unit = "auto";
+  if ($("unit").value === "auto") return;
+  $("unit").value = "auto"; // to open it again: it is in metres, whatever the file was in
+  $("verdict").textContent = "Saved in metres. The unit of what is opened next is auto again.";
 }
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.

@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import NO_ROOM, NOTED, OBSTACLE, Names
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.collection import NOBODYS, UNTYPED
+from layoutrl.rooms.collection import NOBODYS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
     TOLERANCE,
@@ -161,7 +161,7 @@ class Storey(Generic[P]):
             room_id = f"{self.prefix}/{unused(drawn.label, taken)}"
             kind = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces]) or room_type
             if kind is None or kind == NO_ROOM:
-                unknown = f"{UNTYPED}; expected a name or furniture that does{or_else}"
+                unknown = f"nothing tells its type; expected a name or furniture that does{or_else}"
                 self.left_out.append((room_id, NOBODYS if kind else unknown))
                 continue
             standing = _tucked([piece.item for piece in drawn.pieces])
