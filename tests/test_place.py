@@ -238,7 +238,7 @@ def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^run: .*nowhere.* cannot be read .*; expected the folder of a training run"):
         place(composed("place", f"run={nowhere}", f"rooms={file}", f"pictures={tmp_path / 'pictures'}"))
     assert not (tmp_path / "pictures").exists()
-    with pytest.raises(InputError, match="has no room with an item without a center"):
+    with pytest.raises(InputError, match="has no room with an item to place; expected furniture without a center"):
         place(composed("place", "by=search", f"rooms={file}"))
 
 

@@ -136,7 +136,7 @@ def test_it_learns_one_room_by_heart() -> None:
     scene, rng = SCENES[1], np.random.default_rng(0)
     own = graph(scene)
     optimizer = torch.optim.Adam(network.parameters(), 2e-3)
-    for _ in range(220):
+    for _ in range(400):
         made = [decisions(scene, own, int(rng.integers(len(own) + 1)), NAMES, rng) for _ in range(8)]
         edges: dict[str, list[Decision]] = {
             side: [found[side] for _, found in made if side in found] for side in ("furniture", "architecture")

@@ -155,7 +155,7 @@ def test_a_network_hangs_on_the_seed_and_on_no_other_randomness():
 def test_it_learns_one_room_and_furnishes_it_again():
     room = bedroom()
     room = replace(room, furniture=room.furniture[:2])
-    network = train_rooms_pointer([room], updates_budget(250), np.random.SeedSequence(1), batch=16)
+    network = train_rooms_pointer([room], updates_budget(500), np.random.SeedSequence(1), batch=16)
     (layout,) = furnish(network, [brief_of(room)])
     found = measured([layout], [room])
     assert found.iou.item() > 0.9
