@@ -1215,13 +1215,18 @@ def test_only_rooms_that_were_changed_are_sent_with_the_one_that_is_saved(page, 
     assert sent == [[], ["file/room 2"]]
 
 
-def test_a_link_holds_the_room_and_what_is_locked(page, browser):
+def link_of(page: Page) -> str:
+    """The link of the room that the page shows, in which the bed was moved, and is locked."""
     dragged(page, item(page, "bed"), -0.3, 0)
     page.locator("#lock").click()
     page.locator("#saving summary").click()
     page.locator("#share").click()
     expect(page.locator("#link")).not_to_have_value("")
-    link = page.locator("#link").input_value()
+    return page.locator("#link").input_value()
+
+
+def test_a_link_holds_the_room_and_what_is_locked(page, browser):
+    link = link_of(page)
     assert "#room=" in link
     other = next(pages := visited(browser, link))
     assert room_of(other) == room_of(page)
@@ -1230,12 +1235,7 @@ def test_a_link_holds_the_room_and_what_is_locked(page, browser):
 
 
 def test_a_room_of_a_link_is_kept_in_the_strip(page, browser):
-    dragged(page, item(page, "bed"), -0.3, 0)
-    page.locator("#lock").click()
-    page.locator("#saving summary").click()
-    page.locator("#share").click()
-    expect(page.locator("#link")).not_to_have_value("")
-    other = next(pages := visited(browser, page.locator("#link").input_value()))
+    other = next(pages := visited(browser, link_of(page)))
     dragged(other, item(other, "wardrobe"), -0.2, -0.3)
     left = room_of(other)
     take(other, "kitchen")
