@@ -313,6 +313,25 @@ def test_undo_waits_for_what_was_done_before(page):
     assert room_of(page)["furniture"][0]["center"] == [1.55, 1.55]
 
 
+@pytest.mark.parametrize("button", ["#furnish", "#only", "#save-json"])
+def test_what_is_done_with_a_room_waits_for_what_was_done_before(still, button):
+    stool = SQUARE["furniture"][0] | {"center": [1.5, 2.95], "rotation": 0}
+    shown(still, SQUARE | {"furniture": [stool]})
+    item(still, "stool").focus()
+    settled(still)
+    at_once = f"keys => {{ ({PRESS})(keys); setTimeout(() => document.querySelector('{button}').click()) }}"
+    if button == "#save-json":
+        with still.expect_download() as begun:
+            still.evaluate(at_once, ["ArrowUp"])  # out of the room
+        room = json.loads(Path(begun.value.path()).read_bytes())
+    else:
+        with still.expect_request("**/api/furnish") as asked:
+            still.evaluate(at_once, ["ArrowUp"])
+        room = asked.value.post_data_json["room"]
+    settled(still)
+    assert room["furniture"] == [stool]
+
+
 def test_undo_that_the_server_does_not_answer_is_said_and_shown(page):
     shown(page, SQUARE)
     before = item(page, "stool").get_attribute("transform")

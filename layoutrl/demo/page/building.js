@@ -1,6 +1,6 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { $, answered, changed, grid, known, plan, render, say } from "./page.js";
+import { $, answered, changed, grid, judged, known, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
 import { openAlone } from "./saving.js";
 import { outdated, state, words } from "./store.js";
@@ -35,14 +35,15 @@ function enter(mode) {
 }
 
 async function put() {
-  const { mode, draft, cursor, room } = state;
+  const { mode, draft, cursor } = state;
   if (mode === "draw") {
     if (draft.length > 2 && (same(draft[0], cursor) || far(draft[0], cursor) < NEAR * pixel(plan))) return close();
     if (!draft.some((corner) => same(corner, cursor))) draft.push(cursor);
     return render();
   }
+  await judged();
   try {
-    const said = await answered("opening", { room, kind: mode, at: cursor, width: Number($("wide").value) });
+    const said = await answered("opening", { room: state.room, kind: mode, at: cursor, width: Number($("wide").value) });
     Object.assign(state, { room: said.room, look: said, mode: "edit", ...outdated });
     await changed();
   } catch (error) {
@@ -57,6 +58,7 @@ async function close() {
 }
 
 document.addEventListener("unopen", async ({ detail }) => {
+  await judged();
   try {
     const said = await answered("opening", { room: state.room, remove: detail });
     Object.assign(state, { room: said.room, look: said, selected: null, ...outdated });

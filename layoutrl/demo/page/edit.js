@@ -1,7 +1,7 @@
 // Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
 
 import { back } from "./building.js";
-import { $, changed, known, look, plan, render, say, select } from "./page.js";
+import { $, changed, inTurn, known, look, plan, render, say, select, waits } from "./page.js";
 import { metres } from "./plan.js";
 import { commit, item, outdated, state, travel, words } from "./store.js";
 
@@ -20,7 +20,7 @@ plan.addEventListener("pointerdown", (event) => {
   select("item", index);
   document.querySelector(`[data-item="${index}"]`)?.focus({ preventScroll: true });
   event.preventDefault();
-  if (state.locked[index] || waiting) return;
+  if (state.locked[index] || waits()) return;
   plan.setPointerCapture(event.pointerId);
   const dragged = state.room.furniture[index];
   drag = { dragged, from: metres(plan, event), center: dragged.center, moved: false };
@@ -50,18 +50,8 @@ async function dropped() {
 plan.addEventListener("pointerup", dropped);
 plan.addEventListener("pointercancel", dropped);
 
-// Each change waits for what the server says of the one before.
-let last = Promise.resolve();
-let waiting = 0; // changes
-
-function inTurn(act) {
-  waiting += 1;
-  last = last.then(act, act).finally(() => { waiting -= 1; });
-  return last;
-}
-
 // Of a key that is held, what comes before the server has answered: an item would run on after it.
-const tooSoon = (event) => event.repeat && waiting > 0;
+const tooSoon = (event) => event.repeat && waits();
 
 // Keep a change if the server takes it, which is returned; else it is put back, and said why.
 async function settled(putBack) {

@@ -1,7 +1,7 @@
 // Furnishing: the moves as they were made, the choices, and what the agent thinks of an item.
 
 import { ask } from "./api.js";
-import { $, become, changed, element, plan, render, say } from "./page.js";
+import { $, become, changed, element, judged, plan, render, say } from "./page.js";
 import { item, outdated, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
@@ -11,9 +11,12 @@ const STEP = 0.15; // metres between the places of a heat map
 let asked = 0; // how often: each time others may be found
 let skip = null;
 
-async function furnish(movable) {
+async function furnish(chosen) {
+  const focus = document.activeElement;
+  await judged();
+  const { selected } = state;
+  const movable = chosen().filter((k) => !state.locked[k]);
   if (document.body.dataset.state !== "idle") return;
-  const [focus, { selected }] = [document.activeElement, state];
   Object.assign(state, { mode: "edit", draft: [], thoughts: null, notice: "", lines: [] });
   become("asking");
   render();
@@ -87,14 +90,13 @@ function moved(entry, center, degrees, milliseconds) {
   });
 }
 
-const unlocked = () => state.locked.flatMap((lock, k) => (lock ? [] : [k]));
-
-$("furnish").onclick = () => furnish(unlocked());
-$("only").onclick = () => furnish([state.selected.index]);
+$("furnish").onclick = () => furnish(() => [...state.room.furniture.keys()]);
+$("only").onclick = () => furnish(() => (item() ? [state.selected.index] : []));
 $("skip").onclick = () => skip?.();
 
-document.addEventListener("take", ({ detail }) => {
-  if (document.body.dataset.state !== "idle") return;
+document.addEventListener("take", async ({ detail }) => {
+  await judged();
+  if (document.body.dataset.state !== "idle" || !state.choices[detail]) return;
   state.chosen = detail;
   state.room.furniture = structuredClone(state.choices[detail].furniture);
   changed();

@@ -59,6 +59,19 @@ async function looking() {
   }
 }
 
+// Each change by hand waits for what the server says of the one before; what else alters the room, for all of them.
+let last = Promise.resolve();
+let waiting = 0; // changes
+
+export function inTurn(act) {
+  waiting += 1;
+  last = last.then(act, act).finally(() => { waiting -= 1; });
+  return last;
+}
+
+export const waits = () => waiting > 0;
+export const judged = () => last;
+
 // A question whose answer the plan waits for.
 export async function answered(question, body) {
   plan.setAttribute("aria-busy", "true");
@@ -71,6 +84,7 @@ export async function answered(question, body) {
 
 // Take another room. It is shown as soon as the server has read it.
 export async function open(room, locked = [], source = sourceOf()) {
+  await judged();
   if (!["idle", "loading"].includes(document.body.dataset.state)) return false;
   try {
     const said = await answered("look", { room });

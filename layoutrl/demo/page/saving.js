@@ -1,7 +1,7 @@
 // Files in and out, and the link that holds the room.
 
 import { ask, home, read } from "./api.js";
-import { $, element, known, open, render, say } from "./page.js";
+import { $, element, judged, known, open, render, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { anyUnsaved, forget, markSaved, packed, snapshot, sourceOf, state, unpacked, unsaved, words } from "./store.js";
 
@@ -142,6 +142,7 @@ document.addEventListener("drop", (event) => {
 function saving(id, save) {
   $(id).onclick = async () => {
     try {
+      await judged();
       await save();
     } catch (error) {
       say(error.message);
@@ -167,6 +168,7 @@ saving("save-png", async () => {
 });
 
 $("share").onclick = async () => {
+  await judged();
   history.replaceState(null, "", `#room=${await packed(snapshot())}`);
   markSaved(state.source, [state.room.id]);
   $("link-label").hidden = false;
