@@ -28,7 +28,7 @@ from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, name_of
-from layoutrl.rooms.formats import Source, format_of, opened, to_place, unread
+from layoutrl.rooms.formats import Source, format_of, opened, other_formats, to_place
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
@@ -239,7 +239,7 @@ class Work:
                 self.tally.unread = self.source.collection.unread
             entries = islice(source_entries(self.source), first, None, shards)
         else:
-            for line in unread(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
+            for line in other_formats(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
                 self.say(line)
             entries = json_entries(self.config, first, shards)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)

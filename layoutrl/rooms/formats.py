@@ -130,11 +130,11 @@ def opened(
         collection = read_homes(kind, path, categories)
         stood = [read.furniture for read in collection.rooms]
         collection.rooms = [to_place(read, move) for read in collection.rooms]
-    collection.notes += unread(path, kind)
+    collection.notes += other_formats(path, kind)
     return RoomsSource(collection, stood)
 
 
-def unread(path: Path, kind: str) -> list[str]:
+def other_formats(path: Path, kind: str) -> list[str]:
     """A line that says how many files below a folder are of another format than this one, if any are."""
     others = [file for file in files_below(path, FORMATS, (ASSETS, MODELS)) if file.suffix.lower() not in READ[kind]]
     if not others:

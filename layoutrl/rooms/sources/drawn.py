@@ -73,7 +73,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Gap:
+class DrawnOpening:
     """A door or window as it is drawn: where it lies in some wall, along it and across.
 
     `axis` is a line through it along the wall, where the format says how the wall runs.
@@ -106,7 +106,7 @@ class Storey(Generic[P]):
 
     prefix: str
     walls: list[Wall] | None = None  # None where the format draws none
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[DrawnOpening] = field(default_factory=list)
     rooms: list[DrawnRoom[P]] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -260,7 +260,7 @@ def room_of(
     room_type: str,
     floor: Polygon,
     walls: Sequence[Wall] | None,
-    gaps: Iterable[Gap],
+    gaps: Iterable[DrawnOpening],
     furniture: Sequence[Item],
     group: str,
 ) -> tuple[Room, dict[int, Item]]:
@@ -274,14 +274,14 @@ def room_of(
     outline, holes = _ring(floor.exterior.coords), [_ring(hole.coords) for hole in floor.interiors]
     strips = _strips(outline, walls)
     band = shapely.union_all(strips).difference(Polygon(outline))
-    openings: list[Gap] = []
+    openings: list[DrawnOpening] = []
     for gap in gaps:
         width = math.hypot(*gap.sides[0])
         for ring in rings(_drawn_out(gap).intersection(band)):
             shape = Polygon(ring)
             beside = shape.buffer(TOLERANCE).intersection(floor.exterior).length
             if beside > width / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
-                openings.append(Gap(gap.kind, shape))
+                openings.append(DrawnOpening(gap.kind, shape))
     document: dict[str, object] = {
         "id": room_id,
         "room_type": room_type,
@@ -354,7 +354,7 @@ def _depth(
     return max(LINING, wall.body.intersection(strip).distance(middle) + wall.thickness)
 
 
-def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[list[list[float]]]:
+def _walls(strips: list[Polygon], floor: Polygon, openings: list[DrawnOpening]) -> list[list[list[float]]]:
     """The strips, cut by floor, openings and earlier strips; columns are solid."""
     taken = shapely.union_all([Polygon(floor.exterior), *(gap.shape for gap in openings)])
     walls = [[list(corner) for corner in hole.coords[:-1]] for hole in floor.interiors]
@@ -365,7 +365,7 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[Gap]) -> list[l
     return walls
 
 
-def _drawn_out(gap: Gap) -> Polygon:
+def _drawn_out(gap: DrawnOpening) -> Polygon:
     """An opening, deeper by ACROSS on both sides."""
     along, through = gap.sides
     degrees = math.degrees(math.atan2(along[1], along[0]))

@@ -23,7 +23,7 @@ from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
-from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Gap, Piece, Storey, lengths, loaded, oblong
+from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, DrawnOpening, Piece, Storey, lengths, loaded, oblong
 
 MODELS = "model_info.json"
 LARGEST_FILE = 2**25  # bytes; houses take a tenth
@@ -160,15 +160,15 @@ def _corners(mesh: Any) -> np.ndarray:
     return points[:, [0, 2]] * (1, -1)
 
 
-def _gap(mesh: Any) -> Gap | None:
+def _gap(mesh: Any) -> DrawnOpening | None:
     shape = shapely.MultiPoint(_corners(mesh)).minimum_rotated_rectangle
     if not isinstance(shape, Polygon) or shape.area < TOLERANCE**2:
         return None
     high = min(lengths(mesh["xyz"][1::3])) > HIGHEST  # a hatch
-    return Gap("window" if high else OPENINGS[mesh["type"]], shape)
+    return DrawnOpening("window" if high else OPENINGS[mesh["type"]], shape)
 
 
-def _titled(child: Any, furniture: Mapping[str, Any]) -> Gap | None:
+def _titled(child: Any, furniture: Mapping[str, Any]) -> DrawnOpening | None:
     """The door or window that a piece is by its title, as wide as most of them are."""
     title = str((furniture.get(child["ref"]) or {}).get("title")).partition("/")[0]
     if title not in WIDTH:
@@ -176,7 +176,7 @@ def _titled(child: Any, furniture: Mapping[str, Any]) -> Gap | None:
     x, _, z = lengths(child["pos"])
     wide = WIDTH[title] * abs(lengths(child["scale"])[0])
     shape = oblong(x, -z, max(wide, WALL_THICKNESS + TOLERANCE), WALL_THICKNESS, _yaw(child))
-    return Gap("door" if title == "door" else "window", shape)
+    return DrawnOpening("door" if title == "door" else "window", shape)
 
 
 def _yaw(child: Any) -> float:

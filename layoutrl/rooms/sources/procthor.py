@@ -27,7 +27,7 @@ from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item
 from layoutrl.rooms.sources.drawn import (
     FLATTEST,
     HIGHEST,
-    Gap,
+    DrawnOpening,
     Piece,
     Storey,
     floor_of,
@@ -128,7 +128,7 @@ def _floor(room: Any) -> Polygon:
     return floor_of([(length(corner["x"]), length(corner["z"])) for corner in room["floorPolygon"]])
 
 
-def _gaps(house: Any) -> Iterator[Gap]:
+def _gaps(house: Any) -> Iterator[DrawnOpening]:
     """The doors and windows. A wall has no thickness: they are as deep as the walls that are assumed."""
     corners = {wall["id"]: [lengths((c["x"], c["z"])) for c in wall["polygon"][:2]] for wall in house["walls"]}
     kinds: tuple[Literal["door", "window"], ...] = ("door", "window")
@@ -140,7 +140,7 @@ def _gaps(house: Any) -> Iterator[Gap]:
             if side > 0 and abs(last - first) > WALL_THICKNESS:
                 x, y = x0 + (x1 - x0) / side * along, y0 + (y1 - y0) / side * along
                 degrees = math.degrees(math.atan2(y1 - y0, x1 - x0))
-                yield Gap(kind, oblong(x, y, abs(last - first), WALL_THICKNESS, degrees))
+                yield DrawnOpening(kind, oblong(x, y, abs(last - first), WALL_THICKNESS, degrees))
 
 
 def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names, unsized: Counter[str]) -> Piece | None:

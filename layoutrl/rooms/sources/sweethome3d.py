@@ -26,7 +26,7 @@ from layoutrl.rooms.categories import ALL, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below, name_of
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
-from layoutrl.rooms.sources.drawn import FLATTEST, Gap, Piece, Storey, Wall, floor_of, oblong, unused
+from layoutrl.rooms.sources.drawn import FLATTEST, DrawnOpening, Piece, Storey, Wall, floor_of, oblong, unused
 from layoutrl.rooms.sources.home_xml import (
     GROUP,
     HOME,
@@ -280,7 +280,7 @@ def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
     return list(center + turned.T)
 
 
-def _gaps(element: Element) -> list[Gap]:
+def _gaps(element: Element) -> list[DrawnOpening]:
     """The part of a door or window that lies in its wall: the model has its leaf open, or a sill."""
     if not element.flag("visible", True):
         return []
@@ -300,7 +300,7 @@ def _gaps(element: Element) -> list[Gap]:
     shape = oblong(x, -y, width * wide, depth * deep, -math.degrees(angle))
     middle, to_side = np.array((x, -y)), width * wide / 2 * np.array((math.cos(angle), -math.sin(angle)))
     axis = LineString((middle - to_side, middle + to_side))
-    return [Gap("window" if window or high else "door", shape, axis)]
+    return [DrawnOpening("window" if window or high else "door", shape, axis)]
 
 
 def _piece(element: Element, names: Names) -> HomePiece | None:
