@@ -266,6 +266,19 @@ def page_of(about: Mapping[str, Any]) -> str:
             + f" | {card['seconds']:.2f} |"
             for room_type, card in agents.items()
         ),
+        "",
+        "All measures, with their standard errors:",
+        "",
+        f"| | {' | '.join(map(words, agents))} |",
+        "| --- |" + " --- |" * len(agents),
+        *(
+            f"| {label} | "
+            + " | ".join(
+                f"{card['measures'][name]:.3f} ({card['standard_errors'][name]:.3f})" for card in agents.values()
+            )
+            + " |"
+            for name, label in MEASURES.items()
+        ),
     ]
     for room_type, card in agents.items():
         lines += ["", *card_of(room_type, card)]
@@ -292,24 +305,17 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
         f"- Places: {', '.join(map(words, card['categories']))}",
         f"- Bad at (IoU below {WORST}): {', '.join(bad) or 'nothing'}",
         "",
-        f"| {card['rooms']:,} unseen briefs | mean | standard error |",
-        "| --- | --- | --- |",
-        *(
-            f"| {label} | {card['measures'][name]:.3f} | {card['standard_errors'][name]:.3f} |"
-            for name, label in MEASURES.items()
-        ),
-        "",
         f"In the first {items['rooms']} of these briefs its mean IoU is {items['iou']:.3f}. What it places there:",
         "",
-        "| item | how many | IoU | overlaps | outside | blocks | out of reach | front not free |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-        *(
-            f"| {kind} | {row['count']} | {row['iou']:.3f} | "
-            + " | ".join(f"{row[fault]:.3f}" for fault in FAULTS if fault != MISSING)
-            + " |"
-            for kind, row in kinds.items()
-        ),
+        "| item | how many | IoU | share with a fault |",
+        "| --- | --- | --- | --- |",
+        *(f"| {kind} | {row['count']} | {row['iou']:.3f} | {faulty(row)} |" for kind, row in kinds.items()),
     ]
+
+
+def faulty(row: Mapping[str, float]) -> str:
+    """The faults that items of a category have, and how many of them."""
+    return ", ".join(f"{row[name]:.3f} {name}" for name in FAULTS if name != MISSING and row[name]) or "none"
 
 
 def words(name: str) -> str:
