@@ -40,7 +40,7 @@ lint: setup  ## ruff (lint and format) and mypy
 	$(BIN)/mypy
 
 bench: setup  ## measure speed and memory, see conf/bench.yaml: make bench ARGS="parts=[training]"
-	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(ARGS)
+	$(BIN)/python -m layoutrl.bench room=$(ROOM) $(OPTIONS)
 
 demo: setup  ## a page to try it on, at http://127.0.0.1:8765
 	$(BIN)/python -m layoutrl.demo $(ARGS)

@@ -18,6 +18,7 @@ import os
 import statistics
 import subprocess
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,11 +29,11 @@ from printing import Table, listed
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
-from layoutrl.runs.config import composed
+from layoutrl.runs.config import TrainConfig, composed
 from layoutrl.runs.files import write_json
-from layoutrl.runs.folder import folders_of
+from layoutrl.runs.folder import differences, folders_of, load_config
 from layoutrl.runs.ranges import within
-from layoutrl.runs.resume import EVALUATION
+from layoutrl.runs.resume import EVALUATION, stated
 
 KEPT = RESULTS / "ablation"
 DATA_SEED = 1
@@ -64,12 +65,19 @@ COLUMNS = {
 }
 
 
-def trained(room_type: str, name: str, overrides: list[str], runs: Path) -> dict[str, Any]:
+def check_as_before(room_type: str, overrides: Sequence[str], folder: Path) -> None:
+    """Raises InputError where a run that was begun has other settings than those of today."""
+    kept, asked = load_config(folder, TrainConfig), composed("train", f"room={room_type}", *overrides)
+    if others := differences(stated(kept), stated(asked)):
+        raise InputError(f"{folder} was trained with another {', '.join(others)}; expected another --runs")
+
+
+def trained(room_type: str, wanted: Path, overrides: Sequence[str]) -> dict[str, Any]:
     """The evaluation of a run, which is trained unless it is there, and gone on with if it was begun."""
-    wanted, log = runs / room_type / name, runs / f"{room_type}-{name}.log"
-    folder = begun(wanted)
+    folder, runs = begun(wanted), wanted.parents[1]
+    log = runs / f"{room_type}-{wanted.name}.log"
     if not (folder and (folder / EVALUATION).exists()):
-        arguments = [f"room={room_type}", f"data.seed={DATA_SEED}", f"runs={runs}", f"name={name}", *overrides]
+        arguments = [f"room={room_type}", f"runs={runs}", f"name={wanted.name}", *overrides]
         if folder:
             arguments = [f"resume={folder}"]
         with log.open("w", encoding="utf-8") as file:
@@ -148,13 +156,20 @@ def main() -> None:
     for folder in (runs, KEPT):
         folder.mkdir(parents=True, exist_ok=True)
 
-    def evaluation(change: str, seed: int) -> dict[str, Any]:
+    def asked(change: str, seed: int) -> tuple[Path, list[str]]:
+        """The folder of a run, and its settings."""
         name = f"{change.replace(' ', '-').replace(',', '')}{ending}-{updates}-seed{seed}"
-        budget = [*ALWAYS[scope], f"seed={seed}", f"method.updates.default={updates}"]
-        found = trained(arguments.room_type, name, [*budget, *changes[change]], runs)
+        settings = [f"data.seed={DATA_SEED}", *ALWAYS[scope], f"seed={seed}", f"method.updates.default={updates}"]
+        return runs / arguments.room_type / name, [*settings, *changes[change]]
+
+    def evaluation(change: str, seed: int) -> dict[str, Any]:
+        found = trained(arguments.room_type, *asked(change, seed))
         print(f"{change}, seed {seed}: {found['rows']['agent']['mean_iou']:.3f}", flush=True)
         return found
 
+    for wanted, settings in (asked(change, seed) for change in changes for seed in arguments.seeds):
+        if folder := begun(wanted):
+            check_as_before(arguments.room_type, settings, folder)
     with ThreadPoolExecutor(arguments.jobs) as pool:
         pending = {change: [pool.submit(evaluation, change, seed) for seed in arguments.seeds] for change in changes}
         found = {change: [future.result() for future in futures] for change, futures in pending.items()}

@@ -28,7 +28,7 @@ FIELDS = {
     "room": "room type",
     "item": "the item that moves",
     "labels": "snapped: furniture is moved to the wall beside it, test rooms included; raw: as annotated",
-    "trained": "for as many minutes as the agent took on 2026-11-22, or for a fixed number of updates",
+    "trained": "for as many minutes as the agent took when this was measured, or for a fixed number of updates",
     "method": "what places the item",
     "trained_on": "which rooms the agent learned from",
     "told": "what PlanIT is told, and whether the size of the item is its own choice or the true one",
@@ -291,14 +291,18 @@ def rounded(value: str | float | None) -> str | float | None:
 
 
 def provenance(rows: Sequence[Row]) -> dict[str, Any]:
-    """When, where and with which versions the cells were filled, which these are, and how long was trained for them."""
+    """When, where and with which versions the cells were filled, which these are, and the training, if it is known."""
     cells = {file: cell for found in rows for file, cell in found.cells.items()}
     machines = [cell["machine"] for cell in cells.values()]
     # Cells that share a training, as those of two label sets may, have its seconds to the last digit.
-    trainings = {(c["config"]["column"], c["config"]["seed"], c.get("training_seconds", 0)) for c in cells.values()}
+    trainings = {
+        (c["config"]["column"], c["config"]["seed"], c["training_seconds"])
+        for c in cells.values()
+        if "training_seconds" in c
+    }
     versions = {name: sorted({m[name] for m in machines if name in m}) for name in ("layoutrl", "torch", "numpy")}
     return {
-        "minutes_of_training": round(sum(seconds for *_, seconds in trainings) / 60, 1),
+        "minutes_of_training": round(sum(seconds for *_, seconds in trainings) / 60, 1) if trainings else None,
         "dates": sorted({cell["date"] for cell in cells.values()}),
         "machines": sorted({machine["gpu"] or f"{machine['cpu']}, {machine['cores']} cores" for machine in machines}),
         "versions": versions,
@@ -309,5 +313,7 @@ def provenance(rows: Sequence[Row]) -> dict[str, Any]:
 def told(made_from: dict[str, Any]) -> str:
     """A provenance in one line."""
     versions = [f"layoutrl {version}" for version in made_from["versions"]["layoutrl"]]
-    cells = f"{len(made_from['cells'])} cells, {made_from['minutes_of_training']:.0f} minutes of training"
+    cells, minutes = f"{len(made_from['cells'])} cells", made_from["minutes_of_training"]
+    if minutes is not None:
+        cells += f", {minutes:.0f} minutes of training"
     return "; ".join([cells, *made_from["dates"], *made_from["machines"], *versions])

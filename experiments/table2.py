@@ -34,10 +34,11 @@ PAPER = {
 
 
 def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
-    """Sweeps, one after the other. Raises InputError for rooms and budgets that it does not have."""
+    """Sweeps, one after the other. Raises InputError for rooms, columns and budgets that it does not have."""
     some_of("budget", chosen, ("smoke", "default", "full"))
     scene = {"protocol": "scene", "budget": "smoke" if chosen.get("budget") == "smoke" else "scene"}
     seeds = {"geometric": "0,1,2", "paper": "0,1,2" if trains_pictures(chosen) else "0"}
+    some_of("column", chosen, seeds)
     if "column" in chosen:
         seeds = {chosen["column"]: "0,1,2"}
     room = ",".join(some_of("room", chosen, PAPER))

@@ -115,9 +115,11 @@ def load_checkpoint(
                 )
             if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
                 raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")
-        except (InputError, MemoryError, torch.OutOfMemoryError):  # says nothing of the one before
+        except InputError:  # says nothing of the one before
             raise
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
+            if out_of_memory(error):
+                raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             if isinstance(error, pickle.UnpicklingError):  # torch's own words say how to run what is in it
                 reason = "it holds other things than tensors and plain values"
@@ -133,16 +135,21 @@ def load_checkpoint(
     raise InputError(f"{folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
 
 
+def out_of_memory(error: Exception) -> bool:
+    """Whether it says nothing of what was read: torch's own allocator on the CPU raises a plain RuntimeError."""
+    import torch
+
+    return isinstance(error, MemoryError | torch.OutOfMemoryError) or "can't allocate memory" in str(error)
+
+
 @contextmanager
 def taken(folder: Path) -> Iterator[None]:
     """Raise InputError for a checkpoint that holds something else than what takes it: torch meets that in many ways."""
-    import torch
-
     try:
         yield
-    except (MemoryError, torch.OutOfMemoryError):  # says nothing of the file
-        raise
     except Exception as error:
+        if out_of_memory(error):
+            raise
         reason = " ".join(str(error).split())
         raise InputError(
             f"the checkpoint of {folder} does not fit ({type(error).__name__}: {reason:.200}); "

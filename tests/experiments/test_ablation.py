@@ -44,6 +44,12 @@ def test_ablation_trains_every_change_on_every_seed_once(
     assert json.loads((tmp_path / "results" / "tatami.json").read_text())["rows"] == rows
     assert "going on after" in (tmp_path / "tatami-no-slides-5-seed1.log").read_text()
 
+    changes["no slides"].append("method.snap=0.002")
+    with pytest.raises(SystemExit) as ended:
+        ablation.main()
+    assert str(ended.value).endswith("seed0 was trained with another method.snap; expected another --runs")
+    changes["no slides"].pop()
+
     lost = tmp_path / "tatami" / "no-slides-5-seed1"
     for file in lost.glob("*"):  # as if it had been killed before it had its configuration
         shutil.rmtree(file) if file.is_dir() else file.unlink()

@@ -106,6 +106,9 @@ def test_a_training_that_cells_share_is_counted_once():
     found = provenance([Row(np.ones((5, 1)), np.zeros(1), [], cells)])
     assert told(found) == "5 cells, 4 minutes of training; 2026-01-01; G; layoutrl 1"
     assert found["cells"][0] == "default/real/0.json"
+    del shared[0]["training_seconds"]
+    found = provenance([Row(np.ones((1, 1)), np.zeros(1), [], {Path("default/real/0.json"): shared[0]})])
+    assert told(found) == "1 cells; 2026-01-01; G; layoutrl 1"  # not 0 minutes: nobody knows
 
 
 def test_tables_are_written_in_three_formats(tmp_path, capsys):

@@ -10,12 +10,14 @@ import pytest
 import table3
 from cell_config import RESULTS, folder_of
 from cells import FLAG, fill, unpacked, unpacked_iou
+from make_weights import PACKAGED
 from printing import Row
 from room_columns import FURNISHES
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value
 from layoutrl.rooms.documents import room_from_dict
+from layoutrl.runs.pretrained import cards
 from tests.experiments.builders import REAL, cell, configured, script
 
 TINY = ("table=table3", "room=bedroom", "planit.updates={smoke: 2}")
@@ -133,12 +135,8 @@ def test_a_rival_that_is_not_the_best_leaves_no_room_out():
     assert expected < 0.001
 
 
-def test_the_designers_own_layouts_are_the_test_of_the_measures():
-    """In 1,000 unseen rooms of each type, as far as the cells are kept."""
-    kept = sorted((RESULTS / "default" / "table3").glob("*-own-designer-seed0.json"))
-    designed = [file for file in kept if "designer_rooms" not in file.name]
-    assert len(designed) in (0, 8)
-    for file in designed:
-        found = json.loads(file.read_text())
-        assert found["rooms"] == 1000
-        assert found["rows"]["layouts"]["faultless"] == found["rows"]["layouts"]["facing"] == 1
+def test_the_table_tells_of_the_agents_that_are_in_the_package():
+    for room_type, card in cards().items():
+        kept = json.loads((RESULTS / f"default/table3/{room_type}-own-{PACKAGED}-seed0.json").read_text())
+        (row,) = kept["rows"].values()
+        assert {name: (row | {"iou": row["mean_iou"]})[name] for name in card["measures"]} == card["measures"], room_type

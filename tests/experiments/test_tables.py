@@ -234,10 +234,12 @@ def test_rivals_are_trained_after_the_agent_whose_time_they_get():
     (table1.stages, {"room": "kitchn", "column": "rules"}),
     (table2.stages, {"room": "kitchn"}),
     (table2.stages, {"budget": "scene"}),
+    (table1.stages, {"column": "geometric,designer"}),
+    (table2.stages, {"column": "designer"}),
     (lambda chosen: real_rooms.stages("floorplans", chosen), {"task": "toilt"}),
     (lambda chosen: real_rooms.stages("floorplans", chosen), {"room": "kitchn"}),
 ])  # fmt: skip
-def test_a_room_task_or_budget_that_a_table_does_not_have_is_answered(stages, wrong):
+def test_a_room_column_task_or_budget_that_a_table_does_not_have_is_answered(stages, wrong):
     name, value = next(iter(wrong.items()))
     with pytest.raises(InputError, match=rf"{name}: expected some of .*; got {value.split(',')[-1]}"):
         stages(wrong)

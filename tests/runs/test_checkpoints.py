@@ -99,6 +99,29 @@ def test_what_is_taken_instead_of_a_damaged_checkpoint_is_said_once_of_each(tmp_
     ]
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        RuntimeError("[enforce fail at alloc_cpu.cpp:128] err == 0. DefaultCPUAllocator: can't allocate memory: 12"),
+        torch.OutOfMemoryError("CUDA out of memory"),
+        MemoryError(),
+    ],
+)
+def test_a_memory_that_is_too_small_says_nothing_of_a_checkpoint(error, tmp_path, monkeypatch, capsys):
+    for updates in (10, 20):
+        save_checkpoint(tmp_path, STATE, updates)
+
+    def fails(*_: Any, **__: Any) -> Any:
+        raise error
+
+    monkeypatch.setattr(torch, "load", fails)
+    with pytest.raises(type(error)):
+        load_checkpoint(tmp_path, CPU)
+    assert capsys.readouterr().err == ""
+    with pytest.raises(type(error)), checkpoints_module.taken(tmp_path):
+        fails()
+
+
 def test_what_is_no_state_is_not_told_as_one_of_an_older_format(tmp_path, capsys):
     written(tmp_path, 20, {"weights": torch.ones(2)})
     with pytest.raises(InputError, match="has no whole checkpoint"):

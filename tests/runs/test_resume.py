@@ -128,7 +128,9 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number,
         assert f"after {stopped_at} of {UPDATES} updates; " in (said := (tmp_path / "said.txt").read_text())
         assert said.endswith(f"go on with: python -m layoutrl.train resume={begun}")
     assert not (begun / "evaluation.json").exists()
+    seconds = load_checkpoint(begun, CPU)["seconds"]  # rivals are trained as long as the agent was in all its lives
     assert lived(rooms, tmp_path) == 0
+    assert json.loads((begun / "evaluation.json").read_text())["training_seconds"] > seconds
     expected = outcome(whole)
     assert outcome(begun) | {"checkpoints": expected["checkpoints"]} == expected
 
