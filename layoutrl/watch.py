@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,7 +73,7 @@ def run(config: WatchConfig) -> list[Path]:
         episodes = [one_item(room, run.way(k), float(iou[k])) for k, room in enumerate(simulator.rooms)]
     with style.context([STYLE, PLAIN]):
         pictures = list(frames(episodes, config.width))
-    own = Path(config.run) / f"watch-{shown.name}-{config.rooms}-seed{config.seed}"
+    own = Path(config.run) / f"watch-{shown.name}-{len(rooms)}-seed{config.seed}"
     write(pictures, files := asked or files_of(own))
     moves = np.mean([episode.moves for episode in episodes])
     mean = np.mean([episode.iou for episode in episodes])
@@ -93,7 +94,8 @@ class Episode:
 
     @property
     def moves(self) -> int:
-        return max(len(self.way) - 1, 0)
+        """How often an item moved from where it was; where the next is taken, none did."""
+        return sum(item == before for (before, _), (item, _) in pairwise(self.way))
 
 
 def one_item(room: Room, path: np.ndarray, iou: float) -> Episode:

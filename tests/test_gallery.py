@@ -10,6 +10,7 @@ import pytest
 from layoutrl import InputError, gallery
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.room import Room
 from layoutrl.runs.config import composed
 
 
@@ -36,6 +37,17 @@ def test_of_all_types_those_are_drawn_that_a_file_has_in_any_script(mine: Path, 
     svg = drawn(mine, tmp_path, "all_types=true")  # a warning of a missing glyph would be an error here
     assert "to be placed: bed" in svg
     assert "厨房" in svg
+
+
+@pytest.mark.parametrize("options", [("room=tatami", "room.item=all"), ("all_types=true",)])
+def test_as_many_rooms_are_drawn_as_are_asked_for(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[Room] = []
+    sheet = gallery.sheet
+    monkeypatch.setattr(gallery, "sheet", lambda rooms: shown.extend(rooms) or sheet(rooms))
+    gallery.run(composed("gallery", f"data.root={tmp_path}", f"out={tmp_path}", "rooms=3", *options))
+    assert len(shown) == 3
 
 
 def test_a_sheet_is_overwritten_in_its_own_folder_alone(

@@ -48,7 +48,8 @@ def test_a_room_where_nothing_has_a_place_is_shown_bare() -> None:
     room = rectangular_room(3.0, 2.0)
     placed, shell = room.moving, replace(room, furniture=(), target=None)
     nothing, something = Episode(shell, [], [], 0.0), Episode(shell, [(0, placed), (0, placed)], [placed], 1.0)
-    assert (nothing.moves, something.moves) == (0, 1)
+    several = Episode(shell, [(0, placed), (0, placed), (1, placed), (0, placed)], [placed], 1.0)
+    assert (nothing.moves, something.moves, several.moves) == (0, 1, 1)
     assert len(list(frames([nothing], width=60))) == 2
     assert len(list(frames([nothing, something], width=60))) == len(list(frames([something], width=60)))
 

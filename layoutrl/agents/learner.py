@@ -27,7 +27,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scene_episodes import SceneEpisodes
 from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.brief import brief_of, upright
 from layoutrl.rooms.room import Room
 
 LOOKED_AT = 1024  # starts at once: whether an item can move is mostly known after the first so many
@@ -89,6 +89,7 @@ class Learner:
         # Of different ages, so that not all end in the same step.
         ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves
         if method.scope == "room":
+            rooms = [upright(room)[0] for room in rooms]  # as they are furnished
             whole = RoomsSimulator([brief_of(room) for room in rooms], rooms, method.moves, reward)
             self.simulator: BatchSimulator | Scenes = (scenes := Scenes(BatchRoomsSimulator(whole, device)))
             self.observe: Observe = ScenesObservation(scenes, RoomsObservation(whole, self.categories, device))

@@ -21,7 +21,7 @@ from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destination
 from layoutrl.env.simulator import TOUCHING, Moves
 from layoutrl.evaluation.choosing import FAULT, Chosen, Options, best_of, blame, unlike, wrong, wrong_at
 from layoutrl.evaluation.policy import greedy
-from layoutrl.rooms.brief import Pose, facings, lifted, missing, with_poses
+from layoutrl.rooms.brief import Pose, facings, lifted, missing, upright, with_poses
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.oddities import AT_A_WALL
 from layoutrl.rooms.room import Point, Room, rotation
@@ -90,8 +90,8 @@ class Furnisher:
         asked = [k for k in range(len(briefs)) if k not in found]
         for first in range(0, len(asked), BLOCK):
             block = asked[first : first + BLOCK]
-            upright = [_upright(briefs[k])[0] for k in block]
-            world = _World(upright, self._moves, self._categories, self._policy.q.device)
+            stands = [upright(briefs[k])[0] for k in block]
+            world = _World(stands, self._moves, self._categories, self._policy.q.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
             made = dict[Task, Furnished | None]()
             for _ in range(choices):
@@ -154,7 +154,7 @@ class Furnisher:
         furniture = list(lifted(room.furniture, [k]))
         furniture[k] = replace(furniture[k], rotation=degrees)
         brief = replace(room, furniture=tuple(furniture), target=None)
-        brief, lean = _upright(brief)
+        brief, lean = upright(brief)
         world = _World([brief], self._moves, self._categories, self._policy.q.device)
         n = missing(brief).index(k)
         return world, world.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
@@ -425,12 +425,6 @@ class _World:
         turned = State(*(torch.as_tensor(values, device=self.scenes.device) for values in rows(state, b)))
         quarters = torch.as_tensor(quarter, device=self.scenes.device)[:, None]
         return self.scenes.of(turned._replace(quarter=turned.quarter.scatter(1, turned.moving[:, None], quarters)))
-
-
-def _upright(room: Room) -> tuple[Room, float]:
-    """The room turned until most of its walls are upright, and by how many degrees it leaned."""
-    lean, *_ = facings(room)
-    return (room.rotated(-lean) if lean else room), lean
 
 
 def _turned_back(found: Furnished, brief: Room) -> Furnished:

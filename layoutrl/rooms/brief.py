@@ -78,6 +78,12 @@ def facings(room: Room) -> tuple[float, float, float, float]:
     return first, first + 90, first + 180, first + 270
 
 
+def upright(room: Room) -> tuple[Room, float]:
+    """The room turned until most of its walls are upright, and by how many degrees it leaned."""
+    lean, *_ = facings(room)
+    return (room.rotated(-lean) if lean else room), lean
+
+
 def ways(room: Room, item: Item) -> tuple[float, ...]:
     """The rotations in degrees of an item that look different, the one that is given or those along the walls."""
     if item.rotation is not None:

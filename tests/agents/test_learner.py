@@ -9,6 +9,7 @@ import torch
 from layoutrl import InputError
 from layoutrl.agents.learner import Learner
 from layoutrl.env.reward import Reward
+from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.config import composed
 from tests.builders import rectangular_room
@@ -25,6 +26,17 @@ def test_rooms_in_which_nothing_can_move_are_refused_before_any_training(scope: 
     room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
     with pytest.raises(InputError, match=r"^method\.steps: no item can move"):
         learner(room, f"scope={scope}")
+
+
+def test_whole_rooms_that_lean_are_learned_from_upright_as_they_are_furnished() -> None:
+    (room,) = design_rooms("tatami", "test", 7, 1).rooms
+    seen = []
+    for lean in (0.0, 30.0):
+        made = learner(room.rotated(lean), "scope=room", "room=tatami")
+        begun = made.training(1)._running
+        seen.append((begun.room, made.observe(begun.room, begun.position)))
+    for upright, leaning in zip(*seen, strict=True):
+        torch.testing.assert_close(leaning, upright, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("scope", ["item", "room"])

@@ -139,4 +139,5 @@ def test_the_table_tells_of_the_agents_that_are_in_the_package():
     for room_type, card in cards().items():
         kept = json.loads((RESULTS / f"default/table3/{room_type}-own-{PACKAGED}-seed0.json").read_text())
         (row,) = kept["rows"].values()
-        assert {name: (row | {"iou": row["mean_iou"]})[name] for name in card["measures"]} == card["measures"], room_type
+        row |= {"iou": row["mean_iou"]}
+        assert {name: row[name] for name in card["measures"]} == card["measures"], room_type
