@@ -54,6 +54,7 @@ LICENCE = "MIT"
 LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what is furnished at once
 WORST = 0.8  # IoU below which an agent is said to be bad at an item
 SAME = 0.01  # mean difference of the IoU of rooms, below which they were furnished alike
+ACROSS = 4  # agents in a table
 FEW = 10  # items of a category, of which nothing is said
 SETTINGS = {"dining_room": {"data.disturbed": "0.0"}}  # of a type's own: there they cost more than they brought
 MEASURES = {
@@ -268,18 +269,13 @@ def page_of(about: Mapping[str, Any]) -> str:
         ),
         "",
         "All measures, with their standard errors:",
-        "",
-        f"| | {' | '.join(map(words, agents))} |",
-        "| --- |" + " --- |" * len(agents),
-        *(
-            f"| {label} | "
-            + " | ".join(
-                f"{card['measures'][name]:.3f} ({card['standard_errors'][name]:.3f})" for card in agents.values()
-            )
-            + " |"
-            for name, label in MEASURES.items()
-        ),
     ]
+    for first in range(0, len(agents), ACROSS):
+        some = [*agents][first : first + ACROSS]
+        lines += ["", f"| | {' | '.join(map(words, some))} |", "| --- |" + " --- |" * len(some)]
+        for name, label in MEASURES.items():
+            found = ((agents[each]["measures"][name], agents[each]["standard_errors"][name]) for each in some)
+            lines.append(f"| {label} | {' | '.join(f'{mean:.3f} ({error:.3f})' for mean, error in found)} |")
     for room_type, card in agents.items():
         lines += ["", *card_of(room_type, card)]
     return "\n".join(lines) + "\n"

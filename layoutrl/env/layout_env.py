@@ -112,7 +112,10 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         return self._legal.copy()
 
     def render(self) -> np.ndarray | None:
-        """The way so far, uint8 (384, 384, 3): start pale, item red, the designer's place outlined."""
+        """The way so far, uint8 (384, 384, 3): start pale, item red, the designer's place outlined.
+
+        It is for people: an agent that learns from these pictures is told the answer.
+        """
         begun(self._path)
         if self.render_mode != "rgb_array":
             return None

@@ -3,7 +3,7 @@
 Of each item it says how likely each way to face is, and for each of them where the item stands then: it points at a
 side or the middle of something, as in one-item rooms. It is trained on rooms that hold the first of the designer's
 items, in its own order. When it furnishes, the likeliest pose that overlaps nothing counts, as seen in all eight
-symmetries. Places are centres in metres.
+symmetries, or in four where mirrored rooms are furnished otherwise. Places are centres in metres.
 """
 
 from __future__ import annotations
