@@ -59,7 +59,7 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         axes.add_patch(Polygon(wall, color=rgb(BLACK), linewidth=0))
     for opening in room.openings:
         axes.add_patch(Polygon(opening.polygon, color=rgb(DOOR if opening.kind == "door" else WINDOW), linewidth=0))
-    for k, item in standing(room):
+    for k, item in in_drawing_order(room):
         assert item.center is not None
         if k == room.target and not moving:
             continue
@@ -72,7 +72,7 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
     axes.autoscale_view()
 
 
-def standing(room: Room) -> list[tuple[int, Item]]:
+def in_drawing_order(room: Room) -> list[tuple[int, Item]]:
     """The items that have a place, with their indices: what others stand on first, then what is under a table."""
     placed = [(k, item) for k, item in enumerate(room.furniture) if item.center is not None]
     return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))

@@ -19,7 +19,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, standing
+from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, in_drawing_order
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
 
@@ -58,7 +58,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
     coarse = _coarse(room)
-    faults, items = _by_item(wrong), standing(room)
+    faults, items = _by_item(wrong), in_drawing_order(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
@@ -142,7 +142,7 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
         space.add_lwpolyline(opening.polygon, close=True, dxfattribs={"layer": layer})
     for leaf in _leaves(room):
         space.add_lwpolyline(leaf.tolist(), dxfattribs={"layer": "A-DOOR"})
-    for k, item in standing(room):
+    for k, item in in_drawing_order(room):
         assert item.center is not None
         if item.form == "circle":
             space.add_circle(item.center, item.size[0] / 2, dxfattribs={"layer": "A-FURN"})

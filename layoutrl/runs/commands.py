@@ -81,6 +81,8 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             if "--version" in sys.argv[1:]:  # Hydra would tell its own
                 print(f"layoutrl {__version__}")
                 return
+            if is_sweep(sys.argv) and any(argument.split("=")[0] in ("-c", "--cfg") for argument in sys.argv):
+                raise InputError("--cfg: it shows the options of one run; expected no -m beside it")
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
                 job()

@@ -111,6 +111,13 @@ def test_the_version_is_the_projects(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert capsys.readouterr().out == f"layoutrl {__version__}\n"
 
 
+@pytest.mark.parametrize("shows", [("--cfg", "job"), ("-c", "job"), ("--cfg=job",)])
+def test_the_options_of_a_sweep_are_not_shown(ask, shows: tuple[str, ...]) -> None:
+    called, status, said = ask("train", TrainCommand, "-m", "seed=0,1", *shows)
+    assert (called, status) == ([], 1)
+    assert said == "error: --cfg: it shows the options of one run; expected no -m beside it\n"
+
+
 def test_a_value_that_must_be_given_is_asked_for(ask) -> None:
     _, status, said = ask("evaluate", EvaluateConfig)
     assert status == 1

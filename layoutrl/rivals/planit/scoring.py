@@ -11,8 +11,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from layoutrl.env.measures import iou_of, means
-from layoutrl.env.measures import matched as matched_rooms
+from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.evaluation.metrics import Score, blocks_openings, summary
@@ -187,7 +186,7 @@ def _with(room: Room, item: Item | None) -> Room:
 
 
 @dataclass(frozen=True)
-class Furnished:
+class FromNothing:
     """All items of B rooms, placed from nothing."""
 
     layouts: list[list[Item]]
@@ -210,7 +209,7 @@ class Furnished:
         return {name: getattr(self, name) for name in ("mean_iou", "standard_error", "missing")}
 
 
-def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furnished]:
+def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, FromNothing]:
     """All items of each of the placer's rooms, by graph, choice and whose sizes they have, as `place_targets` does.
 
     Items are matched with the designer's within a category, so that the sum of their IoU is highest.
@@ -223,7 +222,7 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Furni
                 search = Search(rng, noise) if choice == "sampled" else Search()
                 layout = _fullest(_layout(placer, room, kind, whose, rng, search) for _ in range(_tries(kind)))
                 found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
-    return {name: matched(placer.rooms, layouts) for name, layouts in found.items()}
+    return {name: from_nothing(placer.rooms, layouts) for name, layouts in found.items()}
 
 
 def _fullest(layouts: Iterable[Layout]) -> Layout:
@@ -283,16 +282,16 @@ def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -
     return *_sampled(placer, room, rng, given), order
 
 
-def matched(rooms: Sequence[Room], layouts: Sequence[Layout]) -> Furnished:
+def from_nothing(rooms: Sequence[Room], layouts: Sequence[Layout]) -> FromNothing:
     """What layouts of whole rooms are worth."""
     missing, placed = (
         sum(map(len, counted)) for counted in zip(*((x.missing, x.placed) for x in layouts), strict=True)
     )
     items = [list(layout.placed.values()) for layout in layouts]
     ours = [replace(room, furniture=tuple(there)) for room, there in zip(rooms, items, strict=True)]
-    found = matched_rooms(ours, rooms)
+    found = matched(ours, rooms)
     iou, group = means(found.iou, found.room, len(rooms)), np.array([room.group for room in rooms])
-    return Furnished(items, group, iou, missing / max(missing + placed, 1))
+    return FromNothing(items, group, iou, missing / max(missing + placed, 1))
 
 
 def how_many(furnished: int, rooms: int) -> int:
@@ -302,7 +301,7 @@ def how_many(furnished: int, rooms: int) -> int:
 
 def score_all(
     placer: Placer, furnished: int, seed: np.random.SeedSequence
-) -> tuple[dict[str, Places], dict[str, Furnished]]:
+) -> tuple[dict[str, Places], dict[str, FromNothing]]:
     """One item in every room, and all items in the first of them: see `how_many`."""
     one_seed, all_seed = seed.spawn(2)
     few = how_many(furnished, len(placer.rooms))

@@ -19,10 +19,10 @@ from layoutrl.rivals.planit.scoring import (
     QUERIES,
     TRIES,
     evaluated,
+    from_nothing,
     furnish_all,
     furnished_rooms,
     given_query,
-    matched,
     place_targets,
     room_graph,
     scored,
@@ -64,7 +64,7 @@ def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
     rng = np.random.default_rng(0)
 
     def mean_iou(items: Sequence[Item]) -> float:
-        return matched([room], [Layout(dict(enumerate(items)), [])]).mean_iou
+        return from_nothing([room], [Layout(dict(enumerate(items)), [])]).mean_iou
 
     assert mean_iou(room.furniture) == pytest.approx(1.0)
     moved = [replace(item, center=tuple(np.add(item.center, rng.normal(0, 0.3, 2)))) for item in room.furniture[::-1]]
@@ -81,7 +81,7 @@ def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
 
 def test_an_item_too_few_counts_as_nothing() -> None:
     room = ROOMS[0]
-    found = matched([room], [Layout({k: item for k, item in enumerate(room.furniture) if k}, [0])])
+    found = from_nothing([room], [Layout({k: item for k, item in enumerate(room.furniture) if k}, [0])])
     assert found.mean_iou == pytest.approx(1 - 1 / len(room.furniture))
     assert found.missing == pytest.approx(1 / len(room.furniture))
 
@@ -90,7 +90,7 @@ def test_every_room_counts_alike_however_many_items_it_has() -> None:
     few, many = (
         replace(room, furniture=room.furniture[:n], target=None) for room, n in zip(ROOMS, (1, 3), strict=False)
     )
-    found = matched([few, many], [Layout({0: few.furniture[0]}, []), Layout({}, [0, 1, 2])])
+    found = from_nothing([few, many], [Layout({0: few.furniture[0]}, []), Layout({}, [0, 1, 2])])
     assert found.iou.tolist() == pytest.approx([1.0, 0.0])
     assert found.mean_iou == pytest.approx(0.5)
 
