@@ -10,38 +10,37 @@ Prints the numbers and writes experiments/results/copies/<type>.json.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from cell_config import RESULTS
-from cells import LAYOUTS, unpacked_iou
+from cells import LAYOUTS
 from packaged import options, tell
+from printing import row
+from table3 import METHODS
 
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import SYMMETRIES, Room, symmetry
 from layoutrl.runs.commands import answers_errors
 
 KEPT = RESULTS / "copies"
 TRAINING = 5000  # rooms that agents and rivals learned from
-COLUMNS = {"agent": "rooms_package", "pointer in sequence": "rooms_pointer", "nearest room": "nearest"}
-QUARTERS = [np.array([[c, -s], [s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
-VIEWS = [turn @ np.diag([mirror, 1]) for mirror in (1, -1) for turn in QUARTERS]
+LEARNED = ("agent", "pointer in sequence", "nearest room")  # of the methods of Table 3
 
 
 def key(room: Room) -> tuple[Any, ...]:
     """What two rooms share, in whole centimetres, that are the same but for a mirror, a turn and their places."""
     rings = [("outline", room.outline), *((opening.kind, opening.polygon) for opening in room.openings)]
-    listed = sorted((item.category, item.form, *np.rint(np.multiply(item.size, 100)).astype(int).tolist())
-                    for item in room.furniture)  # fmt: skip
+    sizes = [np.rint(np.multiply(item.size, 100)).astype(int).tolist() for item in room.furniture]
+    listed = sorted((item.category, item.form, *size) for item, size in zip(room.furniture, sizes, strict=True))
     return min(tuple(sorted(seen)) for seen in _views(rings)), tuple(listed)
 
 
 def _views(rings: list[tuple[str, Any]]) -> Iterator[list[tuple[Any, ...]]]:
     """The corners of each ring, as sorted centimetres from the lower left of the first, in every view."""
-    for view in VIEWS:
-        turned = [np.array(ring) @ view.T for _, ring in rings]
+    for quarters, mirror in SYMMETRIES:
+        turned = [np.array(ring) @ symmetry(quarters, mirror).T for _, ring in rings]
         corners = [np.rint(100 * (ring - turned[0].min(0))).astype(int) for ring in turned]
         yield [(kind, *sorted(map(tuple, ring.tolist()))) for (kind, _), ring in zip(rings, corners, strict=True)]
 
@@ -54,13 +53,11 @@ def main() -> None:
         [key(room) in learned for room in design_rooms(said.room_type, "test", said.seed, said.rooms).rooms]
     )
     found: list[tuple[str, Any]] = [("copies", int(copied.sum()))]
-    for name, column in COLUMNS.items():
-        file = RESULTS / f"default/table3/{said.room_type}-own-{column}-seed0.json"
-        if said.seed == 0 and file.exists():
-            iou = unpacked_iou(json.loads(file.read_text(encoding="utf-8"))["rows"][LAYOUTS]["iou"])[: said.rooms]
-            found.append(
-                (name, {"all": float(iou.mean()), "without": float(iou[~copied].mean()) if not copied.all() else None})
-            )
+    for name in LEARNED if said.seed == 0 else ():
+        if kept := row(RESULTS / "default/table3", f"{said.room_type}-own-{METHODS[name]}", LAYOUTS):
+            iou = kept.iou[0, : said.rooms]
+            without = None if copied.all() else float(iou[~copied].mean())
+            found.append((name, {"all": float(iou.mean()), "without": without}))
     tell(said, found)
 
 

@@ -121,7 +121,7 @@ SWEEPS = (
 def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     """Sweeps, one after the other. Raises InputError for rooms and columns that it does not have."""
     rooms = some_of("room", chosen, PAPER)
-    some_of("column", chosen, sorted({column for column, _ in METHODS.values()} | {"planit_long"}))
+    some_of("column", chosen, dict.fromkeys([*(column for column, _ in METHODS.values()), *TRAINED]))
     seeds, types = ("0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("0", WITHOUT_GPU)
     sweeps = [*SWEEPS, ("paper", seeds, types), ("paper_every_move", seeds, tuple(PAPER))]
     if seeds == "0":

@@ -53,8 +53,8 @@ def run(config: GalleryConfig) -> list[Path]:
     check_writable(base.parent, "out")
     types = list(MAIN_ITEM) if config.all_types else [config.room.type]
     each = -(-config.rooms // len(types))
-    rooms = [room for room_type in types for room in _rooms(replace(config.room, type=room_type), config.data, each)]
-    rooms = rooms[: config.rooms]
+    found = (_rooms(replace(config.room, type=room_type), config.data, each)[:each] for room_type in types)
+    rooms = [room for some in found for room in some][: config.rooms]
     if not rooms:
         raise InputError(f"room: {source} has no {' or '.join(types)} to draw; expected another room=<type>")
     with style.context([STYLE, PLAIN]):
@@ -65,14 +65,14 @@ def run(config: GalleryConfig) -> list[Path]:
 
 
 def _rooms(room: RoomConfig, data: Data, count: int) -> list[Room]:
-    """The first rooms of a type; of files, also those whose items are still to be placed."""
+    """At least so many rooms of a type, if there are; of files, also those whose items are still to be placed."""
     if data.source == "designer":
-        return designed_rooms(room.type, room.item, replace(data, train_rooms=count), "train")[:count]
+        return designed_rooms(room.type, room.item, replace(data, train_rooms=count), "train")
     collection = data.read(room.type)
     if room.item != "main":
         collection = choose_item(collection, room.item)
     print(collection)
-    return collection.rooms[:count]
+    return collection.rooms
 
 
 main = command("gallery", GalleryConfig, run)

@@ -90,8 +90,8 @@ class Furnisher:
         asked = [k for k in range(len(briefs)) if k not in found]
         for first in range(0, len(asked), BLOCK):
             block = asked[first : first + BLOCK]
-            stands = [upright(briefs[k])[0] for k in block]
-            world = _World(stands, self._moves, self._categories, self._policy.q.device)
+            turned = [upright(briefs[k])[0] for k in block]
+            world = _World(turned, self._moves, self._categories, self._policy.q.device)
             layouts: list[list[Furnished]] = [[] for _ in block]
             made = dict[Task, Furnished | None]()
             for _ in range(choices):

@@ -6,7 +6,7 @@ import itertools
 import json
 import subprocess
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
 
@@ -121,6 +121,7 @@ def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
         first = pool.submit(cell_trainings.trained_once, config, training, "what", train)
         assert began.wait(60)
         second = pool.submit(cell_trainings.trained_once, config, training, "what", train)
+        assert not wait([second], timeout=0.2).done
         may_end.set()
         assert first.result() == second.result()
     assert len(trained) == 1

@@ -135,6 +135,17 @@ def test_a_rival_that_is_not_the_best_leaves_no_room_out():
     assert expected < 0.001
 
 
+def test_the_designers_own_layouts_are_the_test_of_the_measures():
+    """In 1,000 unseen rooms of each type, as far as the cells are kept."""
+    kept = sorted((RESULTS / "default" / "table3").glob("*-own-designer-seed0.json"))
+    designed = [file for file in kept if "designer_rooms" not in file.name]
+    assert len(designed) in (0, 8)
+    for file in designed:
+        found = json.loads(file.read_text())
+        assert found["rooms"] == 1000
+        assert found["rows"]["layouts"]["faultless"] == found["rows"]["layouts"]["facing"] == 1
+
+
 def test_the_table_tells_of_the_agents_that_are_in_the_package():
     for room_type, card in cards().items():
         kept = json.loads((RESULTS / f"default/table3/{room_type}-own-{PACKAGED}-seed0.json").read_text())
