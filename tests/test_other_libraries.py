@@ -16,6 +16,10 @@ import pytest
 import torch
 
 from layoutrl.env.layout_env import LayoutEnv
+from layoutrl.env.observation import COLUMNS
+from layoutrl.rooms.files import read_rooms, write_rooms
+from layoutrl.rooms.room import Item
+from tests.builders import rectangular_room
 
 PROJECT = Path(__file__).resolve().parents[1]
 PAGE = (PROJECT / "docs/other_libraries.md").read_text(encoding="utf-8")
@@ -55,6 +59,19 @@ def test_the_extra_installs_what_they_need() -> None:
     extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     installed = {re.split(r"[<>=]", name)[0].replace("-", "_") for name in extras["libraries"]}
     assert set().union(*map(libraries, PROGRAMS)) == installed | {"layoutrl"}
+
+
+def test_both_environments_of_the_page_have_the_spaces_that_are_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    furniture = Item("bed", (2.0, 1.5), (1.3, 1.5)), Item("wardrobe", (0.6, 1.0), (3.5, 1.0))
+    write_rooms(tmp_path / "train.json", [rectangular_room(4, 3, furniture[0])])
+    write_rooms(tmp_path / "test.json", [rectangular_room(4, 3, furniture[0], others=furniture[1:])])
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"gymnasium": gymnasium, "read_rooms": read_rooms}
+    exec("".join(re.findall(r"^    ((?:spaces|learns|is_tested) = .*\n)", PAGE, flags=re.MULTILINE)), names)
+    assert names["learns"].observation_space == names["is_tested"].observation_space
+    assert names["learns"].observation_space.shape == (24, len(COLUMNS) + 4)
 
 
 def assert_rewards_are_scaled(rewards: Any, slack: float = 0.0) -> None:

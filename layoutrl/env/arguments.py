@@ -41,6 +41,22 @@ def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
+def check_spaces(rooms: Sequence[Room], categories: Sequence[str] | None, **counts: int | None) -> None:
+    """Checks what fixes the spaces of an environment: the categories that it knows, and how many there are of what.
+
+    None is what its rooms need. Raises ValueError for what is neither that nor names or a count, and InputError where a
+    room has furniture that is not among the categories.
+    """
+    check_at_least_one(**{name: count for name, count in counts.items() if count is not None})
+    if categories is None:
+        return
+    if isinstance(categories, str) or not all(isinstance(name, str) for name in categories):
+        raise ValueError(f"categories: expected a list of names; got {categories!r:.60}")
+    for room in rooms:
+        if unknown := {item.category for item in room.furniture} - {*categories}:
+            raise InputError(f"categories: expected {', '.join(sorted(unknown))} among them, as room {room.id} has")
+
+
 def given_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves, Reward]:
     """Moves and a reward, the project's where None are given. Raises ValueError for what is neither."""
     for name, given, kind in (("moves", moves, Moves), ("reward", reward, Reward)):

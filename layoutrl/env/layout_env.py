@@ -13,6 +13,7 @@ from layoutrl.env.arguments import (
     begun,
     check_at_least_one,
     check_render_mode,
+    check_spaces,
     checked_action,
     checked_options,
     checked_room,
@@ -41,15 +42,19 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     `position`; `room`, its index; `illegal`, whether this move was. `action_masks()` is `legal` as
     sb3-contrib's MaskablePPO asks for it.
 
+    The space of `geometry` hangs on the rooms, unless the `categories` that it knows and `elements`, its number
+    of rows, are given: environments that are given the same have the same spaces.
+
     Areas are in closed form and in double precision: those of `Simulator`, with discs as true circles.
 
     An illegal move is dropped with `on_illegal="drop"` (training, section 4.2 of the paper): nothing
     changes, and the caller should not store it. With `"stop"` (test) it terminates the episode.
     An episode is truncated after `max_moves` moves, dropped ones included; it never ends otherwise.
 
-    Raises ValueError where a room has no target, or a target that does not fit; for an action outside the
-    action space; for options that cannot be, and such a reset leaves the environment as it was. Raises
-    gymnasium's ResetNeeded for `step`, `render` and `action_masks` before the first reset.
+    Raises ValueError where a room has no target, a target that does not fit, or more than the given space
+    holds; for an action outside the action space; for options that cannot be, and such a reset leaves the
+    environment as it was. Raises gymnasium's ResetNeeded for `step`, `render` and `action_masks` before
+    the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
@@ -64,18 +69,21 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         on_illegal: Literal["drop", "stop"] = "drop",
         max_moves: int = 100,
         render_mode: str | None = None,
+        categories: Sequence[str] | None = None,
+        elements: int | None = None,
     ):
         if on_illegal not in ("drop", "stop"):
             raise ValueError(f"on_illegal: expected drop or stop; got {on_illegal!r}")
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         rooms = standing_or_some(rooms)
+        check_spaces(rooms, categories, elements=elements)
         self.simulator = Simulator(rooms, *given_or_default(moves, reward))
         self.max_moves = max_moves
         self.on_illegal = on_illegal
         self.render_mode = render_mode
         self.action_space = spaces.Discrete(self.simulator.moves.count)
-        self._observe = observation_of(observation, rooms)
+        self._observe = observation_of(observation, rooms, categories=categories, elements=elements)
         self.observation_space = self._observe.space
         self._singles: dict[int, SingleSimulator] = {}  # of the rooms that were met, 12 kB each
         self._path: list[Point] = []  # positions, metres, of this episode; none before the first reset

@@ -16,11 +16,13 @@ import torch
 from gymnasium import spaces
 from torch import Tensor
 
+from layoutrl import InputError
 from layoutrl.env import coverage
 from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry, shares
 from layoutrl.rooms.clearances import period
+from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
@@ -54,10 +56,12 @@ def observation_of(
     rooms: Sequence[Room],
     device: torch.device | str = "cpu",
     categories: Sequence[str] | None = None,
+    elements: int | None = None,
 ) -> GeometryObservation | ImageObservation:
     """What is seen of the rooms, by who knows these furniture categories; if none are given, those of the rooms."""
     if kind == "geometry":
-        return GeometryObservation(rooms, categories_of(rooms) if categories is None else categories, device)
+        known = categories_of(rooms) if categories is None else categories
+        return GeometryObservation(rooms, known, device, elements)
     if kind == "image":
         return ImageObservation(rooms, device)
     raise ValueError(f"observation: expected geometry or image; got {kind!r}")
@@ -69,17 +73,24 @@ class GeometryObservation:
     An element is its kind, centre and size (metres, from the centre of the envelope), the double angle of its
     rotation (a rectangle turned by half a circle covers the same), where it faces (0, 0 for what has no front: walls,
     openings, tables and the like) and its category.
-    Rows of rooms with fewer elements are zero; `present` tells them apart. `origin` (rooms, 2) are those centres.
+    There are `elements` rows, or if none are given as many as the rooms need, at least 2. Rows of rooms with fewer
+    elements are zero; `present` tells them apart. `origin` (rooms, 2) are those centres.
+
+    Raises InputError where rooms need more rows than are given.
     """
 
-    def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
+    def __init__(
+        self,
+        rooms: Sequence[Room],
+        categories: Sequence[str],
+        device: torch.device | str = "cpu",
+        elements: int | None = None,
+    ):
         envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
         origin = envelope.mean(1)
-        elements, of = elements_of(rooms, list(categories), origin)
-        table = np.nan_to_num(padded(elements, of, len(rooms)))
-        shape = (max(2, table.shape[1]), table.shape[2])
-        limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(elements).max()))  # no entry is larger
-        self.space = spaces.Box(-limit, limit, shape, np.float32)
+        table = np.nan_to_num(padded(*elements_of(rooms, list(categories), origin), len(rooms)))
+        shape = (enough(elements, table.shape[1]), table.shape[2])
+        self.space = spaces.Box(-LARGEST, LARGEST, shape, np.float32)
         self._elements = torch.zeros(len(rooms), *shape, device=device)
         self._elements[:, : table.shape[1]] = torch.as_tensor(table, dtype=torch.float32)
         self.origin = torch.tensor(origin, device=device)  # float64, as positions
@@ -168,6 +179,14 @@ class ImageObservation:
 def categories_of(rooms: Sequence[Room]) -> list[str]:
     """The furniture categories of the rooms, sorted."""
     return sorted({item.category for room in rooms for item in room.furniture})
+
+
+def enough(elements: int | None, needed: int) -> int:
+    """How many rows an observation has that needs so many. Raises InputError where it is given fewer `elements`."""
+    needed = max(2, needed)  # to take extremes over others
+    if elements is not None and elements < needed:
+        raise InputError(f"elements: expected {needed} or more, for a row an element of these rooms; got {elements}")
+    return elements or needed
 
 
 def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

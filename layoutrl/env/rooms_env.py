@@ -16,6 +16,7 @@ from layoutrl.env.arguments import (
     begun,
     check_at_least_one,
     check_render_mode,
+    check_spaces,
     checked_action,
     checked_options,
     checked_room,
@@ -48,9 +49,13 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     index; `illegal`, whether this action was: it is dropped, nothing changes, and the caller should not store it.
     At the end of an episode info has `measures`, by their names in `Measures`, of designs alone.
 
+    The spaces hang on the rooms, unless the `categories` that the observation knows, `elements`, its number of rows,
+    and the number of `items` that can be taken are given: environments that are given the same have the same spaces.
+
     An episode is truncated after `max_moves` actions, dropped ones included; it never ends otherwise.
-    Raises ValueError for an action outside the action space and for options that cannot be, and gymnasium's ResetNeeded
-    for what is called before the first reset.
+    Raises ValueError where a room has nothing to place, what does not fit, or more than the given spaces hold; for an
+    action outside the action space and for options that cannot be. Raises gymnasium's ResetNeeded for what is called
+    before the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
@@ -63,13 +68,17 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         reward: Reward | None = None,
         max_moves: int = MAX_MOVES,
         render_mode: str | None = None,
+        categories: Sequence[str] | None = None,
+        elements: int | None = None,
+        items: int | None = None,
     ):
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
-        self.simulator, self.designs = simulator_of(rooms, moves, reward)
+        self.simulator, self.designs = simulator_of(rooms, moves, reward, items)
+        check_spaces(self.simulator.rooms, categories, elements=elements)
         self.max_moves = max_moves
         self.render_mode = render_mode
-        self._observe = RoomsObservation(self.simulator)
+        self._observe = RoomsObservation(self.simulator, categories, elements=elements)
         self.action_space = spaces.Discrete(self.simulator.actions)
         self.observation_space = self._observe.space
         self._state: State[np.ndarray] | None = None
@@ -132,15 +141,17 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
 
 def simulator_of(
-    rooms: Sequence[Room] | None, moves: Moves | None, reward: Reward | None
+    rooms: Sequence[Room] | None, moves: Moves | None, reward: Reward | None, items: int | None
 ) -> tuple[RoomsSimulator, list[Room | None]]:
-    """The simulator of designs and briefs, and of each room its design; None of briefs."""
+    """The simulator of designs and briefs with so many items, and of each room its design; None of briefs."""
     given = given_or_some(rooms)
+    if items is not None:
+        check_at_least_one(items=items)
     if empty := [room.id for room in given if not room.furniture]:
         raise InputError(f"rooms: {empty[0]} has nothing to place; expected rooms with furniture")
     designs = [None if missing(room) else room for room in given]
     briefs = [room if missing(room) else brief_of(room) for room in given]
-    return RoomsSimulator(briefs, designs, *given_or_default(moves, reward)), designs
+    return RoomsSimulator(briefs, designs, *given_or_default(moves, reward), items), designs
 
 
 def measures_of(layout: Room, design: Room | None) -> dict[str, Any]:

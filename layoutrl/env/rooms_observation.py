@@ -30,10 +30,12 @@ from layoutrl.env.observation import (
     categories_of,
     elements_of,
     elements_turned,
+    enough,
     items_described,
 )
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.symmetry import Symmetry
+from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import envelopes
 
 MOVING = COLUMNS.index("moving")
@@ -46,23 +48,29 @@ class RoomsObservation:
 
     Columns are those of GeometryObservation with `stands` and `tucked` before the categories. An item that does not
     stand yet is at no place. It is known by category and size: as it lies where its rotation is given, else the width
-    along the way that it faces, and it faces nowhere.
+    along the way that it faces, and it faces nowhere. There are `elements` rows, as of GeometryObservation.
+
+    Raises InputError where rooms need more rows than are given.
     """
 
     def __init__(
-        self, simulator: RoomsSimulator, categories: Sequence[str] | None = None, device: torch.device | str = "cpu"
+        self,
+        simulator: RoomsSimulator,
+        categories: Sequence[str] | None = None,
+        device: torch.device | str = "cpu",
+        elements: int | None = None,
     ):
         rooms = simulator.rooms
         names = list(categories_of(rooms) if categories is None else categories)
-        envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
-        origin = envelope.mean(1)
+        origin = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2).mean(1)
         shells = [replace(room, target=None) for room in rooms]
         shell, of = elements_of(shells, names, origin)
         shell = np.insert(np.nan_to_num(padded(shell, of, len(rooms))), [STANDS, STANDS], 0.0, axis=2)
         shell[..., STANDS] = shell[..., PRESENT]
 
         rows, most = simulator.entry.shape[:2]
-        shell = np.pad(shell, ((0, 0), (0, max(0, 2 - most - shell.shape[1])), (0, 0)))  # to take extremes over others
+        total = enough(elements, most + shell.shape[1])
+        shell = np.pad(shell, ((0, 0), (0, total - most - shell.shape[1]), (0, 0)))
         items = np.zeros((rows, most, 4, len(ROOM_COLUMNS) + len(names)))
         waiting = np.zeros((rows, most, 2))
         given = np.zeros((rows, most), dtype=bool)
@@ -77,8 +85,7 @@ class RoomsObservation:
                 given[r, : len(those)] = [item.rotation is not None for item in those]
                 category = np.array([item.category for item in those])
                 items[r, : len(those), :, len(ROOM_COLUMNS) :] = (category[:, None] == np.array(names))[:, None]
-        limit = float(max(1.0, np.ptp(envelope, 1).max(), np.abs(shell).max(initial=0), waiting.max(initial=0)))
-        self.space = spaces.Box(-limit, limit, (most + shell.shape[1], shell.shape[2]), np.float32)
+        self.space = spaces.Box(-LARGEST, LARGEST, (total, shell.shape[2]), np.float32)
         self._shell, self._items, self._waiting = (
             torch.tensor(table, dtype=torch.float32, device=device) for table in (shell, items, waiting)
         )

@@ -49,15 +49,23 @@ class RoomsSimulator:
 
     Of the items (rooms, N): `count` (rooms,) is how many each room has to place, `ways` how many ways an item can face
     that look different, `degrees` (rooms, N, 4) its rotation in each, and `entry` (rooms, N, 4) the room of `simulator`
-    in which it moves so turned, -1 where it does not fit. Raises InputError where an item fits in no way, and where no
-    room has anything to place.
+    in which it moves so turned, -1 where it does not fit. N is `most`, or if that is not given as many as the room with
+    most items has to place. Raises InputError where that is more than is given, where an item fits in no way, and where
+    no room has anything to place.
 
     Where the reward has a fourth term, the floor that is to be free before an item moves with it: in a room of
     `floors`, `floor_entry`, its middle `ahead` (rooms, N, 4, 2) metres of the item's. `welcome` (rooms, N, N) says of
     every item whether it may stand there.
     """
 
-    def __init__(self, briefs: Sequence[Room], designs: Sequence[Room | None] | None, moves: Moves, reward: Reward):
+    def __init__(
+        self,
+        briefs: Sequence[Room],
+        designs: Sequence[Room | None] | None,
+        moves: Moves,
+        reward: Reward,
+        most: int | None = None,
+    ):
         self.rooms = list(briefs)
         self.moves = moves
         self.reward_function = reward
@@ -65,7 +73,12 @@ class RoomsSimulator:
         self.count = np.array([len(items) for items in self.items])
         if not self.count.any():
             raise InputError("rooms: expected furniture to place; there is none")
-        shape = len(briefs), int(self.count.max())
+        largest = int(self.count.argmax())
+        if most is not None and most < self.count[largest]:
+            raise InputError(
+                f"items: expected {self.count[largest]} or more, as room {briefs[largest].id} has to place; got {most}"
+            )
+        shape = len(briefs), int(most or self.count[largest])
         self.ways = np.ones(shape, dtype=int)
         self.degrees = np.zeros((*shape, 4))
         for r, (room, items) in enumerate(zip(briefs, self.items, strict=True)):

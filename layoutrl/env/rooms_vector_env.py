@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode, refuse_options
+from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode, check_spaces, refuse_options
 from layoutrl.env.device import usable_device
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
@@ -35,7 +35,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     (AutoresetMode.SAME_STEP): `final_obs` and `final_info` tell where they ended. The measures in `final_info` take
     some milliseconds a room: `measure=False` leaves them out.
 
-    Raises as LayoutVectorEnv does.
+    Raises as RoomsEnv and LayoutVectorEnv do.
     """
 
     autoreset_mode = AutoresetMode.SAME_STEP
@@ -51,6 +51,9 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         measure: bool = True,
         device: torch.device | str = "cpu",
         render_mode: str | None = None,
+        categories: Sequence[str] | None = None,
+        elements: int | None = None,
+        items: int | None = None,
     ):
         check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
@@ -59,9 +62,10 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.max_moves = max_moves
         self.measure = measure
         self.render_mode = render_mode
-        self._reference, self._designs = simulator_of(rooms, moves, reward)
+        self._reference, self._designs = simulator_of(rooms, moves, reward, items)
+        check_spaces(self._reference.rooms, categories, elements=elements)
         self.simulator = BatchRoomsSimulator(self._reference, device)
-        self._observe = RoomsObservation(self._reference, device=device)
+        self._observe = RoomsObservation(self._reference, categories, device, elements)
         self.single_observation_space = self._observe.space
         self.single_action_space = spaces.Discrete(self.simulator.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -17,6 +17,7 @@ from layoutrl.env.arguments import (
     begun,
     check_at_least_one,
     check_render_mode,
+    check_spaces,
     given_or_default,
     refuse_options,
     standing_or_some,
@@ -47,9 +48,8 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     (AutoresetMode.SAME_STEP): observations and info are then those of the starts, while `final_obs` and `final_info`
     tell where the episodes ended.
 
-    Raises ValueError where a room has no target, or a target that does not fit; for actions outside the action space;
-    for options, and for a list of another length: such a reset leaves the environment as it was. Raises gymnasium's
-    ResetNeeded for `step`, `render` and `action_masks` before the first reset.
+    Raises as LayoutEnv does, and ValueError for options and for a list of another length: such a reset leaves the
+    environment as it was.
     """
 
     autoreset_mode = AutoresetMode.SAME_STEP  # where Gymnasium's own vector environments have it, and TorchRL looks
@@ -65,17 +65,20 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         max_moves: int = 100,
         device: torch.device | str = "cpu",
         render_mode: str | None = None,
+        categories: Sequence[str] | None = None,
+        elements: int | None = None,
     ):
         check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         device = usable_device(device)
         rooms = standing_or_some(rooms)
+        check_spaces(rooms, categories, elements=elements)
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.render_mode = render_mode
         self._reference = Simulator(rooms, *given_or_default(moves, reward))
         self.simulator = BatchSimulator(self._reference, device)
-        self._observe = observation_of(observation, rooms, device)
+        self._observe = observation_of(observation, rooms, device, categories, elements)
         self.single_observation_space = self._observe.space
         self.single_action_space = spaces.Discrete(self.simulator.moves.count)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

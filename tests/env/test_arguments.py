@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
-from hypothesis import example, given
+from gymnasium.vector import VectorEnv
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from layoutrl import InputError
@@ -20,8 +24,8 @@ from layoutrl.env.arguments import (
     given_or_some,
     standing_or_some,
 )
-from layoutrl.rooms.room import Item
-from tests.builders import l_room, rectangular_room
+from layoutrl.rooms.room import MAIN_ITEM, Item
+from tests.builders import l_room, random_room, rectangular_room
 
 WHOLE = st.integers(-3, 12)
 NUMPY = st.sampled_from([np.int64, np.int32, np.uint8])
@@ -86,3 +90,61 @@ def test_rooms_are_those_that_are_given_and_where_one_item_moves_it_stands_somew
             take([])
         with pytest.raises(InputError, match=r"^rooms: expected a list of rooms, .* got "):
             take([*rooms, None])
+
+
+CATEGORIES = sorted({*MAIN_ITEM.values(), "chair", "wardrobe", "shower", "shelf"})  # of random rooms
+SPACES: dict[str, dict[str, Any]] = {
+    "layoutrl/Layout-v0": {"categories": CATEGORIES, "elements": 40},
+    "layoutrl/Rooms-v0": {"categories": CATEGORIES, "elements": 40, "items": 9},
+}
+
+
+def made(name: str, **keywords: Any) -> tuple[gymnasium.Env, VectorEnv]:
+    """The single environment and the vector environment."""
+    vector = gymnasium.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", **keywords)
+    return gymnasium.make(name, **keywords), vector
+
+
+@pytest.mark.parametrize("name", SPACES)
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_a_room_looks_the_same_in_any_environment_of_the_same_given_spaces(name: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rooms = [random_room(rng) for _ in range(3)]
+    (alone, vector), (among, others) = (made(name, rooms=some, **SPACES[name]) for some in (rooms[:1], rooms[::-1]))
+    assert alone.observation_space == among.observation_space == vector.single_observation_space
+    assert alone.action_space == among.action_space == vector.single_action_space
+    assert vector.observation_space == others.observation_space
+    needed = gymnasium.make(name, rooms=rooms[:1], categories=SPACES[name]["categories"])
+    shown, bare = ({tuple(row) for row in env.reset(seed=1)[0]} for env in (alone, needed))
+    assert shown - bare <= {(0.0,) * alone.observation_space.shape[1]}  # what more rows there are is left over
+    one, other = (env.reset(seed=2, options={"room": room})[0] for env, room in ((alone, 0), (among, 2)))
+    np.testing.assert_array_equal(one[1:], other[1:])  # the first may move, from where it is drawn
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_spaces_that_hold_less_than_the_rooms_have_are_refused(name: str) -> None:
+    room = rectangular_room(4, 3, Item("bed", (1.0, 1.0), (0.5, 0.5)), others=(Item("lamp", (0.3, 0.3), (3.0, 2.0)),))
+    rows = len(room.walls) + len(room.openings) + 2
+    given = {"categories": ["bed", "lamp"], "elements": rows}
+    if name == "layoutrl/Rooms-v0":
+        given["items"] = 2
+    made(name, rooms=[room], **given)
+    wrong = [
+        ({"categories": ["bed"]}, f"categories: expected lamp among them, as room {room.id} has"),
+        ({"categories": "bed"}, "categories: expected a list of names; got 'bed'"),
+        (
+            {"elements": rows - 1},
+            f"elements: expected {rows} or more, for a row an element of these rooms; got {rows - 1}",
+        ),
+        ({"elements": 2.5}, "elements: expected a whole number, 1 or more; got 2.5"),
+    ]
+    if "items" in given:
+        wrong += [
+            ({"items": 1}, f"items: expected 2 or more, as room {room.id} has to place; got 1"),
+            ({"items": "2"}, "items: expected a whole number, 1 or more; got '2'"),
+        ]
+    for change, words in wrong:
+        for make in (gymnasium.make, partial(gymnasium.make_vec, num_envs=2, vectorization_mode="vector_entry_point")):
+            with pytest.raises(ValueError, match=f"^{re.escape(words)}$"):
+                make(name, rooms=[room], **given | change)
