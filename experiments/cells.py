@@ -173,8 +173,11 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
 
 
 def stated(config: CellConfig) -> dict[str, Any]:
-    """The configuration of a cell, as JSON has it, but for where files lie."""
-    return resume.stated(replace(config, results=None))
+    """The configuration of a cell, as JSON has it, but for where files lie; how long agents train, of agents alone."""
+    said = resume.stated(replace(config, results=None))
+    if config.fill not in ("agent", "rooms_agent"):  # TIMED columns hang on an agent's seconds instead
+        said["method"]["updates"] = {}
+    return said
 
 
 def packed(values: Sequence[float] | np.ndarray, kind: np.dtype[Any]) -> str:

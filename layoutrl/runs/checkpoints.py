@@ -97,6 +97,8 @@ def load_checkpoint(
     """
     import torch
 
+    from layoutrl.runs.machine import out_of_memory
+
     found = checkpoints(folder)
     if which == "best" and found:
         found.sort(key=best(found).__ne__)  # it first; the others stay in order
@@ -118,7 +120,7 @@ def load_checkpoint(
         except InputError:  # says nothing of the one before
             raise
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
-            if out_of_memory(error):
+            if out_of_memory(error):  # it says nothing of what is in the file
                 raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             if isinstance(error, pickle.UnpicklingError):  # torch's own words say how to run what is in it
@@ -135,16 +137,11 @@ def load_checkpoint(
     raise InputError(f"{folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
 
 
-def out_of_memory(error: Exception) -> bool:
-    """Whether it says nothing of what was read: torch's own allocator on the CPU raises a plain RuntimeError."""
-    import torch
-
-    return isinstance(error, MemoryError | torch.OutOfMemoryError) or "can't allocate memory" in str(error)
-
-
 @contextmanager
 def taken(folder: Path) -> Iterator[None]:
     """Raise InputError for a checkpoint that holds something else than what takes it: torch meets that in many ways."""
+    from layoutrl.runs.machine import out_of_memory  # it loads torch
+
     try:
         yield
     except Exception as error:

@@ -61,7 +61,9 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             return
         try:
             run(checked(config, schema, known))
-        except (InputError, OmegaConfBaseException, OSError) as error:
+        except Exception as error:
+            if not mendable(error):
+                raise
             given = " ".join(HydraConfig.get().overrides.task)
             where = f"error: {given}: " if given else "error: "
             if isinstance(error, Stopped):
@@ -120,13 +122,24 @@ def answers_errors(*, again: bool = False) -> Iterator[None]:
     except Incomplete as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(INCOMPLETE)
-    except (InputError, OmegaConfBaseException, OSError) as error:
-        if isinstance(error, BrokenPipeError) and not is_read():
-            sys.exit(BROKEN_PIPE)
-        sys.exit(f"error: {in_a_line(error)}")
     except KeyboardInterrupt:
         print(f"interrupted; {AGAIN}" if again else "interrupted", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
+    except Exception as error:
+        if not mendable(error):
+            raise
+        if isinstance(error, BrokenPipeError) and not is_read():
+            sys.exit(BROKEN_PIPE)
+        sys.exit(f"error: {in_a_line(error)}")
+
+
+def mendable(error: Exception) -> bool:
+    """Whether it is the user who can do something about it; all else is a mistake of ours."""
+    if isinstance(error, InputError | OmegaConfBaseException | OSError):
+        return True
+    from layoutrl.runs.machine import out_of_memory  # here: it loads torch
+
+    return out_of_memory(error)
 
 
 def is_read() -> bool:
@@ -159,6 +172,11 @@ def in_a_line(error: Exception) -> str:
         return f"{error.filename or 'a file'}: {error.strerror}; expected to be able to read or write it"
     if isinstance(error, OmegaConfBaseException):
         return f"{error.full_key}: {str(error).splitlines()[0]}"
+    if not isinstance(error, InputError):
+        return (
+            "memory: there is too little of it; expected less to keep there at once: fewer rooms or, of a training, a "
+            "smaller method.replay_capacity, method.batch or method.episodes"
+        )
     return str(error)
 
 

@@ -35,6 +35,11 @@ def refuse_chance(device: torch.device) -> None:
     torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
 
 
+def out_of_memory(error: Exception) -> bool:
+    """Whether there was too little memory. (torch's own allocator on the CPU raises a plain RuntimeError.)"""
+    return isinstance(error, MemoryError | torch.OutOfMemoryError) or "can't allocate memory" in str(error)
+
+
 def keep_freed_memory() -> None:
     """Let glibc keep what is freed for what comes next; elsewhere nothing changes.
 

@@ -283,9 +283,12 @@ def finite(state: Any) -> bool:
 
 
 def stated(config: AnyTraining) -> dict[str, Any]:
-    """The configuration as plain values, but for where files lie."""
+    """The configuration as plain values, but for where files lie, and for how long other budgets than its own train."""
     moved = replace(config, runs="", name=None, data=replace(config.data, root=None, categories=None))
-    return json.loads(json.dumps(asdict(moved)))
+    said = json.loads(json.dumps(asdict(moved)))
+    updates = said["method"]["updates"]
+    said["method"]["updates"] = {budget: number for budget, number in updates.items() if budget == config.budget.name}
+    return said
 
 
 def digest(rooms: Sequence[Room]) -> str:

@@ -224,6 +224,16 @@ def test_every_cell_that_is_kept_is_one_that_the_tables_ask_for(monkeypatch):
     assert kept <= asked
 
 
+@pytest.mark.parametrize("room", table1.PAPER)
+@pytest.mark.parametrize("column", ["regressor", "pointer"])
+def test_kept_supervised_networks_were_trained_for_no_less_than_the_agent(room, column):
+    folder = RESULTS / "default/table1"
+    agent, rival = (
+        json.loads((folder / f"{room}-own-{name}-seed0.json").read_text()) for name in ("geometric", column)
+    )
+    assert rival["training_seconds"] >= 0.98 * agent["training_seconds"]
+
+
 def test_rivals_are_trained_after_the_agent_whose_time_they_get():
     named = {"column": "pointer,geometric,planit,oracle"}
     assert [sweep["column"] for sweep in table1.stages(named)] == ["oracle", "geometric", "pointer,planit"]

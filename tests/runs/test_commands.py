@@ -241,6 +241,16 @@ def test_what_goes_wrong_in_a_run_is_answered_and_a_mistake_of_ours_is_raised(as
 
     assert "metrics.csv: No space left on device" in ask("train", TrainCommand, run=full)[2]
 
+    def crowded(_: TrainConfig) -> None:
+        raise RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes")
+
+    for sweep in ((), ("-m", "seed=1,2")):
+        _, status, said = ask("train", TrainCommand, *sweep, run=crowded)
+        assert status == 1
+        assert "memory: there is too little of it; expected less to keep there at once" in said
+        assert "method.replay_capacity" in said
+        assert "Traceback" not in said
+
     def interrupted(_: TrainConfig) -> None:
         raise KeyboardInterrupt
 
