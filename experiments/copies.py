@@ -56,7 +56,8 @@ def main() -> None:
     for name in LEARNED if said.seed == 0 else ():
         if kept := row(RESULTS / "default/table3", f"{said.room_type}-own-{METHODS[name]}", LAYOUTS):
             iou = kept.iou[0, : said.rooms]
-            without = None if copied.all() else float(iou[~copied].mean())
+            alone = iou[~copied[: len(iou)]]
+            without = float(alone.mean()) if len(alone) else None
             found.append((name, {"all": float(iou.mean()), "without": without}))
     tell(said, found)
 

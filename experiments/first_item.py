@@ -31,8 +31,7 @@ RIGHT = 0.8  # IoU
 
 def equals(item: Item, room: Room) -> list[int]:
     """The indices of the items of a room that are the same but for their places."""
-    of = (item.category, item.size, item.form)
-    return [k for k, other in enumerate(room.furniture) if (other.category, other.size, other.form) == of]
+    return [k for k, other in enumerate(room.furniture) if other.kind == item.kind]
 
 
 def without(room: Room, k: int) -> Room:

@@ -17,6 +17,8 @@ import table3
 from cell_config import RESULTS
 from printing import Table, write
 
+from layoutrl.runs.commands import answers_errors
+
 ROOT = Path(__file__).parents[1]
 KEPT = RESULTS / "default"
 PAGES = ("README.md", "docs/results.md", "docs/planit.md", "docs/whole_rooms_results.md")
@@ -39,6 +41,7 @@ def kept() -> dict[str, list[Table]]:
     }
 
 
+@answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.parse_args()  # who asks for help wants nothing written

@@ -20,6 +20,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import Opening, Room
 from layoutrl.rooms.sources import designer_rooms
 from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.ranges import within
 
 QUANTILES = (0.1, 0.5, 0.9)
 
@@ -49,6 +50,8 @@ def main() -> None:
     parser.add_argument("--rooms", type=int, default=1000, help="designed rooms of each type")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
+    within("--rooms", options.rooms, options.rooms >= 1, "1 or more")
+    within("--seed", options.seed, options.seed >= 0, "0 or more")
 
     figure = Figure(figsize=(15, 5), layout="constrained")
     grid = figure.subplots(2, 5)

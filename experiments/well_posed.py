@@ -57,6 +57,7 @@ def main() -> None:
     options = parser.parse_args()
     for name, count in (("--train", options.train), ("--test", options.test)):
         within(name, count, count >= 1, "1 or more")
+    within("--seed", options.seed, options.seed >= 0, "0 or more")
 
     began = time.perf_counter()
     training = design_rooms(options.room_type, "train", options.seed, options.train)

@@ -97,6 +97,11 @@ class Episode:
         """How often an item moved from where it was; where the next is taken, none did."""
         return sum(item == before for (before, _), (item, _) in pairwise(self.way))
 
+    @property
+    def last(self) -> int:
+        """The index of the end of the way; 0 where there is none."""
+        return max(len(self.way) - 1, 0)
+
 
 def one_item(room: Room, path: np.ndarray, iou: float) -> Episode:
     """The target of a room moves along a path (n, 2), in metres."""
@@ -134,13 +139,13 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # rooms stay where they are now: to lay them out takes longer than to draw them
     drawn: list[Artist] = []
-    for step in range(FRAMES_A_MOVE * max(episode.moves for episode in episodes) + 1):
+    for step in range(FRAMES_A_MOVE * max(episode.last for episode in episodes) + 1):
         for artist in drawn:
             artist.remove()
         drawn = []
         for axes, episode in zip(grid, episodes, strict=False):
             if episode.way:
-                drawn += _drawn(axes, episode, min(step / FRAMES_A_MOVE, episode.moves))
+                drawn += _drawn(axes, episode, min(step / FRAMES_A_MOVE, episode.last))
         yield _picture(canvas)
     for axes, episode in zip(grid, episodes, strict=False):
         for item in episode.designed:
@@ -150,9 +155,9 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
     yield _picture(canvas)
 
 
-def _drawn(axes: Axes, episode: Episode, move: float) -> list[Artist]:
-    """What stands after so many moves, and the item that moves on its way."""
-    here = int(move)
+def _drawn(axes: Axes, episode: Episode, along: float) -> list[Artist]:
+    """What stands so far along the way, by its indices, and the item that moves between two of them."""
+    here = int(along)
     which, item = episode.way[here]
     stands = {k: there for k, there in episode.way[:here] if k != which}
     artists: list[Artist] = []
@@ -166,7 +171,7 @@ def _drawn(axes: Axes, episode: Episode, move: float) -> list[Artist]:
     if here + 1 < len(episode.way):
         following, onward = episode.way[here + 1]
         if following == which and onward.rotation == item.rotation:
-            way = np.vstack([way, way[-1] + move % 1 * (np.array(onward.center) - way[-1])])
+            way = np.vstack([way, way[-1] + along % 1 * (np.array(onward.center) - way[-1])])
     artists += axes.plot(*way.T, color="black", linewidth=0.8, alpha=0.6)
     return artists + draw_item(axes, item, way[-1], facecolor=rgb(MOVING), alpha=0.85)
 

@@ -30,12 +30,11 @@ from layoutrl.place import run as place
 from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import rival
 from layoutrl.rivals.rooms.annealer import MOVES
-from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
 from layoutrl.rooms.formats import to_place
-from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part

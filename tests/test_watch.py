@@ -7,10 +7,12 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from layoutrl import InputError
+from layoutrl.rooms.room import Item
 from layoutrl.watch import Episode, files_of, frames, write
 from tests.builders import rectangular_room
 
@@ -52,6 +54,21 @@ def test_a_room_where_nothing_has_a_place_is_shown_bare() -> None:
     assert (nothing.moves, something.moves, several.moves) == (0, 1, 1)
     assert len(list(frames([nothing], width=60))) == 2
     assert len(list(frames([nothing, something], width=60))) == len(list(frames([something], width=60)))
+
+
+def test_a_film_ends_with_all_that_was_placed_where_it_stays() -> None:
+    room = rectangular_room(3.0, 2.0)
+    bed, shell = room.moving, replace(room, furniture=(), target=None)
+    lamp = Item("lamp", (0.3, 0.3), (2.7, 1.7), 0.0)
+    away = replace(bed, center=(1.0, 1.0))
+    way = [(0, away), (0, bed), (1, replace(lamp, center=(2.0, 1.0))), (1, lamp)]  # two moves, and a take
+    *_, before_last, last = frames([Episode(shell, way, [bed, lamp], 1.0)], width=200)
+    *_, standing, _ = frames([Episode(shell, [(0, bed), (1, lamp)], [bed, lamp], 1.0)], width=200)
+    picture, expected = (np.asarray(image, dtype=int) for image in (before_last, standing))
+    red = (expected[..., 0] > 200) & (expected[..., 1] < 120)  # the lamp, where it stays
+    assert red.sum() > 20
+    assert np.median(np.abs(picture - expected)[red]) < 30  # the line of its way is drawn over it
+    assert last != before_last
 
 
 def test_a_film_is_named_with_a_suffix_of_its_own_or_without() -> None:

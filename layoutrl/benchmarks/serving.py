@@ -85,13 +85,13 @@ class Client:
         self.connection.close()
 
     def seconds(self, question: str, asked: dict[str, Any]) -> float:
-        """How long the answer takes. Raises OSError where it is an error."""
+        """How long the answer takes. Raises InputError where it is an error, and OSError where none comes."""
         body, began = json.dumps(asked), time.perf_counter()
         self.connection.request("POST", f"/api/{question}", body, {"Content-Type": "application/json"})
         response = self.connection.getresponse()
         said = response.read()
         if response.status != 200:
-            raise OSError(f"{response.status} {said[:200]!r}")
+            raise InputError(f"the demo answered {question} with {response.status} {said[:200]!r}; expected an answer")
         return time.perf_counter() - began
 
 
@@ -100,7 +100,7 @@ def visited(port: int, look: dict[str, Any]) -> list[float] | None:
     try:
         with Client(port) as client:
             return [client.seconds("look", look) for _ in range(ANSWERS)]
-    except OSError:
+    except (InputError, OSError):
         return None
 
 

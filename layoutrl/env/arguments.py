@@ -41,17 +41,19 @@ def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
-def check_spaces(rooms: Sequence[Room], categories: Sequence[str] | None, **counts: int | None) -> None:
-    """Checks what fixes the spaces of an environment: the categories that it knows, and how many there are of what.
+def check_spaces(rooms: Sequence[Room], categories: Sequence[str] | None, elements: int | None) -> None:
+    """Checks what fixes the space of an observation: the categories that are known, in their order, and its rows.
 
-    None is what its rooms need. Raises ValueError for what is neither that nor names or a count, and InputError where a
-    room has furniture that is not among the categories.
+    None is what the rooms need. Raises ValueError for what is neither that nor different names and a count, and
+    InputError where a room has furniture that is not among the categories.
     """
-    check_at_least_one(**{name: count for name, count in counts.items() if count is not None})
+    if elements is not None:
+        check_at_least_one(elements=elements)
     if categories is None:
         return
-    if isinstance(categories, str) or not all(isinstance(name, str) for name in categories):
-        raise ValueError(f"categories: expected a list of names; got {categories!r:.60}")
+    names = isinstance(categories, Sequence) and not isinstance(categories, str)
+    if not (names and all(isinstance(name, str) for name in categories) and len({*categories}) == len(categories)):
+        raise ValueError(f"categories: expected a list of different names; got {categories!r:.60}")
     for room in rooms:
         if unknown := {item.category for item in room.furniture} - {*categories}:
             raise InputError(f"categories: expected {', '.join(sorted(unknown))} among them, as room {room.id} has")

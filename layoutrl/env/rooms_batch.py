@@ -163,6 +163,12 @@ class BatchRoomsSimulator:
         return self._items.some(state, state.center, _others_stand(state))
 
 
+def either(chosen: Tensor, new: State[Tensor], old: State[Tensor]) -> State[Tensor]:
+    """Of `new` those that are chosen (B,), else of `old`."""
+    both = zip(new, old, strict=True)
+    return State(*(torch.where(chosen.view(-1, *[1] * (one.ndim - 1)), one, other) for one, other in both))
+
+
 def _others_stand(state: State[Tensor]) -> Tensor:
     """Which items stand and do not move: bool (B, N)."""
     return state.stands.scatter(1, state.moving[:, None], False)

@@ -75,7 +75,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         self.simulator, self.designs = simulator_of(rooms, moves, reward, items)
-        check_spaces(self.simulator.rooms, categories, elements=elements)
+        check_spaces(self.simulator.rooms, categories, elements)
         self.max_moves = max_moves
         self.render_mode = render_mode
         self._observe = RoomsObservation(self.simulator, categories, elements=elements)

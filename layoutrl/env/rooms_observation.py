@@ -119,6 +119,14 @@ class RoomsObservation:
         return turned
 
 
+def moving_first(values: Tensor, moving: Tensor) -> Tensor:
+    """Values (B, elements, ...) in which the moving item's (B,) have changed places with the first."""
+    order = torch.arange(values.shape[1], device=values.device).repeat(len(moving), 1)
+    order = order.scatter(1, moving[:, None], 0)
+    order[:, 0] = moving
+    return values[torch.arange(len(moving), device=values.device)[:, None], order]
+
+
 def lying(elements: Tensor) -> Tensor:
     """Whether elements (..., columns) have a depth and a width along x and y: bool (...).
 

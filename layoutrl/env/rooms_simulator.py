@@ -104,9 +104,7 @@ class RoomsSimulator:
         for targets, design, items in zip(self.targets, designs or [None] * len(briefs), self.items, strict=True):
             for n, item in enumerate(items):
                 targets[n] = [
-                    there
-                    for there in (design.furniture if design else ())
-                    if there.center and _kind(there) == _kind(item)
+                    there for there in (design.furniture if design else ()) if there.center and there.kind == item.kind
                 ]
 
     @property
@@ -166,7 +164,7 @@ class RoomsSimulator:
             for n, item in enumerate(items):
                 if not (there := self.targets[r][n]):
                     raise ValueError(f"room {self.rooms[r].id}: the designer's places are not known")
-                target = there[[*map(_kind, items[:n])].count(_kind(item))]
+                target = there[[other.kind for other in items[:n]].count(item.kind)]
                 alike = [faces_alike(target, self.degrees[r, n, q]) for q in range(self.ways[r, n])]
                 center[r, n], quarter[r, n] = target.center, np.argmax(alike)
         return center, quarter
@@ -178,8 +176,8 @@ class RoomsSimulator:
         """
         rank = np.full(self.ways.shape, self.ways.shape[1])
         for r, items in enumerate(self.items):
-            first = [_kind(item) for item in sorted(items, key=lambda item: -item.area)]  # of one size as in the brief
-            rank[r, : len(items)] = [first.index(_kind(item)) for item in items]
+            first = [item.kind for item in sorted(items, key=lambda item: -item.area)]  # of one size as in the brief
+            rank[r, : len(items)] = [first.index(item.kind) for item in items]
         return rank
 
     def empty(self, room: np.ndarray) -> State[np.ndarray]:
@@ -316,11 +314,6 @@ def faces_alike(item: Item, degrees: float) -> bool:
 def _takes_floor(floor: Item, other: Item) -> bool:
     """Whether another item where it stands on the floor before one takes something of it."""
     return not may_stand_before(floor.category, other.category)
-
-
-def _kind(item: Item) -> tuple[object, ...]:
-    """What items have in common of which each could stand where another does: category, size and form."""
-    return item.category, item.size, item.form
 
 
 def _with(shell: Room, item: Item, envelope: Polygon) -> Room:

@@ -16,7 +16,7 @@ from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode,
 from layoutrl.env.device import usable_device
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
-from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_batch import BatchRoomsSimulator, either
 from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, picture, simulator_of
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import State
@@ -63,7 +63,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.measure = measure
         self.render_mode = render_mode
         self._reference, self._designs = simulator_of(rooms, moves, reward, items)
-        check_spaces(self._reference.rooms, categories, elements=elements)
+        check_spaces(self._reference.rooms, categories, elements)
         self.simulator = BatchRoomsSimulator(self._reference, device)
         self._observe = RoomsObservation(self._reference, categories, device, elements)
         self.single_observation_space = self._observe.space
@@ -86,7 +86,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         action = checked(actions, self.num_envs, simulator.actions, simulator.device)
         legal = self._legal.gather(1, action[:, None])[:, 0]
         moved = simulator.moved(state, action, self._length.gather(1, action[:, None])[:, 0])
-        self._state = State(*(_where(legal, new, old) for new, old in zip(moved, state, strict=True)))
+        self._state = either(legal, moved, state)
         self._moves_made += 1
         observation, reward, info = self._arrive(~legal)
         ended = self._moves_made >= self.max_moves
@@ -157,8 +157,3 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 told[name], told[f"_{name}"] = np.zeros(self.num_envs), known
                 told[name][known] = values
         return {"measures": told, "_measures": known}
-
-
-def _where(chosen: Tensor, new: Tensor, old: Tensor) -> Tensor:
-    """Rows of `new` where they are chosen (B,), else of `old`."""
-    return torch.where(chosen.view(-1, *[1] * (new.ndim - 1)), new, old)

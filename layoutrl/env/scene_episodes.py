@@ -10,6 +10,7 @@ from torch import Tensor
 
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.geometry import snap
+from layoutrl.env.rooms_batch import either
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes
 
@@ -83,12 +84,7 @@ class SceneEpisodes(Episodes):
         complete = state.stands.sum(1) == (self._size[state.room] > -torch.inf).sum(1)
         begins = self._uniform(len(ended)) < torch.where(complete, LEFT_FURNISHED, LEFT)
         fresh = self._empty(len(ended))
-        state = State(
-            *(
-                torch.where(begins.view(-1, *[1] * (new.dim() - 1)), new, old)
-                for new, old in zip(fresh, state, strict=True)
-            )
-        )
+        state = either(begins, fresh, state)
         own = torch.where(begins, self._uniform(len(ended)) < self._own_share * self._keeps, own)
         self._own = self._own.index_copy(0, ended, own)  # a new tensor: a state that was kept has the old one
         return self._taken(state)

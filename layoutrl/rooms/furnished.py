@@ -1,12 +1,22 @@
-"""What who furnishes rooms answers: an agent, a rival, or whoever comes."""
+"""What who furnishes rooms answers, an agent, a rival, or whoever comes; and layouts of a room that differ."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import zlib
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from layoutrl.rooms.room import Point, Room
+import numpy as np
+
+from layoutrl.rooms.brief import largest_first
+from layoutrl.rooms.clearances import off, period
+from layoutrl.rooms.room import Item, Point, Room
+
+APART = 0.3  # metres: layouts in which no item stands further elsewhere are one
+TURNED = 45.0  # degrees
+TRIES = 2  # for each layout that is asked for, until that many differ
 
 Placement = tuple[int, Point, float]  # index of an item in the room's furniture, its centre in metres, degrees
 
@@ -26,3 +36,46 @@ class Furnishes(Protocol):
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """Of each brief one layout or up to so many different ones, best first; what is drawn hangs on the seed."""
+
+
+Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]  # one of each brief, by these seeds
+
+
+def laid_out(brief: Room, layout: Room, value: float) -> Furnished:
+    """A layout that took each item to its place at once, the largest first."""
+    items = [(k, layout.furniture[k]) for k in largest_first(brief)]
+    return Furnished(layout, value, [(k, item.center, item.degrees) for k, item in items if item.center is not None])
+
+
+def several(layouts: Layouts, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+    """Of each brief up to so many layouts that differ, best first: `layouts` makes one of each with other seeds."""
+    found: list[list[Furnished]] = [[] for _ in briefs]
+    for attempt in range(TRIES * choices if choices > 1 else 1):
+        if short := [k for k, answers in enumerate(found) if len(answers) < choices]:
+            for k, answer in zip(short, layouts([briefs[k] for k in short], [seed, attempt]), strict=True):
+                if not any(same(answer.layout, other.layout) for other in found[k]):
+                    found[k].append(answer)
+    return [sorted(answers, key=lambda answer: -answer.value) for answers in found]
+
+
+def same(one: Room, other: Room) -> bool:
+    """Whether each item of either layout has one like it in the other that stands there and faces alike."""
+    return _covered(one, other) and _covered(other, one)
+
+
+def _covered(one: Room, other: Room) -> bool:
+    return all(any(_alike(item, its) for its in other.furniture) for item in one.furniture)
+
+
+def _alike(one: Item, other: Item) -> bool:
+    if one.kind != other.kind:
+        return False
+    if one.center is None or other.center is None:
+        return one.center == other.center
+    turned = off((one.rotation or 0) - (other.rotation or 0), period(one))
+    return math.dist(one.center, other.center) < APART and (one.form == "circle" or turned < TURNED)
+
+
+def dice(brief: Room, seeds: Sequence[int]) -> np.random.Generator:
+    """Of a room: the same in whichever file, shard or block it is."""
+    return np.random.default_rng([*seeds, zlib.crc32(brief.id.encode())])

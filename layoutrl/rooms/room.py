@@ -91,6 +91,11 @@ class Item:
         return translate(self.template, *center)
 
     @property
+    def kind(self) -> tuple[str, tuple[float, float], str]:
+        """What items have in common of which each could stand where another does: category, size and form."""
+        return self.category, self.size, self.form
+
+    @property
     def degrees(self) -> float:
         """The rotation. Raises ValueError where it is still to be chosen."""
         if self.rotation is None:

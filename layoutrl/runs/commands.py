@@ -169,7 +169,7 @@ def raised_errors() -> Iterator[None]:
 def in_a_line(error: Exception) -> str:
     """What is wrong, as one line."""
     if isinstance(error, OSError):  # a full disk, no permission
-        return f"{error.filename or 'a file'}: {error.strerror}; expected to be able to read or write it"
+        return f"{error.filename or 'a file'}: {error.strerror or error}; expected to be able to read or write it"
     if isinstance(error, OmegaConfBaseException):
         return f"{error.full_key}: {str(error).splitlines()[0]}"
     if not isinstance(error, InputError):

@@ -25,12 +25,12 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher, one_thread, spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
-from layoutrl.rivals.rooms.rival import Rival, dice, laid_out, same, several
+from layoutrl.rivals.rooms.rival import Rival
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import largest_first, missing, ways, with_poses
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.fitting import fitting_positions
-from layoutrl.rooms.furnished import Furnished, Furnishes
+from layoutrl.rooms.furnished import Furnished, Furnishes, dice, laid_out, same, several
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item

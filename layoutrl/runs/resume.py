@@ -25,7 +25,7 @@ from hydra.types import RunMode
 from layoutrl import InputError, __version__
 from layoutrl.rooms.room import Room
 from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint, taken
-from layoutrl.runs.commands import Stopped
+from layoutrl.runs.commands import Stopped, in_a_line, mendable
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
 from layoutrl.runs.folder import differences, folders_of, load_config, located, new_folder, wanted_folder
@@ -218,11 +218,11 @@ def swept(config: Config, run: Run[Config]) -> None:
             run(config, None)
     except Stopped:
         raise
-    except InputError as error:
-        print(f"error: {wanted_folder(config)}: {error}", file=sys.stderr)
-    except Exception:  # whatever it is: the other runs shall not suffer
-        print(f"error: {wanted_folder(config)}", file=sys.stderr)
-        traceback.print_exc()
+    except Exception as error:  # whatever it is: the other runs shall not suffer
+        what = f": {in_a_line(error)}" if mendable(error) else ""
+        print(f"error: {wanted_folder(config)}{what}", file=sys.stderr)
+        if not what:
+            traceback.print_exc()
     else:
         return
     raise CompactHydraException(f"{wanted_folder(config)} failed; all that failed is said above")

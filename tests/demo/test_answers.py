@@ -17,12 +17,11 @@ from hypothesis import strategies as st
 from layoutrl import InputError
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
-from layoutrl.rivals.rooms.rival import same
 from layoutrl.rooms.brief import brief_of, missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.faults import faults
-from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from layoutrl.runs import pretrained

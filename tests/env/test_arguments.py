@@ -132,7 +132,13 @@ def test_spaces_that_hold_less_than_the_rooms_have_are_refused(name: str) -> Non
     made(name, rooms=[room], **given)
     wrong = [
         ({"categories": ["bed"]}, f"categories: expected lamp among them, as room {room.id} has"),
-        ({"categories": "bed"}, "categories: expected a list of names; got 'bed'"),
+        ({"categories": "bed"}, "categories: expected a list of different names; got 'bed'"),
+        ({"categories": {"bed"}}, "categories: expected a list of different names; got {'bed'}"),
+        (
+            {"categories": ["bed", "lamp", "bed"]},
+            "categories: expected a list of different names; got ['bed', 'lamp', 'bed']",
+        ),
+        ({"categories": 5}, "categories: expected a list of different names; got 5"),
         (
             {"elements": rows - 1},
             f"elements: expected {rows} or more, for a row an element of these rooms; got {rows - 1}",

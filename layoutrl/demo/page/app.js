@@ -19,9 +19,11 @@ try {
   const gallery = sourceOf(known.gallery);
   offer(gallery);
   const first = known.gallery.find(({ room }) => room.room_type === FIRST);
-  const wrong = location.hash && !(await fromLink()) ? document.getElementById("verdict").textContent : "";
-  if (!location.hash || wrong) await shown(first, gallery);
-  if (wrong) say(wrong);
+  if (!(await fromLink())) {
+    const wrong = document.getElementById("verdict").textContent; // with the link
+    await shown(first, gallery);
+    if (wrong) say(wrong);
+  }
 } catch (error) {
   say(error.message);
 }

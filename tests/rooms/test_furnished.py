@@ -10,9 +10,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rivals.rooms.rival import APART, TRIES, same, several
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.furnished import APART, TRIES, Furnished, same, several
 from layoutrl.rooms.room import Item, Room
 from tests.builders import random_room, rectangular_room
 
