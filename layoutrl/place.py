@@ -415,18 +415,18 @@ def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
     if config.rooms == STANDARD:
         rooms: Any = time.time_ns()  # nobody knows whether the same comes again
     else:
-        rooms = [*map(stated, files_below(Path(config.rooms), FORMATS) if source else inputs(config))]
+        rooms = [*map(stamp, files_below(Path(config.rooms), FORMATS) if source else inputs(config))]
     read: dict[str, Any] = {
         "rooms": rooms,
-        "categories": config.categories and stated(Path(config.categories)),
-        "run": config.run and [stated(file) for file in sorted(Path(config.run).glob("checkpoints/*"))],
+        "categories": config.categories and stamp(Path(config.categories)),
+        "run": config.run and [stamp(file) for file in sorted(Path(config.run).glob("checkpoints/*"))],
     }
     said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
     kept: dict[str, Any] = json.loads(json.dumps(said | read | {"version": __version__}))
     return kept
 
 
-def stated(file: Path) -> tuple[str, int, int]:
+def stamp(file: Path) -> tuple[str, int, int]:
     """A file as it is now: where it is, its bytes, and the nanosecond in which it was changed."""
     return str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns
 

@@ -5,6 +5,8 @@ A new interpreter would import for seconds: only a few tests start one.
 
 from __future__ import annotations
 
+import importlib
+import json
 import multiprocessing
 import os
 import runpy
@@ -28,6 +30,7 @@ IMPORTED = (
 )
 SERVER = multiprocessing.get_context("forkserver")
 SERVER.set_forkserver_preload([*IMPORTED])
+PATCHED = "PATCHED_IN_TESTS"  # the environment variable that says which constants are others: values by name, in JSON
 FRESH = subprocess.run  # begins a new interpreter
 forked: Any = SERVER.Process  # within a forked process: another fork of it, as a server of its own would import again
 
@@ -74,6 +77,9 @@ def main(argv: list[str], cwd: Path, files: list[str], environment: dict[str, st
     os.environ.clear()
     os.environ |= environment | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(PROJECT)}
     torch.set_num_threads(1)
+    for name, value in json.loads(os.environ.get(PATCHED, "{}")).items():
+        module, _, constant = name.rpartition(".")
+        setattr(importlib.import_module(module), constant, value)
     if argv[0] == "-m":
         sys.argv = argv[1:]
         sys.modules.pop(argv[1], None)  # else runpy warns that it has been imported

@@ -7,6 +7,7 @@ The usual run draws the same examples everywhere, so that red means the change. 
 from __future__ import annotations
 
 import gc
+import json
 import os
 import tempfile
 import time
@@ -16,7 +17,7 @@ import pytest
 import torch
 from hypothesis import is_hypothesis_test, settings
 
-from tests.commands import PROJECT
+from tests.commands import PATCHED, PROJECT
 
 settings.register_profile("usual", deadline=None, max_examples=12, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=20, print_blob=True)
@@ -78,10 +79,21 @@ def small_planit(small_networks: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("layoutrl.rivals.planit.scoring.TRIES", 1)
 
 
+CONTENT = {
+    "layoutrl.evaluation.furnishing.AFRESH": 1,
+    "layoutrl.evaluation.furnishing.ELSEWHERE": 1,
+    "layoutrl.evaluation.choosing.LOOKED_AT": (1, 4),
+}
+
+
 @pytest.fixture(scope="module")
 def content_furnisher() -> Iterator[None]:
-    """Let agents of whole rooms leave what is wrong: untrained, they furnish a room anew time after time, in vain."""
+    """Let agents of whole rooms leave what is wrong: untrained, they look for better in vain, time after time.
+
+    Commands that are run here do so, too.
+    """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("layoutrl.evaluation.furnishing.AFRESH", 1)
-        patch.setattr("layoutrl.evaluation.furnishing.ELSEWHERE", 1)
+        for name, value in CONTENT.items():
+            patch.setattr(name, value)
+        patch.setenv(PATCHED, json.dumps(CONTENT))
         yield

@@ -164,7 +164,7 @@ class Answers:
         return {"centers": np.round(centers, 3).tolist(), "values": values.tolist(), "degrees": degrees.tolist()}
 
     def moves(self, asked: Any) -> Answer:
-        """The moves of an `item` that the furnisher values highest."""
+        """The legal moves of an `item`, those that the furnisher values highest first."""
         room, item = self._thought_of(asked)
         found = self.staff.thinker(room.room_type).moves(room, item)
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}

@@ -27,7 +27,7 @@ class Thinker(Protocol):
         there, and its degrees (n,)."""
 
     def moves(self, room: Room, item: int) -> list[Move]:
-        """The best moves of an item from where it stands: name, the centre it leads to, value; best first."""
+        """The legal moves of an item from where it stands, best first: name, the centre it leads to, value."""
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,8 @@ from layoutrl.demo.answers import LARGEST_LINE, Answers
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.runs.config import DemoConfig
 
-LARGEST_BODY = 5_000_000  # bytes
-LARGEST_HOME = LARGEST_BODY + LARGEST_LINE + 1  # a home that can be read, below a line on its rooms
+LARGEST_FILE = 5_000_000  # bytes
+LARGEST_HOME = LARGEST_FILE + LARGEST_LINE + 1  # a home that can be read, below a line on its rooms
 LEFT = "Layoutrl-Left"  # a header: JSON of a line on what a file is without
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
@@ -76,7 +76,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         body = await body_of(request, largest)
         return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
 
-    def asking(work: Callable[[bytes], Any], worker: str, largest: int = LARGEST_BODY) -> Callable[[Request], Any]:
+    def asking(work: Callable[[bytes], Any], worker: str, largest: int = LARGEST_FILE) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
             begun = False
 

@@ -157,7 +157,12 @@ def name_in(document: Any) -> str:
 
 
 def room_from_dict(document: Any) -> Room:
-    """One room from plain lists and numbers (as `room_to_dict` makes them). Raises RoomError."""
+    """One room from plain lists and numbers (as `room_to_dict` makes them).
+
+    Raises RoomError: that which stands in a document's place where its text could not be read, too.
+    """
+    if isinstance(document, RoomError):
+        raise document
     _check_fields(document, "room", REQUIRED, OPTIONAL)
     room_id = _text(document["id"], "id")
     room_type = _text(document["room_type"], "room_type")

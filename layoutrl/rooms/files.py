@@ -42,8 +42,6 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto") -> Co
             collection.notes.append(f"{file}: {unit_line(in_file, documents)}")
         for where, document in read:
             try:
-                if isinstance(document, RoomError):
-                    raise document
                 room = room_from_dict(in_metres(document, UNITS[in_file]))
                 if room.id in seen:
                     raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")

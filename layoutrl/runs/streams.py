@@ -65,8 +65,6 @@ def json_entries(config: PlaceConfig, first: int, step: int) -> Iterator[Entry |
 
 def _entry(where: str, document: Any, unit: str, move: str | None, names: Names | None) -> Entry:
     try:
-        if isinstance(document, RoomError):
-            raise document
         known = names.ours(document) if names else document
         room = room_from_dict(in_metres(known, UNITS[unit]))
         return Entry(where, to_place(room, move), document, unit=unit, stood=room.furniture)

@@ -221,8 +221,8 @@ def test_from_every_move_an_agent_learns_the_way_home(rises_from: float):
     )
     room = rectangular_room(2.4, 2.0, Item("bed", (0.8, 0.8), (0.4, 0.4)))
     one, other = np.random.SeedSequence(0).spawn(2)
-    learner = Learner([room], method, Reward(), 300, one, other, torch.device("cpu"))
-    list(learner.training(report_every=300))
+    learner = Learner([room], method, Reward(), 150, one, other, torch.device("cpu"))
+    list(learner.training(report_every=150))
     simulator = BatchSimulator(Simulator([room], method.moves, Reward()))
     starts = torch.tensor([(2.0, 1.6), (0.4, 1.6), (2.0, 0.4)], dtype=torch.float64)
     ends = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,8 @@ from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation import furnishing
-from layoutrl.evaluation.choosing import APART, FAULT, Chosen, Options, wrong
+from layoutrl.evaluation import choosing, furnishing
+from layoutrl.evaluation.choosing import APART, FAULT, LOOKED_AT, Chosen, Options, wrong
 from layoutrl.evaluation.furnishing import BACK, GAP, SIDEWAYS, Furnisher, _World, spread
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
@@ -28,6 +29,8 @@ from tests.builders import opening, rectangular_room
 from tests.evaluation.test_choosing import small_room
 
 CPU = torch.device("cpu")
+
+pytestmark = pytest.mark.usefixtures("content_furnisher")
 
 
 @pytest.fixture(scope="module")
@@ -46,11 +49,37 @@ def furnisher(method: Method, designs: list[Room]) -> Furnisher:
     return Furnisher(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories)
 
 
-@pytest.fixture(autouse=True)
-def seldom_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Something is always wrong where a network was not trained: once is enough."""
-    monkeypatch.setattr(furnishing, "AFRESH", 1)
-    monkeypatch.setattr(furnishing, "ELSEWHERE", 1)
+@pytest.fixture(scope="module")
+def together(content_furnisher: None, furnisher: Furnisher, designs: list[Room]) -> list[Furnished]:
+    """The rooms as they are furnished in one batch."""
+    return [best for (best,) in furnisher.furnish([brief_of(room) for room in designs], 1, 0)]
+
+
+@pytest.fixture(scope="module")
+def alone(content_furnisher: None, furnisher: Furnisher, designs: list[Room]) -> list[Furnished]:
+    """The same, one after the other."""
+    return [furnisher.furnish([brief_of(room)], 1, 0)[0][0] for room in designs]
+
+
+@pytest.fixture
+def remembered(furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a room not be furnished twice in one order with the same layouts known: of one brief all begins alike."""
+    found: dict[str, Any] = {}
+    furnish = furnisher._furnished
+
+    def once(world: _World, which: np.ndarray, rank: np.ndarray, known: Any) -> Any:
+        key = repr((which.tolist(), rank.tolist(), known))
+        if key not in found:
+            found[key] = furnish(world, which, rank, known)
+        return found[key]
+
+    monkeypatch.setattr(furnisher, "_furnished", once)
+
+
+@pytest.fixture
+def thorough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let as many poses be looked at as usual."""
+    monkeypatch.setattr(choosing, "LOOKED_AT", LOOKED_AT)
 
 
 def test_all_items_are_placed_where_they_fit_and_what_stands_stays(furnisher: Furnisher, designs: list[Room]) -> None:
@@ -80,8 +109,8 @@ def test_what_can_be_moved_nowhere_is_left_out_and_the_others_are_placed(furnish
         assert empty.value == 0
 
 
-def test_the_way_ends_where_the_items_stand(furnisher: Furnisher, designs: list[Room]) -> None:
-    (best,), _, _ = furnisher.furnish([brief_of(room) for room in designs], 1, 0)
+def test_the_way_ends_where_the_items_stand(together: list[Furnished]) -> None:
+    best = together[0]
     ends = {k: (center, degrees) for k, center, degrees in best.path}
     assert sorted(ends) == list(range(len(best.layout.furniture)))
     for k, item in enumerate(best.layout.furniture):
@@ -89,41 +118,34 @@ def test_the_way_ends_where_the_items_stand(furnisher: Furnisher, designs: list[
         assert ends[k][1] == item.rotation
 
 
-def test_layouts_are_the_same_wherever_the_designer_has_the_items_and_whatever_the_seed(furnisher, designs) -> None:
+def test_layouts_are_the_same_wherever_the_designer_has_the_items_and_whatever_the_seed(
+    furnisher, designs, together
+) -> None:
     moved = [
         replace(room, furniture=tuple(replace(item, center=(1.0, 1.0), rotation=0.0) for item in room.furniture))
         for room in designs
     ]
-    ours, theirs = (
-        furnisher.furnish([brief_of(room) for room in rooms], 1, seed) for rooms, seed in ((designs, 5), (moved, 6))
-    )
-    assert ours == theirs
+    assert furnisher.furnish([brief_of(room) for room in moved], 1, 6) == [[best] for best in together]
 
 
-def test_a_layout_does_not_hang_on_what_else_is_furnished(furnisher, designs) -> None:
-    briefs = [brief_of(room) for room in designs]
-    together = furnisher.furnish(briefs, 1, 0)
-    for brief, (best,) in zip(briefs, together, strict=True):
-        ((alone,),) = furnisher.furnish([brief], 1, 0)
-        assert_same_places(best.layout, alone.layout)
+def test_a_layout_does_not_hang_on_what_else_is_furnished(together: list[Furnished], alone: list[Furnished]) -> None:
+    for one, other in zip(together, alone, strict=True):
+        assert_same_places(one.layout, other.layout)
 
 
-def test_what_is_to_stand_elsewhere_does_not_hang_on_what_else_is_furnished(furnisher, designs) -> None:
+def test_what_is_to_stand_elsewhere_does_not_hang_on_what_else_is_furnished(furnisher, designs, alone) -> None:
     """A layout of each is known. Where one room looks for another place for its largest item, the other does not."""
     briefs = [brief_of(room) for room in designs[:2]]
     world = _World(briefs, Moves(), furnisher._categories, CPU)
     rank = world.rooms.sequence()
     # The largest item of the second room comes last: the rooms are at theirs at different steps.
     rank[1] = rank[1].max() - rank[1]
-    ((first,),) = furnisher.furnish(briefs[:1], 1, 0)
-    ((second,),) = furnisher.furnish(briefs[1:], 1, 0)
-    known = [[first], [second]]
-    together = furnisher._furnished(world, np.arange(2), rank, known)
-    for b, one in enumerate(together):
-        (alone,) = furnisher._furnished(world, np.array([b]), rank, known)
+    known = [[found] for found in alone[:2]]
+    for b, one in enumerate(furnisher._furnished(world, np.arange(2), rank, known)):
+        (other,) = furnisher._furnished(world, np.array([b]), rank, known)
         assert one is not None
-        assert alone is not None
-        assert_same_places(one.layout, alone.layout)
+        assert other is not None
+        assert_same_places(one.layout, other.layout)
 
 
 def assert_same_places(one: Room, other: Room) -> None:
@@ -134,10 +156,10 @@ def assert_same_places(one: Room, other: Room) -> None:
 
 
 def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_faults_then_as_found(
-    furnisher, designs
+    furnisher, designs, together
 ) -> None:
     briefs = [brief_of(room) for room in designs]
-    for (only,), layouts in zip(furnisher.furnish(briefs, 1, 0), furnisher.furnish(briefs, 3, 0), strict=True):
+    for only, layouts in zip(together, furnisher.furnish(briefs, 3, 0), strict=True):
         assert 1 < len(layouts) <= 3
         rank = wrong([one.layout for one in layouts]).tolist()
         assert rank == sorted(rank)
@@ -205,15 +227,22 @@ def test_only_what_belongs_at_a_wall_slides_sideways(furnisher, monkeypatch) -> 
         assert chosen.center[0, 1] == pytest.approx(ends, abs=1e-5)
 
 
-@pytest.mark.parametrize("lean", [12.0, 30.0, 60.0])
-def test_a_room_that_leans_is_furnished_as_if_it_stood_upright(furnisher, designs, lean) -> None:
-    room = replace(designs[0], target=None)
+@pytest.fixture(scope="module")
+def upright(content_furnisher: None, furnisher: Furnisher, designs: list[Room]) -> tuple[Room, Furnished]:
+    """A brief in which the first item stands, and its layout."""
+    room = replace(designs[0], furniture=designs[0].furniture[:3], target=None)
     first, *others = brief_of(room).furniture
     brief = replace(room, furniture=(*others, replace(first, center=room.furniture[0].center, rotation=0.0)))
-    (upright,), (leaning,) = (furnisher.furnish([one], 1, 0)[0] for one in (brief, brief.rotated(lean)))
+    return brief, furnisher.furnish([brief], 1, 0)[0][0]
+
+
+@pytest.mark.parametrize("lean", [12.0, 30.0, 60.0])
+def test_a_room_that_leans_is_furnished_as_if_it_stood_upright(furnisher, upright, lean) -> None:
+    brief, of_upright = upright
+    ((leaning,),) = furnisher.furnish([brief.rotated(lean)], 1, 0)
     assert leaning.layout.outline == brief.rotated(lean).outline
     assert leaning.layout.furniture[-1] == brief.rotated(lean).furniture[-1]  # it stood there: as it was, exactly
-    turned = upright.layout.rotated(lean)
+    turned = of_upright.layout.rotated(lean)
     for one, other in zip(leaning.layout.furniture, turned.furniture, strict=True):
         np.testing.assert_allclose(one.center, other.center, atol=1e-3)
         assert one.degrees % 360 == pytest.approx(other.degrees % 360)
@@ -243,7 +272,7 @@ def test_values_and_moves_of_a_room_that_leans_are_those_of_the_upright_one(furn
     assert set(np.round(degrees % 90, 6)) == {lean}
 
 
-def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatch) -> None:
+def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, thorough, remembered, monkeypatch) -> None:
     items = Item("bed", (1.0, 1.0)), Item("desk", (0.8, 0.5)), Item("wardrobe", (0.5, 0.5))
     easy = rectangular_room(6, 5, items[0], others=items[1:], target=None)  # faultless at once
     briefs = [*(brief_of(room) for room in design_rooms("bathroom", "test", 0, 8).rooms[::3]), easy]
@@ -258,7 +287,9 @@ def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, monkeypatc
     assert tried[-1] == once[-1]
 
 
-def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_kept(furnisher, monkeypatch) -> None:
+def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_kept(
+    furnisher, thorough, remembered, monkeypatch
+) -> None:
     easy = rectangular_room(6, 5, Item("bed", (1.0, 1.0)), target=None)  # faultless at once
     briefs = [*(brief_of(room) for room in design_rooms("balcony", "test", 0, 6).rooms[2:]), easy]
     layouts = {}
@@ -325,7 +356,7 @@ def test_a_room_in_which_nothing_is_to_be_placed_is_its_own_layout(furnisher: Fu
 
 @pytest.mark.parametrize("beside", [True, False])
 def test_where_every_end_is_faulty_a_move_more_is_made_or_a_drawn_place_taken(
-    furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch, beside: bool
+    furnisher: Furnisher, thorough: None, monkeypatch: pytest.MonkeyPatch, beside: bool
 ) -> None:
     rooms, _ = small_room()
     way = np.array([(1.5, 1.2), (1.0, 0.75)])

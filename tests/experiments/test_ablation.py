@@ -13,6 +13,7 @@ from tests import commands
 from tests.experiments.builders import LITTLE
 
 
+@pytest.mark.usefixtures("content_furnisher")
 def test_ablation_trains_every_change_on_every_seed_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -93,6 +93,7 @@ def test_a_mirrored_study_is_furnished_otherwise(
 def test_it_is_told_and_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(left_open, "TRIES", 600)
     monkeypatch.setattr("sys.argv", ["left_open.py", "balcony", "--rooms=3", f"--results={tmp_path / 'new'}"])
     left_open.main()
     result = json.loads((tmp_path / "new" / "balcony.json").read_text())

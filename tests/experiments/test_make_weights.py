@@ -20,6 +20,8 @@ from layoutrl.runs.config import composed
 from layoutrl.runs.pretrained import ABOUT, unpacked
 from tests.experiments.builders import configured, script
 
+pytestmark = pytest.mark.usefixtures("content_furnisher")
+
 
 def test_agents_are_made_from_nothing_and_of_what_is_finished(tmp_path: Path, capsys, designed: str) -> None:
     assert COLUMN in LEARNS.values()

@@ -21,7 +21,7 @@ from tests.runs.test_resume import SHORT
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(content_furnisher: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rooms")
     designed = design_rooms("tatami", "train", 0, 12).rooms
     rooms = folder / "rooms.jsonl"

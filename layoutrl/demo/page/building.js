@@ -3,9 +3,8 @@
 import { $, answered, changed, grid, judged, known, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
 import { openAlone } from "./saving.js";
-import { outdated, state, words } from "./store.js";
+import { WAYS, outdated, state, words } from "./store.js";
 
-const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const HINTS = {
   draw: "Click corner after corner, or go with the arrows and press Enter; the first corner again closes the outline.",
   door: "Click a wall, or go there with the arrows and press Enter.",

@@ -3,9 +3,8 @@
 import { back } from "./building.js";
 import { $, changed, inTurn, known, look, plan, render, say, select, waits } from "./page.js";
 import { metres } from "./plan.js";
-import { commit, item, outdated, state, travel, words } from "./store.js";
+import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
 
-const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const idle = () => document.body.dataset.state === "idle";
 const centimetres = (value) => Math.round(value * 100) / 100;
 let drag = null;
@@ -226,7 +225,7 @@ function pressed(event) {
   if (state.mode !== "edit" || !idle() || event.ctrlKey || event.metaKey || event.altKey) return;
   if (tooSoon(event)) return event.preventDefault();
   const thing = event.target.closest("[data-item], [data-opening]");
-  const way = STEPS[event.key];
+  const way = WAYS[event.key];
   if (thing && (event.key === "Enter" || event.key === " ")) {
     if (thing.dataset.item) select("item", Number(thing.dataset.item));
     else select("opening", Number(thing.dataset.opening));

@@ -87,6 +87,9 @@ export const openings = (room) => [
 
 export const item = () => (state.selected?.kind === "item" ? state.room.furniture[state.selected.index] : null);
 
+// Which way each key goes.
+export const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
 export const words = (category) => category.replaceAll("_", " ");
 
 // A link holds the room in its fragment, which browsers send nowhere.

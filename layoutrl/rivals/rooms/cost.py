@@ -16,7 +16,7 @@ FAULT = 0.3  # metres more for all that is deeper than TOLERANCE: none is bought
 
 
 class Cost:
-    """Costs of layouts, centres (C, n, 2) and facings (C, n): `rules` in metres and items, `soft` weighted."""
+    """Costs of layouts, centres (C, n, 2) and facings (C, n): `rules`, and the weighted `preference`."""
 
     def __init__(self, scene: Scene, relations: Relations, weights: Mapping[str, float]):
         self.scene, self.weights = scene, weights
@@ -58,16 +58,6 @@ class Cost:
         at = self.item, quarter
         return boxes_at(center + self.scene.front_offset[at], self.scene.front_half[at])
 
-    def soft(self, center: Array, quarter: Array, box: Array) -> dict[str, Array]:
-        """By term (C,), weighted: relations of items, of pairs of items, and visual balance."""
-        alone = self.kept.alone(box, quarter).sum(1) * self.alone_weights
-        off = (self.area[:, None] * center).sum(1) / self.area.sum() - self.middle
-        return {
-            **dict(zip(ALONE_TERMS, alone.T, strict=True)),
-            "pairs": self.pairs(box, quarter),
-            "balance": self.weights["balance"] * np.hypot(off[:, 0], off[:, 1]),
-        }
-
     def pairs(self, box: Array, quarter: Array) -> Array:
         """(C,) of every item and, in every category, the other item to which it stands best."""
         every = slice(None)
@@ -90,8 +80,11 @@ class Cost:
         return np.sum([self.weights[name] * value for name, value in found.items()], axis=0)
 
     def preference(self, center: Array, quarter: Array, box: Array) -> Array:
-        """The weighted soft terms (C,)."""
-        return np.sum(list(self.soft(center, quarter, box).values()), axis=0)
+        """What is no fault, weighted (C,): relations of items, of pairs of items, and visual balance."""
+        alone = self.kept.alone(box, quarter).sum(1) * self.alone_weights
+        off = (self.area[:, None] * center).sum(1) / self.area.sum() - self.middle
+        balance = self.weights["balance"] * np.hypot(off[:, 0], off[:, 1])
+        return np.sum([*alone.T, self.pairs(box, quarter), balance], axis=0)
 
     def unreached(self, box: Array) -> Array:
         """The weighted number of items (C,) that nobody reaches."""
