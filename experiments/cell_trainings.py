@@ -37,7 +37,9 @@ def trained_network(
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
     what = [resume.digest(rooms), config.budget.name, config.seed]
-    how = [asdict(part) for part in (config.room, config.method, config.reward)]
+    said = resume.stated(training)
+    said["room"] |= {"updates": None, "whole_updates": None}  # method.updates says how long
+    how = [said[part] for part in ("room", "method", "reward")]
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         trained = agent_training.train(training, rooms, held_out, device, begun)

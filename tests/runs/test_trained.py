@@ -13,9 +13,10 @@ import torch
 from layoutrl import InputError
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
-from layoutrl.runs.config import RunConfig, TrainConfig, composed, part
-from layoutrl.runs.trained import trained_run
+from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, RunConfig, TrainConfig, composed, part
+from layoutrl.runs.trained import asked_data, trained_run
 from layoutrl.train import run
 from tests.runs.test_resume import SHORT
 
@@ -104,3 +105,12 @@ def test_rooms_that_changed_since_the_training_are_told(
     changed(copy, root, f"  root: {file}")
     trained_run(RunConfig(str(copy)))
     assert f"{copy} was trained on other rooms than there are now" in capsys.readouterr().out
+
+
+def test_what_is_given_counts_though_it_be_the_usual() -> None:
+    own = Data("json", "rooms.json", unit="cm", strict=True)
+    nothing = part(composed("evaluate", "run=there"), EvaluateConfig).data
+    assert nothing == AS_IN_THE_RUN
+    assert asked_data(own, nothing) == (own, True)
+    given = part(composed("evaluate", "run=there", "data.unit=auto", "data.strict=false"), EvaluateConfig).data
+    assert asked_data(own, given) == (Data("json", "rooms.json"), True)

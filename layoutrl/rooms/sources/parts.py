@@ -27,8 +27,8 @@ class Data:
     seed: int | None = 0  # designer: of the rooms
     disturbed: float = 0.0  # designer: share of the rooms to train on that are disturbed as flats are
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
-    strict: bool = False  # json: stop at the first room that cannot be used
-    unit: str = "auto"  # json: m, cm, mm, in, ft, or auto, which tells the first three by how large rooms are
+    strict: bool | None = False  # json: stop at the first room that cannot be used
+    unit: str | None = "auto"  # json: m, cm, mm, in, ft, or auto, which tells the first three by how large rooms are
     categories: str | None = None  # sweethome3d, procthor, front3d: a YAML file of further names of furniture
 
     @property
@@ -40,7 +40,8 @@ class Data:
         """The rooms of one type that the source's files hold. Raises InputError where there are no such files."""
         assert self.source is not None
         categories = None if self.categories is None else Path(self.categories).expanduser()
-        return read_files(self.source, room_type, self.path, self.labels, self.strict, self.unit, categories)
+        strict, unit = bool(self.strict), self.unit or "auto"
+        return read_files(self.source, room_type, self.path, self.labels, strict, unit, categories)
 
 
 def parts_of(scope: str, room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
