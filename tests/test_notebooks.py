@@ -21,7 +21,7 @@ OPTIONS = ["budget=smoke", "data.train_rooms=8", "method.updates.smoke=8", "meth
 OPTIONS += ["method.evaluation_moves=5", "budget.evaluations=1", f"runs={FIGURES}"]
 """,
     "04_random_starts": "UPDATES = 3",
-    "07_whole_rooms": "SECONDS, DESIGNED = 0.1, 20",
+    "07_whole_rooms": "SECONDS, DESIGNED = 0.1, 5",
 }
 
 
