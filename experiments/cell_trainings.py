@@ -123,7 +123,6 @@ def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any])
     """Raise InputError where two configurations of cells are not scored in the same rooms."""
     one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
     for said in (one, other):  # without what does not say which rooms are held out
-        said["room"] = said["room"] | {"updates": None}
         said["data"] = said["data"] | {"train_rooms": None, "disturbed": None}
     if others := differences(one, other):
         raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")

@@ -37,7 +37,7 @@ from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs import resume
-from layoutrl.runs.commands import command, groups, nearest
+from layoutrl.runs.commands import command, groups, in_a_line, mendable, nearest
 from layoutrl.runs.config import config_directory, expanded, options
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences
@@ -81,9 +81,9 @@ def fill(config: CellConfig) -> None:
         with log.open("w", encoding="utf-8") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
             result = filled(config)
     except Exception as problem:  # whatever it is: the other cells shall not suffer
-        reason = f"error: {problem}\n" if isinstance(problem, InputError) else traceback.format_exc()
-        error.write_text(reason, encoding="utf-8")
-        print(f"{config.table}: {name} failed ({problem}); see {error}", flush=True)
+        said = in_a_line(problem) if mendable(problem) else str(problem)
+        error.write_text(f"error: {said}\n" if mendable(problem) else traceback.format_exc(), encoding="utf-8")
+        print(f"{config.table}: {name} failed ({said}); see {error}", flush=True)
         return
     write_json(file, result)
     error.unlink(missing_ok=True)

@@ -167,7 +167,7 @@ class Work:
     @property
     def asked(self) -> bool:
         """Whether anything was to be placed; a shard of a file may have nothing."""
-        return self.tally.rooms > 0 or self.config.shards != (0, 1)
+        return self.tally.rooms > 0 or self.config.shard_of != (0, 1)
 
     @property
     def nothing(self) -> str:
@@ -222,7 +222,7 @@ class Work:
 
         Raises InputError where the first PATIENCE lines of the standard input are no rooms.
         """
-        shard, shards = self.config.shards
+        shard, shards = self.config.shard_of
         done = self.tally.entries
         first = shard + done * shards
         named = names_in(self.config.move)
@@ -386,7 +386,7 @@ def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
     source = source.resolve() if source.is_dir() else source.absolute()  # .. is no name for a file
     name = source.name if source.is_dir() else name_of(source, source)
     out = Path(config.out) if config.out else source.with_name(f"{name}-placed{suffix}")
-    shard, shards = config.shards
+    shard, shards = config.shard_of
     if shards > 1:
         out = out.with_name(f"{out.stem}-{shard}of{shards}{out.suffix}")
     last = 1 if suffix == JSON else config.choices
@@ -402,7 +402,7 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
         return None
     if config.drawing == "dxf" and find_spec("ezdxf") is None:
         raise InputError("drawing: dxf needs ezdxf; expected it: in the checkout, pip install '.[dxf]'")
-    shard, shards = config.shards
+    shard, shards = config.shard_of
     folder = Path(config.pictures) / (f"{shard}of{shards}" if shards > 1 else "")
     folder.mkdir(parents=True, exist_ok=True)
     if new and any(folder.iterdir()):

@@ -90,7 +90,7 @@ CONTENT = {
 def content_furnisher() -> Iterator[None]:
     """Let agents of whole rooms leave what is wrong: untrained, they look for better in vain, time after time.
 
-    Commands that are run here do so, too.
+    Commands that are forked here do so, too.
     """
     with pytest.MonkeyPatch.context() as patch:
         for name, value in CONTENT.items():

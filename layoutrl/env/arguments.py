@@ -41,12 +41,16 @@ def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
-def check_spaces(rooms: Sequence[Room], categories: Sequence[str] | None, elements: int | None) -> None:
+def check_spaces(
+    rooms: Sequence[Room], categories: Sequence[str] | None, elements: int | None, observation: str = "geometry"
+) -> None:
     """Checks what fixes the space of an observation: the categories that are known, in their order, and its rows.
 
-    None is what the rooms need. Raises ValueError for what is neither that nor different names and a count, and
-    InputError where a room has furniture that is not among the categories.
+    None is what the rooms need. Raises ValueError for what is neither that nor different names and a count, and for any
+    with pictures; InputError where a room has furniture that is not among the categories.
     """
+    if observation == "image" and (categories, elements) != (None, None):
+        raise ValueError("categories, elements: expected none with observation='image', which looks alike in all rooms")
     if elements is not None:
         check_at_least_one(elements=elements)
     if categories is None:

@@ -77,7 +77,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         rooms = standing_or_some(rooms)
-        check_spaces(rooms, categories, elements)
+        check_spaces(rooms, categories, elements, observation)
         self.simulator = Simulator(rooms, *given_or_default(moves, reward))
         self.max_moves = max_moves
         self.on_illegal = on_illegal

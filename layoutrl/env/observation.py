@@ -33,6 +33,7 @@ X, Y, PRESENT, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
     for name in ("x", "y", "present", "item", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
 )
 STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # what else stands in a room is one of these
+LIMIT = 2 * LARGEST  # metres: no entry of a room that can be read is larger
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
 
@@ -90,7 +91,7 @@ class GeometryObservation:
         origin = envelope.mean(1)
         table = np.nan_to_num(padded(*elements_of(rooms, list(categories), origin), len(rooms)))
         shape = (enough(elements, table.shape[1]), table.shape[2])
-        self.space = spaces.Box(-LARGEST, LARGEST, shape, np.float32)
+        self.space = spaces.Box(-LIMIT, LIMIT, shape, np.float32)
         self._elements = torch.zeros(len(rooms), *shape, device=device)
         self._elements[:, : table.shape[1]] = torch.as_tensor(table, dtype=torch.float32)
         self.origin = torch.tensor(origin, device=device)  # float64, as positions
@@ -185,7 +186,7 @@ def enough(elements: int | None, needed: int) -> int:
     """How many rows an observation has that needs so many. Raises InputError where it is given fewer `elements`."""
     needed = max(2, needed)  # to take extremes over others
     if elements is not None and elements < needed:
-        raise InputError(f"elements: expected {needed} or more, for a row an element of these rooms; got {elements}")
+        raise InputError(f"elements: expected {needed} or more: so many rows do these rooms fill; got {elements}")
     return elements or needed
 
 

@@ -74,8 +74,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     ):
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
-        self.simulator, self.designs = simulator_of(rooms, moves, reward, items)
-        check_spaces(self.simulator.rooms, categories, elements)
+        self.simulator, self.designs = simulator_of(rooms, moves, reward, categories, elements, items)
         self.max_moves = max_moves
         self.render_mode = render_mode
         self._observe = RoomsObservation(self.simulator, categories, elements=elements)
@@ -141,10 +140,16 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
 
 
 def simulator_of(
-    rooms: Sequence[Room] | None, moves: Moves | None, reward: Reward | None, items: int | None
+    rooms: Sequence[Room] | None,
+    moves: Moves | None,
+    reward: Reward | None,
+    categories: Sequence[str] | None,
+    elements: int | None,
+    items: int | None,
 ) -> tuple[RoomsSimulator, list[Room | None]]:
-    """The simulator of designs and briefs with so many items, and of each room its design; None of briefs."""
+    """What is given, checked: the simulator of designs and briefs, and of each room its design; None of briefs."""
     given = given_or_some(rooms)
+    check_spaces(given, categories, elements)
     if items is not None:
         check_at_least_one(items=items)
     if empty := [room.id for room in given if not room.furniture]:

@@ -21,6 +21,7 @@ from layoutrl.env.observation import (
     COS2,
     DEPTH,
     ITEM,
+    LIMIT,
     PRESENT,
     SIN,
     SIN2,
@@ -35,7 +36,6 @@ from layoutrl.env.observation import (
 )
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.symmetry import Symmetry
-from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import envelopes
 
 MOVING = COLUMNS.index("moving")
@@ -85,7 +85,7 @@ class RoomsObservation:
                 given[r, : len(those)] = [item.rotation is not None for item in those]
                 category = np.array([item.category for item in those])
                 items[r, : len(those), :, len(ROOM_COLUMNS) :] = (category[:, None] == np.array(names))[:, None]
-        self.space = spaces.Box(-LARGEST, LARGEST, (total, shell.shape[2]), np.float32)
+        self.space = spaces.Box(-LIMIT, LIMIT, (total, shell.shape[2]), np.float32)
         self._shell, self._items, self._waiting = (
             torch.tensor(table, dtype=torch.float32, device=device) for table in (shell, items, waiting)
         )
@@ -119,12 +119,11 @@ class RoomsObservation:
         return turned
 
 
-def moving_first(values: Tensor, moving: Tensor) -> Tensor:
-    """Values (B, elements, ...) in which the moving item's (B,) have changed places with the first."""
-    order = torch.arange(values.shape[1], device=values.device).repeat(len(moving), 1)
-    order = order.scatter(1, moving[:, None], 0)
-    order[:, 0] = moving
-    return values[torch.arange(len(moving), device=values.device)[:, None], order]
+def moving_first_(values: Tensor, moving: Tensor) -> Tensor:
+    """The values (B, elements, ...), in which now the moving item's (B,) have changed places with the first."""
+    every = torch.arange(len(moving), device=values.device)
+    values[every, moving], values[:, 0] = values[:, 0].clone(), values[every, moving]
+    return values
 
 
 def lying(elements: Tensor) -> Tensor:

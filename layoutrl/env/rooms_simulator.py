@@ -28,7 +28,7 @@ TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions tha
 
 
 class State(NamedTuple, Generic[Array]):
-    """B rooms as they are furnished now. N is the most items that a room has to place.
+    """B rooms as they are furnished now. N is that of the simulator, the most items that a room has to place or more.
 
     An item that does not stand has the pose at which it will once it is taken.
     """

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from torch import Tensor
 
-from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode, check_spaces, refuse_options
+from layoutrl.env.arguments import begun, check_at_least_one, check_render_mode, refuse_options
 from layoutrl.env.device import usable_device
 from layoutrl.env.measures import measured
 from layoutrl.env.reward import Reward
@@ -62,8 +62,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.max_moves = max_moves
         self.measure = measure
         self.render_mode = render_mode
-        self._reference, self._designs = simulator_of(rooms, moves, reward, items)
-        check_spaces(self._reference.rooms, categories, elements)
+        self._reference, self._designs = simulator_of(rooms, moves, reward, categories, elements, items)
         self.simulator = BatchRoomsSimulator(self._reference, device)
         self._observe = RoomsObservation(self._reference, categories, device, elements)
         self.single_observation_space = self._observe.space

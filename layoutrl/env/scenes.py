@@ -15,7 +15,7 @@ from layoutrl.env.geometry import GRID
 from layoutrl.env.observation import COS, DEPTH, ITEM, SIN, WIDTH, X, Y
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
-from layoutrl.env.rooms_observation import STANDS, RoomsObservation, lying, moving_first
+from layoutrl.env.rooms_observation import STANDS, RoomsObservation, lying, moving_first_
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.symmetry import Symmetry
 
@@ -123,7 +123,7 @@ class ScenesObservation:
     def __call__(self, scene: Tensor, position: Tensor) -> Tensor:
         """Observe poses: scene (B, columns), position (B, 2) in metres."""
         state = self._scenes.state(scene, position)
-        elements = moving_first(self._observe(state), state.moving)
+        elements = moving_first_(self._observe(state), state.moving)
         waits = elements[..., STANDS] == 0
         elements[..., X : Y + 1] = elements[..., X : Y + 1].where(~waits[..., None], elements[:, :1, X : Y + 1])
         elements[..., ITEM] *= ~waits

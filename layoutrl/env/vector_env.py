@@ -72,7 +72,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         device = usable_device(device)
         rooms = standing_or_some(rooms)
-        check_spaces(rooms, categories, elements)
+        check_spaces(rooms, categories, elements, observation)
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.render_mode = render_mode

@@ -135,9 +135,14 @@ def answers_errors(*, again: bool = False) -> Iterator[None]:
 
 def mendable(error: Exception) -> bool:
     """Whether it is the user who can do something about it; all else is a mistake of ours."""
-    if isinstance(error, InputError | OmegaConfBaseException | OSError):
-        return True
-    from layoutrl.runs.machine import out_of_memory  # here: it loads torch
+    return isinstance(error, InputError | OmegaConfBaseException | OSError) or no_memory(error)
+
+
+def no_memory(error: Exception) -> bool:
+    """Whether there was too little memory; of errors of torch, where it is loaded."""
+    if isinstance(error, MemoryError) or "torch" not in sys.modules:
+        return isinstance(error, MemoryError)
+    from layoutrl.runs.machine import out_of_memory
 
     return out_of_memory(error)
 
@@ -168,15 +173,15 @@ def raised_errors() -> Iterator[None]:
 
 def in_a_line(error: Exception) -> str:
     """What is wrong, as one line."""
-    if isinstance(error, OSError):  # a full disk, no permission
-        return f"{error.filename or 'a file'}: {error.strerror or error}; expected to be able to read or write it"
     if isinstance(error, OmegaConfBaseException):
         return f"{error.full_key}: {str(error).splitlines()[0]}"
-    if not isinstance(error, InputError):
+    if no_memory(error):
         return (
             "memory: there is too little of it; expected less to keep there at once: fewer rooms or, of a training, a "
             "smaller method.replay_capacity, method.batch or method.episodes"
         )
+    if isinstance(error, OSError):  # a full disk, no permission
+        return f"{error.filename or 'a file'}: {error.strerror or error}; expected to be able to read or write it"
     return str(error)
 
 

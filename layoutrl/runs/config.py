@@ -186,7 +186,9 @@ class TrainCommand(TrainConfig):
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
 
 
-AS_IN_THE_RUN = Data(source=None, labels=None, train_rooms=None, test_rooms=None, seed=None, strict=None, unit=None)
+AS_IN_THE_RUN = Data(
+    source=None, labels=None, train_rooms=None, test_rooms=None, seed=None, disturbed=None, strict=None, unit=None
+)
 
 
 @dataclass
@@ -266,7 +268,7 @@ class PlaceConfig:
     device: str = "auto"
 
     @property
-    def shards(self) -> tuple[int, int]:
+    def shard_of(self) -> tuple[int, int]:
         """Of the rooms: the shard, and of how many."""
         shard, shards = map(int, self.shard.split("/"))
         return shard, shards

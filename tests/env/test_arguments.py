@@ -141,11 +141,14 @@ def test_spaces_that_hold_less_than_the_rooms_have_are_refused(name: str) -> Non
         ({"categories": 5}, "categories: expected a list of different names; got 5"),
         (
             {"elements": rows - 1},
-            f"elements: expected {rows} or more, for a row an element of these rooms; got {rows - 1}",
+            f"elements: expected {rows} or more: so many rows do these rooms fill; got {rows - 1}",
         ),
         ({"elements": 2.5}, "elements: expected a whole number, 1 or more; got 2.5"),
     ]
-    if "items" in given:
+    if "items" not in given:
+        none = "categories, elements: expected none with observation='image', which looks alike in all rooms"
+        wrong.append(({"observation": "image"}, none))
+    else:
         wrong += [
             ({"items": 1}, f"items: expected 2 or more, as room {room.id} has to place; got 1"),
             ({"items": "2"}, "items: expected a whole number, 1 or more; got '2'"),

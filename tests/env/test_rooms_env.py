@@ -172,8 +172,11 @@ def assert_same(told: Any, expected: Any) -> None:
         np.testing.assert_allclose(told, expected, rtol=0, atol=2e-2 if np.asarray(told).dtype == float else 2e-6)
 
 
-def test_the_vector_environment_tells_what_as_many_single_ones_tell() -> None:
-    rooms, seeds, keywords = upright_rooms(), [5, 6, 7, 8], {"max_moves": 12, "reward": Reward(90, -70, -40)}
+@pytest.mark.parametrize("more", [0, 3])
+def test_the_vector_environment_tells_what_as_many_single_ones_tell(more: int) -> None:
+    rooms, seeds = upright_rooms(), [5, 6, 7, 8]
+    items = max(len(missing(room)) or len(room.furniture) for room in rooms) + more
+    keywords: dict[str, Any] = {"max_moves": 12, "reward": Reward(90, -70, -40), "items": items, "elements": 60}
     vector: VectorEnv = RoomsVectorEnv(4, rooms, **keywords)
     singles = SyncVectorEnv([lambda: RoomsEnv(rooms, **keywords)] * 4, autoreset_mode=AutoresetMode.SAME_STEP)
     told, expected = vector.reset(seed=seeds), singles.reset(seed=seeds)
@@ -185,6 +188,7 @@ def test_the_vector_environment_tells_what_as_many_single_ones_tell() -> None:
         action = (chance * np.where(chance > 0.98, 1, legal)).argmax(1)  # some are illegal
         told, expected = vector.step(action), singles.step(action)
         assert_same(told, expected)
+        assert not legal[:, legal.shape[1] - more :].any()  # there are no such items
 
 
 def test_one_stream_draws_for_all_environments_and_measures_can_be_left_out() -> None:

@@ -68,7 +68,7 @@ def remembered(furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch) -> None:
     furnish = furnisher._furnished
 
     def once(world: _World, which: np.ndarray, rank: np.ndarray, known: Any) -> Any:
-        key = repr((which.tolist(), rank.tolist(), known))
+        key = repr(([room.id for room in world.rooms.rooms], which.tolist(), rank.tolist(), known))
         if key not in found:
             found[key] = furnish(world, which, rank, known)
         return found[key]

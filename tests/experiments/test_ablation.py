@@ -12,8 +12,9 @@ import pytest
 from tests import commands
 from tests.experiments.builders import LITTLE
 
+pytestmark = pytest.mark.usefixtures("content_furnisher")
 
-@pytest.mark.usefixtures("content_furnisher")
+
 def test_ablation_trains_every_change_on_every_seed_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

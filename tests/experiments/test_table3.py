@@ -20,10 +20,11 @@ from layoutrl.rooms.documents import room_from_dict
 from layoutrl.runs.pretrained import cards
 from tests.experiments.builders import REAL, cell, configured, script
 
+pytestmark = pytest.mark.usefixtures("content_furnisher")
 TINY = ("table=table3", "room=bedroom", "planit.updates={smoke: 2}")
 
 
-@pytest.mark.usefixtures("content_furnisher", "small_planit")
+@pytest.mark.usefixtures("small_planit")
 @pytest.mark.parametrize("column", [*FURNISHES, "annealer_long", "search_long"])
 def test_every_column_furnishes_the_held_out_rooms(column, tmp_path, designed):
     few = ("share_of_rooms=0.34",) if column != "designer" else ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import make_weights
@@ -25,8 +24,8 @@ TYPES = [*pretrained.cards()]
 @pytest.mark.parametrize("room_type", TYPES)
 def test_every_agent_is_what_is_said_of_it_and_places_all_items_the_same_again(room_type: str) -> None:
     furnisher = pretrained.load(room_type, CPU)  # which compares the hash
-    (room,) = design_rooms(room_type, "test", 5, 1).rooms
-    briefs = [brief_of(replace(room, furniture=room.furniture[:4], target=None))]
+    rooms = design_rooms(room_type, "test", 5, 5).rooms
+    briefs = [brief_of(min(rooms, key=lambda room: len(room.furniture)))]
     layouts, again = ([one.layout for one, *_ in furnisher.furnish(briefs, 1, seed)] for seed in (3, 4))
     assert layouts == again
     assert not any(fault == MISSING for layout in layouts for _, fault in faults(layout))

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from layoutrl.env.geometry import snap
 from layoutrl.env.observation import CIRCLE, SIN2, categories_of, upright_box
 from layoutrl.env.reward import Reward
-from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation, moving_first
+from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation, moving_first_
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.scenes import QUARTERS
 from layoutrl.env.simulator import Moves
@@ -139,7 +139,7 @@ def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
         stands=state.stands.scatter(1, moving, True),
     )
     turned = (state._replace(quarter=state.quarter.scatter(1, moving, q)) for q in range(QUARTERS))
-    return torch.stack([moving_first(observe(each), state.moving) for each in turned], 1)
+    return torch.stack([moving_first_(observe(each), state.moving) for each in turned], 1)
 
 
 def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
@@ -199,7 +199,7 @@ def _pointed(
     boxes = upright_box(seen.movedim(-1, 0))
     middle, half = (t.movedim(0, 2)[..., None, :] for t in boxes)  # (B, QUARTERS, 2, 1, elements)
     depth = half[..., :1] + half - (center[..., None] - middle).abs()
-    stands = (seen[:, 0, :, STANDS] == 1) & moving_first(solid, state.moving) & _fills_its_box(seen[:, 0])
+    stands = (seen[:, 0, :, STANDS] == 1) & moving_first_(solid, state.moving) & _fills_its_box(seen[:, 0])
     stands[:, 0] = False  # itself
     deep = ((depth > TOLERANCE) & stands[:, None, None, None]).float()
     overlaps = deep[:, :, 0] @ deep[:, :, 1].transpose(2, 3)  # (B, QUARTERS, LIKELY, LIKELY)

@@ -25,7 +25,7 @@ class Data:
     train_rooms: int | None = 5000  # designer: rooms to train on
     test_rooms: int | None = 1000  # designer: held-out rooms, from a seed of their own
     seed: int | None = 0  # designer: of the rooms
-    disturbed: float = 0.0  # designer: share of the rooms to train on that are disturbed as flats are
+    disturbed: float | None = 0.0  # designer: share of the rooms to train on that are disturbed as flats are
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
     strict: bool | None = False  # json: stop at the first room that cannot be used
     unit: str | None = "auto"  # json: m, cm, mm, in, ft, or auto, which tells the first three by how large rooms are
