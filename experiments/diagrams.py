@@ -148,7 +148,7 @@ LOOKS = {
     THEIRS: ("black", "D", "Di & Yu, as printed (other rooms; interval not known)"),
     AGENT: (BLUE, "o", "agent"),
     POINTER: (ORANGE, "s", "supervised pointer, trained at least as long"),
-    RIVAL: (GREEN, "^", "PlanIT, trained at least as long"),
+    RIVAL: (GREEN, "^", "PlanIT, trained for less in four types"),
 }
 TICKS = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1)
 

@@ -229,7 +229,7 @@ def test_shards_are_placed_side_by_side_as_on_a_cluster(tmp_path: Path) -> None:
     for document in documents[:2]:
         del document["furniture"][0]["center"]
     (tmp_path / "mine.jsonl").write_text("\n".join(map(json.dumps, documents)))
-    given = ("by=search", "rooms=mine.jsonl", "seconds=0.1", "shard=0/2,1/2", "hydra/launcher=submitit_local")
+    given = ("by=agents", "rooms=mine.jsonl", "shard=0/2,1/2", "hydra/launcher=submitit_local")
     done = fresh("-m", "layoutrl", "place", "-m", *given, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     for shard in range(2):

@@ -108,9 +108,6 @@ def check_data(data: Data) -> None:
     for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
         value = getattr(data, name)
         within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
-    for name in ("disturbed", "strict", "unit"):  # None is as in the run
-        value = getattr(data, name)
-        within(f"data.{name}", value, data.source is None or value is not None, "a value")
     within("data.disturbed", data.disturbed, data.disturbed is None or 0 <= data.disturbed <= 1, "0 to 1")
     if data.unit is not None:
         one_of("data.unit", data.unit, "auto", *UNITS)
