@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -13,29 +12,19 @@ import pytest
 
 from layoutrl.demo import listening
 from layoutrl.demo.furnisher import Move, Staff
-from layoutrl.rivals.budgets import Spent, updates_budget
-from layoutrl.rivals.rooms.relations import mine
-from layoutrl.rivals.rooms.rival import SEEDS, Rival
-from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rivals.budgets import updates_budget
+from layoutrl.rivals.rooms.rival import Rival
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import composed
 
 if TYPE_CHECKING:
     from layoutrl.demo.answers import Answers
 
-FEW = 40  # designed rooms of a type and seed: of fewer rare categories would not be known
 RESTARTS = 2  # of a search: in so long a time machines find different layouts
 
 
 class Thinking(Rival):
-    """Thinks most of places near the origin, and of the way there; its relations are of few rooms."""
-
-    def __init__(self, settings: Searching, budget: Callable[[], Spent]):
-        super().__init__(settings, budget)
-        self.relations = cache(
-            lambda room_type: mine([room for s in SEEDS for room in design_rooms(room_type, "train", s, FEW).rooms])
-        )
+    """Thinks most of places near the origin, and of the way there."""
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         x0, y0, x1, y1 = room.indoor.bounds
