@@ -81,7 +81,7 @@ def fill(config: CellConfig) -> None:
         with log.open("w", encoding="utf-8") as out, contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
             result = filled(config)
     except Exception as problem:  # whatever it is: the other cells shall not suffer
-        said = in_a_line(problem) if mendable(problem) else str(problem)
+        said = in_a_line(problem)
         error.write_text(f"error: {said}\n" if mendable(problem) else traceback.format_exc(), encoding="utf-8")
         print(f"{config.table}: {name} failed ({said}); see {error}", flush=True)
         return

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import layoutrl
 from layoutrl import InputError
+from layoutrl.runs.commands import out_of_memory
 from layoutrl.runs.files import write_whole
 from layoutrl.runs.folder import differences
 
@@ -97,8 +98,6 @@ def load_checkpoint(
     """
     import torch
 
-    from layoutrl.runs.machine import out_of_memory
-
     found = checkpoints(folder)
     if which == "best" and found:
         found.sort(key=best(found).__ne__)  # it first; the others stay in order
@@ -140,8 +139,6 @@ def load_checkpoint(
 @contextmanager
 def taken(folder: Path) -> Iterator[None]:
     """Raise InputError for a checkpoint that holds something else than what takes it: torch meets that in many ways."""
-    from layoutrl.runs.machine import out_of_memory  # it loads torch
-
     try:
         yield
     except Exception as error:

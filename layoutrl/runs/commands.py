@@ -6,6 +6,7 @@ It loads no torch: a command that imports it only in what it runs answers what i
 from __future__ import annotations
 
 import difflib
+import errno
 import os
 import re
 import signal
@@ -29,6 +30,7 @@ from layoutrl.runs.config import config_directory, misfit, options, register
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
 ALIKE = 0.6  # 0 to 1: names that are less so are no hint
+OF_MEMORY = "can't allocate memory", "out of memory", "ALLOC_FAILED"  # as torch says it of the CPU, GPUs and cuBLAS
 AGAIN = "make the same sweep again to go on with it"
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
@@ -135,16 +137,15 @@ def answers_errors(*, again: bool = False) -> Iterator[None]:
 
 def mendable(error: Exception) -> bool:
     """Whether it is the user who can do something about it; all else is a mistake of ours."""
-    return isinstance(error, InputError | OmegaConfBaseException | OSError) or no_memory(error)
+    return isinstance(error, InputError | OmegaConfBaseException | OSError) or out_of_memory(error)
 
 
-def no_memory(error: Exception) -> bool:
-    """Whether there was too little memory; of errors of torch, where it is loaded."""
-    if isinstance(error, MemoryError) or "torch" not in sys.modules:
-        return isinstance(error, MemoryError)
-    from layoutrl.runs.machine import out_of_memory
-
-    return out_of_memory(error)
+def out_of_memory(error: Exception) -> bool:
+    """Whether there was too little memory, of the machine or a GPU. torch has a RuntimeError for it, or one of its own
+    that is one."""
+    if isinstance(error, RuntimeError):
+        return any(words in str(error) for words in OF_MEMORY)
+    return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
 
 
 def is_read() -> bool:
@@ -175,7 +176,7 @@ def in_a_line(error: Exception) -> str:
     """What is wrong, as one line."""
     if isinstance(error, OmegaConfBaseException):
         return f"{error.full_key}: {str(error).splitlines()[0]}"
-    if no_memory(error):
+    if out_of_memory(error):
         return (
             "memory: there is too little of it; expected less to keep there at once: fewer rooms or, of a training, a "
             "smaller method.replay_capacity, method.batch or method.episodes"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import errno
 import os
 import platform
 import re
@@ -19,7 +18,6 @@ import torch
 import layoutrl
 from layoutrl.env.device import usable_device
 
-OF_MEMORY = "can't allocate memory", "out of memory", "ALLOC_FAILED"  # of the CPU, CUDA and cuBLAS
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
 
@@ -35,13 +33,6 @@ def refuse_chance(device: torch.device) -> None:
     torch.use_deterministic_algorithms(device.type == "cpu")
     # What finds errors, and takes time. (torch's types do not know it.)
     torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
-
-
-def out_of_memory(error: Exception) -> bool:
-    """Whether there was too little memory. (In some places torch raises a plain RuntimeError for it.)"""
-    if isinstance(error, RuntimeError):
-        return isinstance(error, torch.OutOfMemoryError) or any(words in str(error) for words in OF_MEMORY)
-    return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
 
 
 def keep_freed_memory() -> None:
