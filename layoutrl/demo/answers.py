@@ -17,7 +17,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.demo.furnisher import Staff
-from layoutrl.demo.home import fixed, home_of, new_home, written_back
+from layoutrl.demo.home import fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
@@ -31,7 +31,7 @@ from layoutrl.rooms.formats import RoomsSource, Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
-from layoutrl.rooms.sources.sweethome3d import Home
+from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answerable import Answerable, answerable
 from layoutrl.runs.asked import asked_of, said_to_stay
@@ -291,7 +291,7 @@ def suffix_of(content: bytes) -> str:
 def source_of(path: Path, unit: str) -> Source:
     """The rooms of a file, lengths in JSON in a unit. Raises InputError where it cannot be read."""
     if path.suffix == ".sh3d":
-        return home_of(path)
+        return read_home(path)
     kind = format_of(path)
     if kind == "procthor":  # a house names its furniture, and another file says how large that is
         raise InputError(

@@ -24,7 +24,7 @@ from layoutrl.figures.drawing import in_xml
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.clearances import RUGS
 from layoutrl.rooms.room import Item, Room, along_and_through, wall_thickness
-from layoutrl.rooms.sources.sweethome3d import Home, HomePiece, read_home
+from layoutrl.rooms.sources.sweethome3d import Home, read_home
 
 VERSION = "5300"
 WALL_HEIGHT, DOOR_HEIGHT, SILL, WINDOW_HEIGHT = 250.0, 208.5, 90.0, 120.0  # centimetres, as the program draws them
@@ -65,34 +65,10 @@ APART = 0.3  # metres, of what stands beside a room
 NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
 
 
-def home_of(path: Path) -> Home:
-    """A home as the page shows it, and as it is written back: both have the same furniture.
-
-    What the home has outside its rooms, and does not let move, stays there: it is for none of them. Raises InputError
-    for a file that is no home.
-    """
-    home = read_home(path)
-    for k, room in enumerate(home.rooms):
-        kept = []
-        for item, piece in zip(room.furniture, home.pieces[room.id], strict=True):
-            if item.center is None and not _may_move(piece):
-                note = f"the {item.category} outside all rooms stays there: the home does not let it move"
-                home.collection.notes.append(note)
-            else:
-                kept.append((item, piece))
-        home.rooms[k] = replace(room, furniture=tuple(item for item, _ in kept))
-        home.pieces[room.id] = [piece for _, piece in kept]
-    return home
-
-
 def fixed(home: Home, room: Room) -> list[int]:
     """The indices of a room's furniture that a home is not written back with elsewhere: nobody knows it, or the home
     does not let it move."""
-    return [k for k, piece in enumerate(home.pieces[room.id]) if not _may_move(piece)]
-
-
-def _may_move(piece: HomePiece) -> bool:
-    return piece.known and piece.element.flag("movable", True)
+    return [k for k, piece in enumerate(home.pieces[room.id]) if not (piece.known and piece.may_move)]
 
 
 def written_back(room: Room, content: bytes, others: Sequence[Room] = ()) -> tuple[bytes, list[str]]:
@@ -105,7 +81,7 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = ()) -> tup
         path, out = Path(folder) / NAME, Path(folder) / f"out-{NAME}"
         path.write_bytes(content)
         try:
-            home = home_of(path)
+            home = read_home(path)
         except InputError as error:  # which names the file, of which the page knows nothing
             raise InputError(str(error).replace(str(path), NAME)) from None
         before = {room.id: room for room in home.rooms}

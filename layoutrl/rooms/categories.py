@@ -32,8 +32,8 @@ SIZES = {  # words that may follow an English name, with numbers or without
 }
 ALL = "all"  # of `move`: whatever who places can place
 
-# What tells the type of a room without a name, in this order; and what may be put into a room of each type: what
-# the designer puts there, and what does as well.
+# What tells the type of a room without a name, in this order; what the designer puts into rooms of each type, so that
+# agents and rivals place it there; and what may be put there as well.
 TELLING = {
     "bathroom": {"toilet", "bathtub", "shower"},
     "bedroom": {"bed"},
@@ -42,28 +42,27 @@ TELLING = {
     "study": {"desk"},
     "dining_room": {"table"},
 }
-HOLDS = {
-    "balcony": {"armchair", "bench", "chair", "laundry_cabinet", "lounge_chair", "plant_rack", "side_table", "sink"}
-    | {"stool", "table", "washer", "washing_machine"},
-    "bathroom": {"bathtub", "shower", "sink", "toilet", "vanity", "washing_machine"},
-    "bedroom": {"armchair", "bed", "bench", "bookcase", "chair", "desk", "dresser", "nightstand", "side_table", "stool"}
-    | {"tv_unit", "wardrobe"},
-    "dining_room": {"bench", "chair", "sideboard", "stool", "table", "wardrobe"},
-    "kitchen": {"chair", "cooktop", "counter", "fridge", "sideboard", "sink", "stool", "table", "washing_machine"},
-    "living_room": {
-        "armchair",
-        "bookcase",
-        "chair",
-        "coffee_table",
-        "lounge_chair",
-        "loveseat",
-        "plant_rack",
-        "side_table",
-    }
-    | {"sideboard", "sofa", "sofa_bed", "stool", "table", "tv_unit"},
-    "study": {"armchair", "bookcase", "chair", "desk", "lounge_chair", "side_table", "sofa_bed", "stool", "wardrobe"},
-    "tatami": {"chair", "desk", "platform", "stool", "wardrobe"},
+DESIGNED = {
+    "balcony": {"laundry_cabinet", "lounge_chair", "plant_rack", "side_table", "sink", "washer"},
+    "bathroom": {"bathtub", "shower", "toilet", "vanity", "washing_machine"},
+    "bedroom": {"bed", "chair", "desk", "dresser", "nightstand", "tv_unit", "wardrobe"},
+    "dining_room": {"bench", "chair", "sideboard", "table"},
+    "kitchen": {"cooktop", "counter", "fridge", "sink"},
+    "living_room": {"armchair", "bookcase", "coffee_table", "loveseat", "plant_rack", "side_table", "sofa", "tv_unit"},
+    "study": {"armchair", "bookcase", "chair", "desk", "side_table", "sofa_bed"},
+    "tatami": {"desk", "platform", "stool", "wardrobe"},
 }
+AS_WELL = {
+    "balcony": {"armchair", "bench", "chair", "stool", "table", "washing_machine"},
+    "bathroom": {"sink"},
+    "bedroom": {"armchair", "bench", "bookcase", "side_table", "stool"},
+    "dining_room": {"stool", "wardrobe"},
+    "kitchen": {"chair", "sideboard", "stool", "table", "washing_machine"},
+    "living_room": {"chair", "lounge_chair", "sideboard", "sofa_bed", "stool", "table"},
+    "study": {"lounge_chair", "stool", "wardrobe"},
+    "tatami": {"chair"},
+}
+HOLDS = {room_type: DESIGNED[room_type] | AS_WELL[room_type] for room_type in DESIGNED}
 
 
 class Names:

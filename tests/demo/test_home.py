@@ -11,13 +11,14 @@ from xml.etree.ElementTree import Element, fromstring
 import pytest
 
 from layoutrl import InputError
-from layoutrl.demo.home import NAME, fixed, home_of, new_home, written_back
+from layoutrl.demo.home import NAME, fixed, new_home, written_back
 from layoutrl.demo.shell import with_opening, without_opening
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
+from layoutrl.rooms.sources.sweethome3d import read_home
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 ROOMS = [room for room_type in MAIN_ITEM for room in design_rooms(room_type, "test", 3, 2).rooms]
@@ -147,29 +148,29 @@ def test_what_a_home_does_not_let_move_stays(tmp_path):
 
 def test_all_rooms_of_a_home_are_written_back_as_they_are_now(tmp_path):
     content = home_file(tmp_path / NAME).read_bytes()
-    rooms = [moved(room, -0.3) for room in home_of(tmp_path / NAME).rooms]
+    rooms = [moved(room, -0.3) for room in read_home(tmp_path / NAME).rooms]
     assert [room.id for room in rooms] == ["file/Bedroom", "file/room 2"]
     back, left = written_back(rooms[0], content, rooms[1:])
     assert left == []
     (tmp_path / NAME).write_bytes(back)
-    assert home_of(tmp_path / NAME).rooms == rooms
+    assert read_home(tmp_path / NAME).rooms == rooms
 
 
 def test_another_room_that_cannot_be_written_stays_as_the_home_has_it(tmp_path):
     content = home_file(tmp_path / NAME).read_bytes()
-    bedroom, bathroom = home_of(tmp_path / NAME).rooms
+    bedroom, bathroom = read_home(tmp_path / NAME).rooms
     emptied = replace(bedroom, furniture=())
     back, left = written_back(moved(bathroom, -0.3), content, [emptied])
     assert left == [bedroom.id]
     (tmp_path / NAME).write_bytes(back)
-    assert home_of(tmp_path / NAME).rooms == [bedroom, moved(bathroom, -0.3)]
+    assert read_home(tmp_path / NAME).rooms == [bedroom, moved(bathroom, -0.3)]
     with pytest.raises(InputError, match=f"{bedroom.id!r} has other"):
         written_back(emptied, content, [bathroom])
 
 
 def test_other_openings_or_another_outline_than_the_homes_are_refused(tmp_path):
     content = home_file(tmp_path / NAME).read_bytes()
-    (room, _) = home_of(tmp_path / NAME).rooms
+    (room, _) = read_home(tmp_path / NAME).rooms
     (x0, y0), *corners = room.outline
     others = (
         with_opening(room, "window", (2.0, 0.0), 1.2),
@@ -187,7 +188,7 @@ def test_what_is_fixed_outside_all_rooms_stays_there_and_the_rest_is_saved(tmp_p
     odd = piece("whatsit", 60, 250, 40, 40, id="odd") + piece("bookcase", 300, 15, 80, 30, id="shelf", movable="false")
     parked = piece("wardrobe", 900, 100, 100, 54, id="w") + piece("desk", 900, 300, 100, 54, id="d", movable="false")
     content = home_file(tmp_path / NAME, FLAT + odd + parked).read_bytes()
-    home = home_of(tmp_path / NAME)
+    home = read_home(tmp_path / NAME)
     (room, _) = home.rooms
     kinds = ["bed", "whatsit", "bookcase", "wardrobe"]
     assert [item.category for item in room.furniture] == kinds
@@ -197,7 +198,7 @@ def test_what_is_fixed_outside_all_rooms_stays_there_and_the_rest_is_saved(tmp_p
     placed = replace(room.furniture[3], center=(3.5, -1.5), rotation=180.0)
     back, _ = written_back(replace(room, furniture=(*room.furniture[:3], placed)), content)
     (tmp_path / NAME).write_bytes(back)
-    assert home_of(tmp_path / NAME).rooms[0].furniture[3].center == (3.5, -1.5)
+    assert read_home(tmp_path / NAME).rooms[0].furniture[3].center == (3.5, -1.5)
     with zipfile.ZipFile(tmp_path / NAME) as archive:
         assert b"id='d' movable='false'" in archive.read("Home.xml")
         assert b"x='900' y='300'" in archive.read("Home.xml")

@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.rooms.categories import DECOR, HOLDS, NO_ROOM, OBSTACLE, TELLING, names_of, plain
+from layoutrl.rooms.categories import DECOR, DESIGNED, HOLDS, NO_ROOM, OBSTACLE, TELLING, names_of, plain
 from layoutrl.rooms.clearances import FRONT_DEPTH
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.runs.pretrained import cards
 
 ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
 
@@ -68,6 +69,7 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
     for room_type in MAIN_ITEM:
         designed = {item.category for room in design_rooms(room_type, "train", 0, 12).rooms for item in room.furniture}
         assert designed <= HOLDS[room_type] <= known
+        assert DESIGNED[room_type] == {*cards()[room_type]["categories"]}
     assert set(TELLING) <= set(MAIN_ITEM)
     assert set(HOLDS) == set(MAIN_ITEM)
 

@@ -22,7 +22,7 @@ from shapely.geometry import LineString, Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.categories import ALL, HOLDS, Names, names_in, names_of
+from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import check_new, files_below, name_of
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
@@ -55,6 +55,11 @@ class HomePiece(Piece):
 
     element: Element
     level: str | None = None
+
+    @property
+    def may_move(self) -> bool:
+        """Whether the home lets it move: what is part of the building does not."""
+        return self.element.flag("movable", True)
 
     @property
     def stood(self) -> Item:
@@ -161,7 +166,12 @@ def _home(
             levels[read.id] = level
         home.collection.left_out += storey.left_out
         home.collection.notes += storey.notes
-    _park(home, levels, [(level, piece) for level, piece in outside if _moves(piece, moved, True)], into, alone)
+    parked = [(level, piece) for level, piece in outside if _moves(piece, moved, True)]
+    if moved is None or ALL in moved:
+        still = [piece for _, piece in outside if piece.known and not piece.may_move]
+        said = "outside all rooms stays there: the home does not let it move"
+        home.collection.notes += [f"the {piece.item.category} {said}" for piece in still]
+    _park(home, levels, parked, into, alone)
     if not any(element.tag == "room" for element in elements):
         home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
     return home
@@ -257,7 +267,7 @@ def _walls(element: Element) -> list[Wall]:
     length = float(np.hypot(*(end - start)))
     if min(thickness, length) < FILM:
         return []
-    arc = element.number("arcExtent", 0.0)
+    arc = -element.number("arcExtent", 0.0)  # y is up here
     points = [start, end] if abs(arc) < 1e-3 else _arc(start, end, arc)
     first, last = points[1] - points[0], points[-1] - points[-2]
     if "wallAtStart" in element.attributes:
@@ -332,17 +342,18 @@ def _piece(element: Element, names: Names) -> HomePiece | None:
 
 
 def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
-    """Whether a piece is to be placed: what nobody knows is not, and `all` leaves out what is part of the building."""
-    if not piece.known or move is None:
-        return piece.known and parked
-    return piece.item.category in move or (ALL in move and piece.element.flag("movable", True))
+    """Whether a piece is to be placed: what nobody knows is not; what the home does not let move, if it is named."""
+    called = parked if move is None else ALL in move
+    named = move is not None and piece.item.category in move
+    return piece.known and (named or (called and piece.may_move))
 
 
 def _park(
     home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None, alone: bool
 ) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
-    type knows it and that has the floor for it: of its level, without such a piece, with the most floor free."""
+    type knows it and that has the floor for it. First come those in which it is usual, so that there is who places it;
+    then those of its level, without such a piece, with the most floor free."""
     if into is not None and into not in home.pieces:
         known = ", ".join(home.pieces)
         raise InputError(f"into: {home.path} has no room {into!r} to furnish; expected one of {known}")
@@ -356,7 +367,8 @@ def _park(
         if into is not None:
             chosen = into
         elif fitting:
-            chosen = min(fitting, key=lambda k: (levels[k] != level, item.category in held[k], -free[k]))
+            theirs = {k: item.category in DESIGNED[rooms[k].room_type] for k in fitting}
+            chosen = min(fitting, key=lambda k: (not theirs[k], levels[k] != level, item.category in held[k], -free[k]))
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
             home.collection.notes.append(note + alone * " (into=<id>)")

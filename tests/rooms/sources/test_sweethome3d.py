@@ -212,9 +212,11 @@ def test_rooms_and_levels_have_names_of_their_own_whatever_they_are_called(tmp_p
     assert [room.id for room in read_home(path, move="").rooms] == ["flat (1)/Floor/A", "flat (1)/Floor (2)/A"]
 
 
-def test_a_round_wall_bulges_to_its_side(tmp_path: Path) -> None:
-    """An extent above zero turns left of the way from start to end, as seen, y up."""
-    arc = tag("wall", id="w", xStart=0, yStart=0, xEnd=400, yEnd=0, thickness=10, arcExtent=math.pi)
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_a_round_wall_bulges_to_its_side(clockwise: bool, tmp_path: Path) -> None:
+    """As the program draws it, a wall of an extent above zero goes clockwise from its start to its end."""
+    x0, x1, extent = (400, 0, math.pi) if clockwise else (0, 400, -math.pi)
+    arc = tag("wall", id="w", xStart=x0, yStart=0, xEnd=x1, yEnd=0, thickness=10, arcExtent=extent)
     rooms = flat(tmp_path, arc + BED + room_tag(0, -10, 400, 300, name="Bedroom")).rooms
     assert len(rooms) == 2  # inside and outside half a circle of 2 m, below its ends
     for y, there in ((-1.9, True), (-2.0, False), (-2.1, True)):
@@ -338,6 +340,24 @@ def test_what_stands_outside_goes_to_a_room_of_its_level_before_one_of_a_level_w
     one, ten = flat(tmp_path, levels + rooms + piece("wardrobe", 900, 100, 100, 54, level="a")).rooms
     assert (one.id, ten.id) == ("flat/Level 1/Bedroom", "flat/Level 10/Bedroom")
     assert ([item.category for item in one.furniture], ten.furniture) == (["wardrobe"], ())
+
+
+def test_what_stands_outside_goes_where_it_is_usual_before_a_larger_room_that_may_have_it(tmp_path: Path) -> None:
+    rooms = room_tag(0, 0, 800, 600, name="Kitchen") + room_tag(900, 0, 1200, 300, name="Bathroom")
+    kitchen, bathroom = flat(tmp_path, rooms + piece("washingMachine", 1500, 100, 60, 60)).rooms
+    assert (kitchen.furniture, [item.category for item in bathroom.furniture]) == ((), ["washing_machine"])
+
+
+def test_what_the_home_does_not_let_move_stays_outside_unless_it_is_named(tmp_path: Path) -> None:
+    body = FLAT + piece("wardrobe", 900, 270, 100, 54, movable="false") + piece("chair", 900, 100, 40, 42)
+    said = "the wardrobe outside all rooms stays there: the home does not let it move"
+    for move, parked, told in ((None, ["chair"], True), ("all", ["chair"], True), ("wardrobe", ["wardrobe"], False)):
+        home = flat(tmp_path, body, move=move)
+        given = [
+            item.category for room in home.rooms for item in room.furniture if item.category in ("wardrobe", "chair")
+        ]
+        assert given == parked
+        assert (said in home.collection.notes) == told
 
 
 def test_what_is_marked_is_to_be_placed_and_nothing_else(tmp_path: Path) -> None:
