@@ -11,6 +11,7 @@ import torch
 from cell_config import CellConfig, learned_from
 from cell_trainings import clock_of, trained_network, trained_planit
 
+from layoutrl.agents.learner import q_network
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.rivals.budgets import seconds_budget
 from layoutrl.rivals.planit.scoring import furnished_rooms
@@ -23,7 +24,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import both, designs, whole_parts
 from layoutrl.runs import resume
-from layoutrl.runs.pretrained import load
+from layoutrl.runs.pretrained import agent
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,13 @@ def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 
 def by_package(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    return by(load(config.room.type, rooms.device), rooms)
+    return by(Furnisher(*agent(config.room.type, rooms.device)), rooms)
+
+
+def by_untrained(config: CellConfig, rooms: WholeRooms) -> Furnish:
+    _, method, categories = agent(config.room.type, rooms.device)
+    network = q_network(method, categories, np.random.SeedSequence(config.seed), rooms.device)
+    return by(Furnisher(network, method, categories), rooms)
 
 
 def by(furnisher: Furnisher, rooms: WholeRooms) -> Furnish:
@@ -101,6 +108,7 @@ FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "search": by_rules,
     "rooms_agent": by_agent,
     "rooms_package": by_package,
+    "rooms_untrained": by_untrained,
     "rooms_pointer": by_pointer,
     "rooms_planit": by_planit,
 }

@@ -29,6 +29,7 @@ from layoutrl.runs.commands import answers_errors
 METHODS = {
     "designer": "designer",
     "agent": "rooms_package",
+    "untrained agent": "rooms_untrained",
     "pointer in sequence": "rooms_pointer",
     "annealer, 10 s": "annealer_long",
     "annealer, 1 s": "annealer",
@@ -46,7 +47,7 @@ OF_BEFORE = {"method.max_moves": "30", "method.episodes": "64", "method.replay_c
 UPDATES_OF_BEFORE = {"bedroom": {"method.updates.default": "48000"}, "tatami": {"method.updates.default": "24000"}}
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
-    "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_pointer",
+    "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_untrained", "rooms_pointer",
     "annealer_long,search_long", "rooms_planit",
 )  # fmt: skip
 BEST = {
