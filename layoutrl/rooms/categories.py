@@ -19,6 +19,7 @@ from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
+RUG = "rug"  # one that is floor: among what stands in a home it is nothing
 NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
@@ -90,10 +91,10 @@ class Names:
     @cached_property
     def categories(self) -> list[str]:
         """The categories that furniture is known by."""
-        return sorted(set(self._furniture.values()) - {OBSTACLE, DECOR})
+        return sorted(set(self._furniture.values()) - {OBSTACLE, DECOR, RUG})
 
     def category(self, *names: str | None) -> tuple[str, bool] | None:
-        """(what it is here, whether that is a known category) of the first name that is known; None for decor.
+        """(what it is here, whether that is a known category) of the first name that is known; None for decor and rugs.
 
         What is not known is an obstacle, called as it is there.
         """
@@ -101,13 +102,13 @@ class Names:
         if part := self._known(given):
             found = self._furniture[part]
             called = part.replace(" ", "_") if found == OBSTACLE else found
-            return None if found == DECOR else (called, found != OBSTACLE)
+            return None if found in (DECOR, RUG) else (called, found != OBSTACLE)
         called = (plain(given[0]) if given else "").replace(" ", "_")[:40] or OBSTACLE
         self.unknown[given[-1][:40] if given else "without a name", called] += 1
         return called, False
 
     def meant(self, name: str) -> str | None:
-        """The category that a name is known by, if any."""
+        """The category that a name is known by, if any; rugs are `rug`."""
         if name in self.categories:
             return name
         found = self._furniture.get(self._known([name]) or "")
@@ -116,12 +117,12 @@ class Names:
     def knows(self, *names: str | None) -> bool:
         """Whether a name is that of a category."""
         part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] not in (OBSTACLE, DECOR)
+        return part is not None and self._furniture[part] not in (OBSTACLE, DECOR, RUG)
 
     def is_decor(self, *names: str | None) -> bool:
-        """Whether a name is that of decor."""
+        """Whether a name is that of decor, or of a rug."""
         part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] == DECOR
+        return part is not None and self._furniture[part] in (DECOR, RUG)
 
     def ours(self, document: Any) -> Any:
         """A room's document, its furniture by the categories that its names are known by; all else is as it was."""

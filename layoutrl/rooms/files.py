@@ -18,7 +18,8 @@ from layoutrl.rooms.room import Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
 
 SUFFIXES = (".json", ".jsonl")
-FORMATS = (".json", ".jsonl", ".gz", ".sh3d")  # that rooms and homes are read from
+HOMES = (".sh3d", ".sh3x")  # of Sweet Home 3D: of the program, and of its online edition
+FORMATS = (".json", ".jsonl", ".gz", *HOMES)  # that rooms and homes are read from
 PART = ".part"  # the suffix of a folder in which a file grows
 
 

@@ -23,7 +23,7 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, write_rooms
+from layoutrl.rooms.files import FORMATS, HOMES, check_new, check_unsaid, files_below, write_rooms
 from layoutrl.rooms.files import SUFFIXES as JSON_SUFFIXES
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
@@ -32,10 +32,10 @@ from layoutrl.rooms.sources.procthor import ASSETS
 from layoutrl.rooms.sources.procthor import SUFFIXES as HOUSE_SUFFIXES
 from layoutrl.rooms.sources.sweethome3d import read_folder, read_home
 
-SUFFIXES = ".json, .jsonl, .jsonl.gz and .sh3d"
+SUFFIXES = ".json, .jsonl, .jsonl.gz, .sh3d and .sh3x"
 READ = {  # suffixes of the files that are read of a folder, by its format
     "json": JSON_SUFFIXES,
-    "sweethome3d": (".sh3d",),
+    "sweethome3d": HOMES,
     "procthor": HOUSE_SUFFIXES,
     "front3d": (".json",),
 }
@@ -46,7 +46,11 @@ class Source(Protocol):
     """Rooms that were read, and how layouts of them are written."""
 
     collection: Collection  # what is to be placed has no center
-    suffix: str  # of the files that it writes, such as ".jsonl"
+
+    @property
+    def suffix(self) -> str:
+        """Of the files that it writes, such as ".jsonl"."""
+        ...
 
     @property
     def stood(self) -> list[tuple[Item, ...]]:
@@ -104,8 +108,8 @@ def opened(
     """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read, and for
     what is said of rooms that is not of their format.
 
-    The format is found out from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d), houses of
-    ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
+    The format is found out from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d, .sh3x),
+    houses of ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
 
     - `move`: what is to be placed anew, `all` or categories with commas between them. By default what the file marks:
       items without a center; in a home, what stands outside all rooms.
@@ -153,7 +157,7 @@ def format_of(path: Path) -> str:
     file = next(iter(files_below(path, FORMATS, (ASSETS, MODELS))), path)
     if file.suffix.lower() not in FORMATS or file.name in (ASSETS, MODELS):
         raise InputError(f"{path}: expected one of {SUFFIXES}, or a folder with some")
-    if file.suffix.lower() == ".sh3d":
+    if file.suffix.lower() in HOMES:
         return "sweethome3d"
     packed = file.suffix.lower() == ".gz"
     try:
@@ -181,7 +185,7 @@ def _told(start: bytes) -> str | None:
         return "front3d"
     if b'"outline"' in start:
         return "json"
-    return "procthor" if b'"floorPolygon"' in start else None
+    return "procthor" if b'"floorPolygon"' in start or b'"assetId"' in start else None
 
 
 def to_place(room: Room, move: str | None) -> Room:

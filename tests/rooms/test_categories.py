@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.rooms.categories import DECOR, DESIGNED, HOLDS, NO_ROOM, OBSTACLE, TELLING, names_of, plain
-from layoutrl.rooms.clearances import FRONT_DEPTH
+from layoutrl.rooms.categories import DECOR, DESIGNED, HOLDS, NO_ROOM, OBSTACLE, RUG, TELLING, names_of, plain
+from layoutrl.rooms.clearances import FRONT_DEPTH, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.pretrained import cards
@@ -72,6 +72,16 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
         assert DESIGNED[room_type] == {*cards()[room_type]["categories"]}
     assert set(TELLING) <= set(MAIN_ITEM)
     assert set(HOLDS) == set(MAIN_ITEM)
+
+
+@pytest.mark.parametrize("name", ["Rug", "Carpet", "area rug", "Teppich 200x300", "Tapis rond", "alfombra", "地毯"])
+def test_a_rug_is_floor_by_whichever_name(name: str) -> None:
+    names = names_of()
+    assert names.meant(name) in RUGS
+    assert names.category(name) is None  # in a home
+    assert names.is_decor(name)
+    assert not names.knows(name)
+    assert names.category("mattress") == ("mattress", False)
 
 
 def test_obstacles_are_called_as_they_are_and_decor_is_nothing() -> None:
@@ -168,7 +178,7 @@ def test_each_name_of_the_table_means_what_its_list_says() -> None:
             elif ours == OBSTACLE:
                 assert names.category(name) == (plain(name).replace(" ", "_"), False)
             else:
-                assert (name, names.category(name)) == (name, None if ours == DECOR else (ours, True))
+                assert (name, names.category(name)) == (name, None if ours in (DECOR, RUG) else (ours, True))
 
 
 def test_a_users_file_adds_names(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Home.xml of a home of Sweet Home 3D (.sh3d, a ZIP): read into elements, and written with other values of attributes.
+"""Home.xml of a home of Sweet Home 3D, a ZIP: read into elements, and written with other values of attributes.
 
 Nothing but these values changes: every other byte of Home.xml, and every other entry of the ZIP, is as it was.
 """

@@ -1,4 +1,5 @@
-"""Houses of ProcTHOR and AI2-THOR (Deitke et al. 2022): JSON, one house a line, packed or not.
+"""Houses of ProcTHOR and AI2-THOR (Deitke et al. 2022): JSON, one house a line, packed or not; or one, or a list of
+them, as a whole .json file.
 
 A house names its objects; how large they are says the asset database, `asset-database.json` of repository
 allenai/procthor (Apache-2.0), which lies beside the houses. Seen from above x is to the right and z is up. Placements
@@ -23,7 +24,7 @@ from layoutrl import InputError
 from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below, name_of
-from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item
+from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
 from layoutrl.rooms.sources.drawn import (
     FLATTEST,
     HIGHEST,
@@ -41,6 +42,7 @@ ASSETS = "asset-database.json"
 SUFFIXES = (".json", ".jsonl", ".gz")
 MOST = 200_000  # houses in a file
 LARGEST_LINE = 2**23  # bytes; a house of ten rooms takes a tenth
+LARGEST_WHOLE = 2**27  # bytes of a file that is read as one document
 BENT = re.compile(r"Countertop_[CL]_")  # the box of such a counter is mostly floor: it is not moved as one
 RATIO = 100  # by which a file may unpack; houses do by ten to twenty
 
@@ -58,8 +60,8 @@ def read(root: Path, names: Names) -> Collection:
     for file in files:
         name = name_of(file, root)
         try:
-            for number, text in _lines(file):
-                _add(collection, text, f"{name}/{number}", sizes, names)
+            for number, house in _whole(file) or _lines(file):
+                _add(collection, house, f"{name}/{number}", sizes, names)
         except (OSError, EOFError) as error:
             collection.left_out.append((str(file), f"the file cannot be read to its end ({str(error)[:60]})"))
     collection.notes += names.notes()
@@ -81,6 +83,17 @@ def _sizes(file: Path) -> dict[str, tuple[str, Size]]:
             "repository allenai/procthor"
         ) from None
     return found
+
+
+def _whole(file: Path) -> list[tuple[int, Any]]:
+    """(number, house) of every house of a file that is one document; none where it is not, as one of lines."""
+    if file.suffix.lower() != ".json" or file.stat().st_size > LARGEST_WHOLE:
+        return []
+    try:
+        document = loaded(file.read_bytes())
+    except RoomError:
+        return []
+    return [*enumerate(document if isinstance(document, list) else [document], 1)]
 
 
 def _lines(file: Path) -> Iterator[tuple[int, bytes]]:
@@ -107,21 +120,21 @@ def _numbered(lines: IO[bytes] | gzip.GzipFile, most: int) -> Iterator[tuple[int
             yield number, line
 
 
-def _add(collection: Collection, text: bytes, label: str, sizes: Mapping[str, tuple[str, Size]], names: Names) -> None:
-    """Add the rooms of a house, or the reason to leave it out."""
-    house: Storey[Piece] = Storey(label)
+def _add(collection: Collection, house: Any, label: str, sizes: Mapping[str, tuple[str, Size]], names: Names) -> None:
+    """Add the rooms of a house, a document or its text, or the reason to leave it out."""
+    storey: Storey[Piece] = Storey(label)
     with collection.or_left_out(label):
-        document = loaded(text)
+        document = loaded(house) if isinstance(house, bytes) else house
         for room in document["rooms"]:
             number = str(room["id"]).rpartition("|")[2]
-            house.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
-        house.gaps = list(_gaps(document))
+            storey.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
+        storey.gaps = list(_gaps(document))
         for thing in document["objects"]:
-            if piece := _piece(thing, sizes, names, house.unsized):
-                house.put(piece)
-        collection.rooms += [room for room, _ in house.finished(names, label)]
-    collection.left_out += house.left_out
-    collection.notes += house.notes
+            if piece := _piece(thing, sizes, names, storey.unsized):
+                storey.put(piece)
+        collection.rooms += [room for room, _ in storey.finished(names, label)]
+    collection.left_out += storey.left_out
+    collection.notes += storey.notes
 
 
 def _floor(room: Any) -> Polygon:
@@ -135,7 +148,9 @@ def _gaps(house: Any) -> Iterator[DrawnOpening]:
     for kind in kinds:
         for opening in house[f"{kind}s"]:
             (x0, y0), (x1, y1) = corners[opening["wall0"]]
-            first, last = lengths(corner["x"] for corner in opening["holePolygon"])
+            # Houses of before schema 1.0.0 have a box.
+            hole = opening.get("holePolygon") or [opening["boundingBox"][end] for end in ("min", "max")]
+            first, last = lengths(corner["x"] for corner in hole)
             side, along = math.dist((x0, y0), (x1, y1)), (first + last) / 2
             if side > 0 and abs(last - first) > WALL_THICKNESS:
                 x, y = x0 + (x1 - x0) / side * along, y0 + (y1 - y0) / side * along

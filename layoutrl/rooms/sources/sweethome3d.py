@@ -1,4 +1,4 @@
-"""Homes of Sweet Home 3D (.sh3d): read as rooms, and written back whole, with what was placed moved.
+"""Homes of Sweet Home 3D (.sh3d, .sh3x): read as rooms, and written back whole, with what was placed moved.
 
 A home is a ZIP with `Home.xml`: centimetres, y down, radians clockwise. A piece's width is along its own x, its depth
 along its own y, and it faces along y: down, where it is not turned.
@@ -24,7 +24,7 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import check_new, files_below, name_of
+from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
 from layoutrl.rooms.sources.drawn import FLATTEST, DrawnOpening, Piece, Storey, Wall, floor_of, oblong, unused
 from layoutrl.rooms.sources.home_xml import (
@@ -75,7 +75,11 @@ class Home:
     collection: Collection
     pieces: dict[str, list[HomePiece]]  # of the furniture of each room, by its id
     xml: bytes
-    suffix: str = ".sh3d"
+
+    @property
+    def suffix(self) -> str:
+        """Of the file that it is written to: of its own kind."""
+        return self.path.suffix.lower()
 
     @property
     def rooms(self) -> list[Room]:
@@ -187,9 +191,11 @@ def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collecti
 
     A home that cannot be read is left out. Raises InputError where there is none.
     """
-    files = files_below(root, (".sh3d",))
+    files = files_below(root, HOMES)
     if not files:
-        raise InputError(f"no homes in {root.absolute()}: expected .sh3d files; name their folder with data.root=...")
+        raise InputError(
+            f"no homes in {root.absolute()}: expected .sh3d or .sh3x files; name their folder with data.root=..."
+        )
     collection = Collection(f"homes {root}")
     stood: list[tuple[Item, ...]] = []
     for file in files:

@@ -11,7 +11,7 @@ from shapely.geometry import box
 
 from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
-from layoutrl.rooms.formats import opened
+from layoutrl.rooms.formats import LOOK, opened
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.sources.procthor import LARGEST_LINE, read
 
@@ -88,6 +88,40 @@ def test_every_room_of_a_house_is_a_room(packed: bool, tmp_path: Path) -> None:
     assert window.shape.symmetric_difference(box(1, -0.2, 2.5, 0)).area < 1e-6
     (door,) = kitchen.openings
     assert door.shape.symmetric_difference(box(3.8, 1.5, 4, 2.5)).area < 1e-6
+
+
+@pytest.mark.parametrize("indent", [None, 4])
+def test_a_json_file_is_one_house_or_a_list_of_them_over_any_lines(indent: int | None, tmp_path: Path) -> None:
+    write(tmp_path, house())
+    lines = opened(tmp_path / "train.jsonl").collection.rooms
+    (path := tmp_path / "train.json").write_text(json.dumps(house(), indent=indent, sort_keys=True))
+    assert opened(path).collection.rooms == lines
+    path.write_text(json.dumps([house(), "no house", house()], indent=indent))
+    collection = opened(path).collection
+    assert collection.rooms[:2] == lines
+    assert [room.id for room in collection.rooms[2:]] == ["train/3/Bedroom 2", "train/3/Kitchen 3"]
+    assert [where for where, _ in collection.left_out] == ["train/2"]
+
+
+def test_a_house_is_told_by_its_objects_however_many_come_before_its_rooms(tmp_path: Path) -> None:
+    many = [thing(f"unknown {k}", 1.0, 0.5, 1.0, 0) for k in range(10_000)]
+    write(tmp_path, house())
+    (path := tmp_path / "train.json").write_text(json.dumps(house(objects=many), indent=4, sort_keys=True))
+    assert path.read_bytes().index(b"floorPolygon") > LOOK
+    assert len(opened(path).collection.rooms) == 2
+
+
+def test_houses_of_before_schema_1_have_boxes_of_openings(tmp_path: Path) -> None:
+    def boxed(opening: dict[str, Any]) -> dict[str, Any]:
+        first, last = opening["holePolygon"]
+        return {"wall0": opening["wall0"], "boundingBox": {"min": first, "max": last}}
+
+    now = house()
+    then = now | {kind: [boxed(opening) for opening in now[kind]] for kind in ("doors", "windows")}
+    write(tmp_path, now, then)
+    rooms = read(tmp_path, names_of()).rooms
+    assert [room.openings for room in rooms[:2]] == [room.openings for room in rooms[2:]]
+    assert rooms[0].openings
 
 
 def test_rooms_of_one_type_are_read_as_of_every_source(tmp_path: Path) -> None:

@@ -407,6 +407,18 @@ def test_a_chair_that_is_lifted_may_stand_under_a_table_and_what_stood_is_known(
     assert not any(item.tucked for item in alone.furniture)
 
 
+def test_a_home_of_the_online_edition_is_a_home_and_comes_back_as_one(tmp_path: Path) -> None:
+    source = opened(home_file(tmp_path / "flat.sh3x"), move="bed")
+    assert source.collection.rooms == opened(home_file(tmp_path / "flat.sh3d"), move="bed").collection.rooms
+    (bed,), *_ = source.stood
+    first, *others = source.collection.rooms
+    layouts = [replace(first, furniture=(replace(bed, center=(1.2, -1.3)),)), *others]
+    with pytest.raises(InputError, match=r"out: .*out\.sh3d is no \.sh3x file"):
+        source.write(layouts, tmp_path / "out.sh3d")
+    source.write(layouts, tmp_path / "out.sh3x")
+    assert_only_moved(tmp_path / "flat.sh3x", tmp_path / "out.sh3x", ["bed"])
+
+
 def test_numbers_written_as_references_are_read_and_written_over(tmp_path: Path) -> None:
     home = flat(tmp_path, FLAT.replace("x='100'", "x='1&#48;0'"), move="bed")
     home.write(flat(tmp_path, FLAT.replace("x='100'", "x='1&#48;0'")).rooms, tmp_path / "same.sh3d")
