@@ -48,7 +48,7 @@ def trained_network(
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
-    network, categories, _ = load_network(folder, load_config(folder, TrainConfig), device)
+    network, categories, *_ = load_network(folder, load_config(folder, TrainConfig), device)
     return network, categories, about
 
 

@@ -128,7 +128,7 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
     """Write the network of a type, and say what there is to say of it. Raises InputError where it is not finished."""
     cell = finished(room_type, COLUMN, chosen)
     run = run_of(cell, Path(chosen.get("runs", "runs")))
-    network, categories, _ = trained_network(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
+    network, categories, *_ = trained_network(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
     told = json.loads((run / "trained.json").read_text(encoding="utf-8"))
     release, commit = commit_of(told["trained_on_machine"])
     stream = io.BytesIO()

@@ -30,7 +30,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import seeds
+    from layoutrl.runs.resume import seeds, stated
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
@@ -42,10 +42,15 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     result, said = scored(*agent, shown.rooms, shown.training, seed, config.starts)
     print(said)
     about = {
+        "run": config.run,
+        "checkpoint": shown.checkpoint,
+        "updates": shown.updates,
+        "on_illegal": shown.method.on_illegal,
         "data": asdict(shown.data),
         "part": shown.part,
-        "seed": config.seed,
+        "seed": config.seed,  # null: that of the training
         "machine": machine(device_of(config.device)),
+        "config": stated(trained),
     }
     with writing(file):
         write_json(file, about | result)

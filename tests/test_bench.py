@@ -45,6 +45,11 @@ def configured(*overrides: str) -> BenchConfig:
     return config
 
 
+def test_what_it_would_ignore_is_refused() -> None:
+    with pytest.raises(InputError, match="a fourth term"):
+        configured("reward=usable")
+
+
 @pytest.fixture(scope="module")
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """The table and the folder. The process of its own is forked: a new interpreter would import for seconds."""

@@ -155,6 +155,8 @@ def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: 
     (file,) = bedroom_run.glob("evaluation-designer-rooms0-held_out-*-mask-3.json")
     stored = json.loads(file.read_text())
     assert len(stored["positions"]) == 24
+    assert (stored["run"], stored["checkpoint"], stored["on_illegal"]) == (str(bedroom_run), "last", "mask")
+    assert stored["updates"] == stored["config"]["method"]["updates"]["smoke"]
 
 
 def test_evaluate_finds_what_the_training_found_unless_another_seed_is_given(bedroom_run: Path, tmp_path: Path) -> None:
@@ -199,7 +201,7 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
     kept = load_config(bedroom_run, TrainConfig)
     method = kept.method
-    network, categories, _ = trained_network(bedroom_run, kept, CPU)
+    network, categories, *_ = trained_network(bedroom_run, kept, CPU)
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS)

@@ -124,7 +124,7 @@ def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else
 
     assert folder.name == "json-rooms-geometric-package-smoke-seed0"
     settings = load_config(folder, TrainConfig)
-    network, categories, _ = trained_network(folder, settings, torch.device("cpu"))
+    network, categories, *_ = trained_network(folder, settings, torch.device("cpu"))
     assert categories == [*pretrained.known("tatami"), "piano"]
     briefs = [brief_of(room) for room in design_rooms("tatami", "test", 5, 2).rooms]
     layouts, of_the_package = (

@@ -23,7 +23,7 @@ from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry, shares
 from layoutrl.rooms.clearances import period
 from layoutrl.rooms.documents import LARGEST
-from layoutrl.rooms.room import Item, Point, Room, envelopes, polygons
+from layoutrl.rooms.room import Item, Point, Room, middles, polygons
 
 # Columns of one element in the geometry observation; one column a known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
@@ -87,8 +87,7 @@ class GeometryObservation:
         device: torch.device | str = "cpu",
         elements: int | None = None,
     ):
-        envelope = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2)  # (rooms, corner, axis)
-        origin = envelope.mean(1)
+        origin = middles(rooms)
         table = np.nan_to_num(padded(*elements_of(rooms, list(categories), origin), len(rooms)))
         shape = (enough(elements, table.shape[1]), table.shape[2])
         self.space = spaces.Box(-LIMIT, LIMIT, shape, np.float32)

@@ -74,17 +74,17 @@ def picture(room: Room, position: Sequence[float]) -> np.ndarray:
 def story(room: Room, path: np.ndarray) -> np.ndarray:
     """A picture for people: start (pale), path (n, 2), end (red) and the designer's place (outline).
 
-    Returns uint8 (LARGE_PX, LARGE_PX, 3); a path of one position is a room with its item there.
+    Returns uint8 (LARGE_PX, LARGE_PX, 3). Where the item never moved, the room with its item there.
     """
     view = View(room, LARGE_PX)
     line = 1.5 / view.scale  # metres a line is wide
     image = _painted_background(room, view, outlined=True)
-    start, end = (room.moving.footprint_at(tuple(path[k])) for k in (0, -1))
-    if len(path) > 1:
+    moved = path[np.r_[True, np.any(np.diff(path, axis=0) != 0, axis=1)]]
+    start, end = (room.moving.footprint_at(tuple(moved[k])) for k in (0, -1))
+    if len(moved) > 1:
         paint(image, view, start, MOVING, 0.25)
     paint(image, view, end, MOVING, 0.8)
     paint(image, view, end.boundary.buffer(line / 2), BLACK)
-    moved = path[np.r_[True, np.any(np.diff(path, axis=0) != 0, axis=1)]]
     if len(moved) > 1:
         paint(image, view, LineString(moved).buffer(line), PATH)
     if room.moving.center is not None:

@@ -45,9 +45,9 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     action: Discrete(A): those of Moves; a quarter turn to the left, one to the right; to take item 0, 1, ... of the
     list, which then moves: from where it stands, or from a pose that was drawn. observation: RoomsObservation.
     reward: the paper's, -200 to 100, of the item that moves, among what stands now; 0 until one is taken.
-    info: `legal`, the mask (A,) of actions; `item`, which one moves; `r1`, `r2`, `r3`, `r4`, `iou` of it; `room`, the
-    index; `illegal`, whether this action was: it is dropped, nothing changes, and the caller should not store it.
-    At the end of an episode info has `measures`, by their names in `Measures`, of designs alone.
+    info: `legal`, the mask (A,) of actions; `item`, which one moves, -1 until one is taken; `r1`, `r2`, `r3`, `r4`,
+    `iou` of it; `room`, the index; `illegal`, whether this action was: it is dropped, nothing changes, and the caller
+    should not store it. At the end of an episode info has `measures`, by their names in `Measures`, of designs alone.
 
     The spaces hang on the rooms, unless the `categories` that the observation knows, `elements`, its number of rows,
     and the number of `items` that can be taken are given: environments that are given the same have the same spaces.
@@ -133,7 +133,9 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         terms = self.simulator.reward(state)
         self._legal, self._total = legal[0], float(terms.total[0])
         told = {name: float(term[0]) for name, term in terms._asdict().items()}
-        return told | {"legal": legal[0].copy(), "item": int(state.moving[0]), "room": int(state.room[0])}
+        taken = state.stands[0, state.moving[0]]
+        item = int(state.moving[0]) if taken else -1
+        return told | {"legal": legal[0].copy(), "item": item, "room": int(state.room[0])}
 
     def _observation(self) -> np.ndarray:
         return self._observe(State(*map(torch.as_tensor, self._running)))[0].numpy()

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import shapely
 import torch
 from gymnasium import spaces
 from torch import Tensor
@@ -36,7 +35,7 @@ from layoutrl.env.observation import (
 )
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.symmetry import Symmetry
-from layoutrl.rooms.room import envelopes
+from layoutrl.rooms.room import middles
 
 MOVING = COLUMNS.index("moving")
 ROOM_COLUMNS = (*COLUMNS, "stands", "tucked")  # one column a known furniture category follows
@@ -62,7 +61,7 @@ class RoomsObservation:
     ):
         rooms = simulator.rooms
         names = list(categories_of(rooms) if categories is None else categories)
-        origin = shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2).mean(1)
+        origin = middles(rooms)
         shells = [replace(room, target=None) for room in rooms]
         shell, of = elements_of(shells, names, origin)
         shell = np.insert(np.nan_to_num(padded(shell, of, len(rooms))), [STANDS, STANDS], 0.0, axis=2)

@@ -139,7 +139,9 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._length, self._legal = self.simulator.reach(state)
         terms = self.simulator.reward(state)
         told = {name: array(term.double()) for name, term in terms._asdict().items()}
-        now = {"legal": self._legal, "item": state.moving, "room": state.room, "illegal": illegal}
+        taken = state.stands.gather(1, state.moving[:, None]).squeeze(1)
+        item = state.moving.where(taken, -1)
+        now = {"legal": self._legal, "item": item, "room": state.room, "illegal": illegal}
         info = masked(told | {name: array(values) for name, values in now.items()}, self.num_envs)
         return array(self._observe(state)), array(terms.total.double()), info
 

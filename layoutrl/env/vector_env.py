@@ -119,11 +119,8 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         rooms = self._running.room.tolist()
         if self.render_mode is None:
             return None
-        frames = []
-        for room, path in zip(rooms, array(torch.stack(self._path, 1)), strict=True):
-            moved = np.any(np.diff(path, axis=0) != 0, axis=1)  # where it did not, a move was dropped
-            frames.append(story(self.simulator.rooms[room], path[np.r_[True, moved]]))
-        return tuple(frames)
+        paths = array(torch.stack(self._path, 1))
+        return tuple(story(self.simulator.rooms[room], path) for room, path in zip(rooms, paths, strict=True))
 
     @property
     def _running(self) -> Episodes:

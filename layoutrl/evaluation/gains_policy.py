@@ -62,4 +62,4 @@ class GainsPolicy:
                 break
             path[t + 1 :, active] = reached[goes_on, made.squeeze(1)]
         best = value.argmax(0)
-        return Rollout.of(began, path, value, best, path[best, every][None])
+        return Rollout.of(began, path, value, best, path[best, every][None], value[best, every])

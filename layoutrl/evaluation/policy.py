@@ -64,9 +64,9 @@ class GreedyPolicy:
             path[t + 1 :, active] = reached[goes_on, action]
             value[t + 1, active] = highest[goes_on]
         best, promise = self._most_promising(simulator, q_of, rooms, path, value)
-        climb = self._climb(simulator, q_of, rooms, path[best, every], promise)
+        climb, promise = self._climb(simulator, q_of, rooms, path[best, every], promise)
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
-        return Rollout.of(began, path, value, best, torch.cat([climb, in_line[None]]))
+        return Rollout.of(began, path, value, best, torch.cat([climb, in_line[None]]), promise)
 
     def _most_promising(
         self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, path: Tensor, value: Tensor
@@ -85,9 +85,10 @@ class GreedyPolicy:
 
     def _climb(
         self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor, promise: Tensor
-    ) -> Tensor:
-        """Where episodes climb from places (B, 2) that promise so much (B,): (climbs + 1, B, 2), metres."""
-        climb = place.repeat(self.climbs + 1, 1, 1)
+    ) -> tuple[Tensor, Tensor]:
+        """Where episodes climb from places (B, 2) that promise so much (B,): (climbs + 1, B, 2), metres; and what the
+        last of these promise."""
+        climb, promise = place.repeat(self.climbs + 1, 1, 1), promise.clone()
         active = torch.arange(len(place), device=place.device)
         for t in range(self.climbs):
             beside, legal = _beside(simulator, rooms[active], climb[t, active])
@@ -99,7 +100,7 @@ class GreedyPolicy:
                 break
             active = active[higher]
             climb[t + 1 :, active], promise[active] = beside[higher, way[higher]], highest[higher]
-        return climb
+        return climb, promise
 
     def _in_line(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
         """Places (B, 2) moved into the nearest line along each axis, where that is no further than `snap`: (B, 2)."""

@@ -30,13 +30,14 @@ class Rollout:
     value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf after the end
     best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
     settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
+    promise: np.ndarray  # (B,) what the agent thinks of where it settles, from wherever it came there
     seconds: float
 
     @classmethod
     def of(cls, began: float, *found: Tensor) -> Self:
         """Of all but the seconds as tensors, and when it began on the clock of `time.perf_counter`."""
-        path, value, best, settling = (each.cpu().numpy() for each in found)
-        return cls(path, value, best, settling, time.perf_counter() - began)
+        path, value, best, settling, promise = (each.cpu().numpy() for each in found)
+        return cls(path, value, best, settling, promise, time.perf_counter() - began)
 
     @property
     def final(self) -> np.ndarray:

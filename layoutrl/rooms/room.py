@@ -313,6 +313,11 @@ def envelopes(rooms: Sequence[Room]) -> np.ndarray:
     return np.array([room.envelope for room in rooms])
 
 
+def middles(rooms: Sequence[Room]) -> np.ndarray:
+    """The middles (B, 2) of the boxes around envelopes, in metres: what observations are told from."""
+    return shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2).mean(1)
+
+
 def _envelopes(rooms: Sequence[Room]) -> np.ndarray:
     rings = [[room.outline, *room.walls, *(o.polygon for o in room.openings)] for room in rooms]
     room_of = np.repeat(np.arange(len(rooms)), [len(those) for those in rings])

@@ -131,6 +131,11 @@ class TrainConfig(LearningConfig):
         one_of("budget.name", self.budget.name, *self.method.updates)
         one_of("begin", self.begin, "nothing", "package")
 
+    def check_used(self) -> None:
+        """Raises InputError for what nothing would hang on: not as it is read, since runs of before were given it."""
+        useful = self.reward.theta4 == 0 or self.method.scope == "room"
+        within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
+
 
 @dataclass
 class PlanitMethodConfig:
@@ -179,11 +184,9 @@ class TrainCommand(TrainConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        # Here: runs of before, which had it in vain, or began with another package, can be read.
-        if self.begin == "package":
+        self.check_used()
+        if self.begin == "package":  # here: runs that began with another package can be read
             check_begin(self.method, cards()[self.room.type]["method"])
-        useful = self.reward.theta4 == 0 or self.method.scope == "room"
-        within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
 
 
 AS_IN_THE_RUN = Data(
@@ -350,6 +353,7 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         check_method("paper", self.paper)
         one_of("method.scope of bench", self.method.scope, "item")
+        self.check_used()
         known = ("speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
         for part in self.parts:
             one_of("parts", part, *known)

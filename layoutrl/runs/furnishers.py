@@ -74,7 +74,7 @@ def hired(config: PlaceConfig) -> Hired:
         return Hired(furnisher, pretrained.known, pretrained.types_with)
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
-    network, categories, _ = trained_network(folder, trained, device, config.checkpoint)
+    network, categories, *_ = trained_network(folder, trained, device, config.checkpoint)
     if trained.method.every_move:
         raise InputError(f"run: {folder} learned what moves gain, not what places are worth; expected another method")
     whole = trained.method.scope == "room"
@@ -193,7 +193,7 @@ class Mover:
             index,
             simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
         )
-        value = run.value[run.best, np.arange(len(index))].reshape(-1, STARTS)
+        value = run.promise.reshape(-1, STARTS)
         best = np.arange(len(rooms)), value.argmax(1)
         return run.final.reshape(-1, STARTS, 2)[best], value[best]
 

@@ -266,7 +266,7 @@ def last_state(
             f"the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
             "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"
         )
-    if others := [name for name, value in about.items() if state[name] != value]:
+    if others := [name for name, value in about.items() if state.get(name) != value]:
         raise InputError(
             f"the checkpoint of {folder} has other {', '.join(others)}; expected the version of layoutrl that "
             "began the run"

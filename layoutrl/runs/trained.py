@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -24,18 +24,25 @@ from layoutrl.runs.ranges import check_on_illegal
 from layoutrl.runs.resume import digest, stated
 
 
+class Kept(NamedTuple):
+    """What a checkpoint says of an agent."""
+
+    network: nn.Module
+    categories: list[str]  # of furniture, that it knows
+    rooms: str  # the digest of those that it was trained on
+    updates: int
+
+
 def trained_network(
     folder: Path, config: TrainConfig, device: torch.device, which: Literal["last", "best"] = "last"
-) -> tuple[nn.Module, list[str], str]:
-    """The network of a run, the furniture categories that it knows, and the digest of the rooms that it was trained on.
-
-    Raises InputError where its checkpoint is not of the configuration.
-    """
+) -> Kept:
+    """The network of a run. Raises InputError where its checkpoint is not of the configuration."""
     state = load_checkpoint(folder, device, which, stated(config))
     with taken(folder):
         network = q_network(config.method, state["categories"], np.random.SeedSequence(0), device)
         network.load_state_dict(state["training"]["agent"]["network"])
-    return network, state["categories"], state["rooms"]
+        updates = state["training"]["agent"]["updates"]
+    return Kept(network, state["categories"], state["rooms"], updates)
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,7 @@ class TrainedRun:
     data: Data
     part: str  # of the rooms of `data`: held_out, training or all
     checkpoint: str  # last or best
+    updates: int  # that it had made by then
 
     @property
     def name(self) -> str:
@@ -94,10 +102,10 @@ def trained_run(config: RunConfig) -> TrainedRun:
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
     check_on_illegal("on_illegal", method)
     device = device_of(config.device)
-    network, categories, rooms = trained_network(folder, trained, device, config.checkpoint)
+    kept = trained_network(folder, trained, device, config.checkpoint)
     learns = trained.method.scope, trained.room.type, trained.room.item
     training, held_out = parts_of(*learns, trained.data, trained.fold)
-    if digest(training) != rooms:
+    if digest(training) != kept.rooms:
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
 
     data, same = asked_data(trained.data, located(config.data))
@@ -114,13 +122,14 @@ def trained_run(config: RunConfig) -> TrainedRun:
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
     return TrainedRun(
-        network,
+        kept.network,
         method,
         trained.reward,
-        categories,
+        kept.categories,
         chosen,
         training,
         data,
         part,
         config.checkpoint,
+        kept.updates,
     )

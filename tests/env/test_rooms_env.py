@@ -49,13 +49,14 @@ def test_gymnasium_finds_nothing_wrong() -> None:
 def test_an_episode_furnishes_a_room_and_tells_its_measures_at_the_end() -> None:
     env, rng = RoomsEnv(BEDROOMS, max_moves=60), np.random.default_rng(0)
     _, info = env.reset(seed=1, options={"room": 2})
-    assert info["room"] == 2
+    assert (info["room"], info["item"]) == (2, -1)
     assert env.layout == brief_of(BEDROOMS[2])
     ended = False
     while not ended:
         assert "measures" not in info
         _, reward, terminated, ended, info = env.step(legal_action(info, rng))
         assert not terminated
+        assert (info["item"] == -1) == (len(missing(env.layout)) == len(BEDROOMS[2].furniture))  # until one is taken
         assert -200 <= reward <= 100
         assert reward == pytest.approx(info["r1"] + info["r2"] + info["r3"])
     expected = {name: values.item() for name, values in vars(measured([env.layout], [BEDROOMS[2]])).items()}

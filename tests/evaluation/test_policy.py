@@ -249,6 +249,17 @@ def test_rollouts_of_a_batch_agree_with_episodes_followed_one_by_one(seed, on_il
         assert exact.is_legal(np.repeat(room[b], max_moves), after).all()
 
 
+@pytest.mark.parametrize("climbs", [0, 4])
+def test_an_episode_promises_what_the_shortest_moves_into_its_last_place_are_worth(climbs):
+    """By which episodes of other starts and facings are compared."""
+    simulator = BatchSimulator(Simulator([wide_room()], STEPS, Reward()))
+    policy = GreedyPolicy(MeanQ(nearing((2.0, 1.5)), unturned(STEPS)), 3, "mask", climbs)
+    starts = np.array([(2.0, 1.5), (1.0, 1.5), (3.5, 1.5), (1.0, 0.5)])
+    run = policy.rollout(simulator, Place(), np.zeros(4, dtype=int), starts)
+    assert run.promise == pytest.approx(-np.linalg.norm(run.final - (2.0, 1.5), axis=1))
+    assert (run.promise.min() == 0) == bool(climbs)  # else that which begins there ends beside
+
+
 def network(columns: int, actions: int) -> GeometryNetwork:
     return GeometryNetwork(columns, actions, element_width=8, width=16)
 

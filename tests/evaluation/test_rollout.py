@@ -19,7 +19,7 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
     x = np.array([0.0, 1.0, 1.5, 1.9, 3.0, 2.95, 5.0, 2.96, 5.5])
     path = np.stack([x, np.zeros(9)], 1)[:, None]
     value = np.array([-np.inf, 7.0, 9.0, 3.0, 8.0, 1.0, 2.0, 1.5, 1.7])[:, None]
-    run = Rollout(path, value, np.array([2]), path[[2]], 0.0)
+    run = Rollout(path, value, np.array([2]), path[[2]], value[2], 0.0)
     # 1.0 is on the way to 1.5, 1.9 and 2.96 on that to others; the start was not chosen.
     assert run.choices(4)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5]
     assert run.choices(5)[0, :, 0].tolist() == [1.5, 3.0, 5.0, 5.5, 1.5]
@@ -30,7 +30,7 @@ def test_choices_are_the_places_of_highest_value_that_lie_apart():
 
 def test_who_never_moved_has_one_choice():
     stayed = np.ones((4, 1, 2))
-    run = Rollout(stayed, np.full((4, 1), -np.inf), np.array([0]), stayed[:1], 0.0)
+    run = Rollout(stayed, np.full((4, 1), -np.inf), np.array([0]), stayed[:1], np.zeros(1), 0.0)
     assert run.choices(3).tolist() == [[[1, 1]] * 3]
 
 
