@@ -25,6 +25,7 @@ LARGEST_FILE = 2**20  # bytes, of a user's own
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
 SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
 WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room has, too
+UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
 ENSUITE = {"ensuite", "en suite"}  # a bathroom where no other word says what a room is
 SIZES = {  # words that may follow an English name, with numbers or without
     *("cm", "mm", "m", "inch", "inches", "ft", "feet", "wide", "high", "deep", "long"),
@@ -143,8 +144,8 @@ class Names:
         In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
         """
         parts = [*chain.from_iterable(map(_parts, names))]
-        words = [part.split() for part in parts]
-        ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
+        words = [_words(part) for part in parts]
+        ends = (_joined(each[first:]) for each in words for first in range(1, len(each)))
         begins = chain.from_iterable(map(self._begins, words))
         return next((p for p in chain(parts, ends, begins) if p in self._furniture), None)
 
@@ -174,8 +175,8 @@ class Names:
 
     def _room(self, part: str) -> str | None:
         """The name of the table that says what room this is: one with a star, else the first; none within a longer."""
-        held = [named for named in self._rooms if f" {named} " in f" {part} "]
-        whole = [named for named in held if not any(f" {named} " in f" {other} " for other in held if other != named)]
+        held = [named for named in self._rooms if _holds(part, named)]
+        whole = [named for named in held if not any(_holds(other, named) for other in held if other != named)]
         return next((named for named in whole if named in self._winning), whole[0] if whole else None)
 
     def notes(self) -> list[str]:
@@ -205,11 +206,26 @@ def names_in(move: str | None) -> set[str]:
 
 def plain(name: str) -> str:
     """A name in small letters, without its catalogue, accents, numbers and signs: eTeks#bed140x190 is "bed"."""
-    name = re.sub(r"^.*#(?=[^\W\d_])", "", name[:LONGEST])  # but of "Bedroom #2" all is a name
+    name = re.sub(r"^\S*#(?=[^\W\d_])", "", name[:LONGEST])  # but of "Bedroom #2" and "Bedroom #B" all is a name
     name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     decomposed = unicodedata.normalize("NFKD", name).casefold()
     letters = "".join(c for c in decomposed if not unicodedata.combining(c))
     return " ".join(re.findall(r"[^\W\d_]+", re.sub(r"\d+(x\d+)*", " ", letters)))
+
+
+def _words(part: str) -> list[str]:
+    """The words of a plain name; the signs of one in Chinese, where no blanks part them."""
+    return [*part] if UNSPACED.search(part) else part.split()
+
+
+def _joined(words: list[str]) -> str:
+    joined = "".join(words)
+    return joined.strip() if UNSPACED.search(joined) else " ".join(words)
+
+
+def _holds(part: str, named: str) -> bool:
+    """Whether a plain name has another in it, as words of its own."""
+    return named in part if UNSPACED.search(named) else f" {named} " in f" {part} "
 
 
 def _parts(name: str) -> list[str]:

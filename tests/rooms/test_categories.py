@@ -54,6 +54,8 @@ ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
         ("Chaise de bureau", "chair"),
         ("Canapé lit", "sofa_bed"),
         ("Meuble TV", "tv_unit"),
+        ("布艺沙发", "sofa"),  # no blanks part its words
+        ("实木衣柜", "wardrobe"),
     ],
 )
 def test_names_of_other_programs_are_known(name: str, category: str) -> None:
@@ -132,6 +134,12 @@ def test_any_name_is_answered(one: str, other: str) -> None:
 def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
     names = names_of()
     assert names.room_type("Bedroom #2", ["toilet"]) == "bedroom"
+    assert names.room_type("Bedroom #B", ["toilet"]) == "bedroom"
+    assert [names.room_type(name, []) for name in ("主卧室", "次卧室 2", "主卫生间")] == [
+        "bedroom",
+        "bedroom",
+        "bathroom",
+    ]
     assert names.room_type("LivingDiningRoom", []) == "living_room"
     assert names.room_type("Salle de bains", []) == "bathroom"
     assert names.room_type("Corridor", ["bed"]) == NO_ROOM

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 import shutil
 from collections import defaultdict
 from collections.abc import Iterable
@@ -22,7 +23,7 @@ from shapely.geometry import LineString, Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
-from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
+from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of, plain
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
 from layoutrl.rooms.room import FILM, TOLERANCE, Item, Room, RoomError
@@ -46,6 +47,7 @@ ARC_STEP = math.radians(15)  # of round walls
 WINDOWS = (  # in the languages of the names of furniture, wherever they stand in a name
     "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
 )  # fmt: skip
+ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆")  # in these languages, where a word begins
 
 
 @dataclass(frozen=True)
@@ -337,7 +339,7 @@ def _piece(element: Element, names: Names) -> HomePiece | None:
     if found is None:
         return None
     category, known = found
-    round_ = abs(width - depth) < 0.02 and any("round" in (name or "").casefold() for name in element.names)
+    round_ = abs(width - depth) < 0.02 and any(ROUND.search(plain(name or "")) for name in element.names)
     center = (element.number("x") / 100, -element.number("y") / 100)
     rotation = (270 - math.degrees(element.number("angle", 0.0))) % 360
     size = ((width + depth) / 2,) * 2 if round_ else (depth, width)

@@ -419,6 +419,22 @@ def test_a_home_of_the_online_edition_is_a_home_and_comes_back_as_one(tmp_path: 
     assert_only_moved(tmp_path / "flat.sh3x", tmp_path / "out.sh3x", ["bed"])
 
 
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("Table ronde", "circle"),
+        ("runder Esstisch", "circle"),
+        ("tableRound", "circle"),
+        ("圆形餐桌", "circle"),
+        ("surround table", "rectangle"),
+    ],
+)
+def test_what_is_called_round_is_in_every_language(name: str, form: str, tmp_path: Path) -> None:
+    body = piece("none", 200, 150, 80, 80, catalogId="", name=name) + WALLS + room_tag(0, 0, 400, 300, name="Dining")
+    (room,) = flat(tmp_path, body).rooms
+    assert [item.form for item in room.furniture] == [form]
+
+
 def test_numbers_written_as_references_are_read_and_written_over(tmp_path: Path) -> None:
     home = flat(tmp_path, FLAT.replace("x='100'", "x='1&#48;0'"), move="bed")
     home.write(flat(tmp_path, FLAT.replace("x='100'", "x='1&#48;0'")).rooms, tmp_path / "same.sh3d")
