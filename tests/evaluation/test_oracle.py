@@ -31,14 +31,15 @@ class Solved:
     """All places that moves reach from a start, and their optimal values, by plain value iteration."""
 
     def __init__(self, simulator: BatchSimulator, start: np.ndarray, discount: float, most: int = 6000):
-        self.position, leads_to, known = [tuple(start)], [], {cell(start): 0}
+        self.position, leads_to, known = [tuple(start)], [], dict.fromkeys(cells(start[None]), 0)
         while len(leads_to) < len(self.position):
             assume(len(self.position) < most)
             front = np.array(self.position[len(leads_to) :])
-            for places, legal in zip(*destinations(simulator, np.zeros(len(front), dtype=int), front), strict=True):
+            reached, legal = destinations(simulator, np.zeros(len(front), dtype=int), front)
+            for k, may in enumerate(legal):
                 row = []
-                for place in places[legal]:
-                    row.append(known.setdefault(cell(place), len(self.position)))
+                for place, cell in zip(reached[k, may].tolist(), cells(reached[k, may]), strict=True):
+                    row.append(known.setdefault(cell, len(self.position)))
                     if row[-1] == len(self.position):
                         self.position.append(tuple(place))
                 leads_to.append(row or [len(leads_to)])  # an item that cannot move stays
@@ -70,8 +71,8 @@ class Solved:
         return seen
 
 
-def cell(place: np.ndarray) -> tuple[int, ...]:
-    return tuple(np.round(np.asarray(place) / GRID).astype(int).tolist())
+def cells(places: np.ndarray) -> list[tuple[int, ...]]:
+    return [*map(tuple, np.round(places / GRID).astype(int).tolist())]
 
 
 def assert_perfect(simulator: Simulator, start: np.ndarray, discount: float) -> None:

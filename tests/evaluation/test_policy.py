@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -162,6 +163,7 @@ def test_a_place_that_no_shortest_move_leads_into_is_worth_what_led_there():
 def hashed(seed: int, actions: int):
     """Values that look random, and are the same for the same position."""
 
+    @cache
     def values(x: float, y: float) -> list[float]:
         rng = np.random.default_rng([seed, round(x * 1e6) + 2**40, round(y * 1e6) + 2**40])
         return rng.normal(size=actions).tolist()
@@ -178,11 +180,9 @@ def one_by_one(
         here = torch.tensor([way[-1]], dtype=torch.float64)
         length, legal = (x[0] for x in simulator.reach(torch.tensor([room]), here))
         q = np.float32(values(*way[-1])).astype(float)
-        there = []
+        there = [*map(tuple, simulator.moved(torch.tensor([room]), here, torch.arange(len(q)), length).tolist())]
         for action in range(len(q)):
-            reached = simulator.moved(torch.tensor([room]), here, torch.tensor([action]), length[[action]])
-            there.append(tuple(reached[0].tolist()))
-            if (legal[action] and there[-1] in way) or (on_illegal == "mask" and not legal[action]):
+            if (legal[action] and there[action] in way) or (on_illegal == "mask" and not legal[action]):
                 q[action] = -np.inf
         action = int(np.argmax(q))
         if q[action] == -np.inf or not legal[action]:
@@ -195,11 +195,9 @@ def one_by_one(
         """Where the shortest moves lead that are legal: {direction: place}."""
         here = torch.tensor([place], dtype=torch.float64)
         length, legal = (x[0] for x in simulator.reach(torch.tensor([room]), here))
-        return {
-            way: tuple(simulator.moved(torch.tensor([room]), here, torch.tensor([move]), length[[move]])[0].tolist())
-            for way, move in enumerate(range(shortest, shortest + 4))
-            if legal[move]
-        }
+        moves = torch.arange(shortest, shortest + 4)
+        reached = simulator.moved(torch.tensor([room]), here, moves, length[moves]).tolist()
+        return {way: tuple(reached[way]) for way, move in enumerate(moves) if legal[move]}
 
     def promise(place, otherwise):
         into = [np.float32(values(*at)[shortest + (way ^ 1)]) for way, at in beside(place).items()]
