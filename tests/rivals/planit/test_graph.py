@@ -200,19 +200,10 @@ def test_what_intervals_see_is_what_rays_meet(seed: int) -> None:
                     + (frame[a][3] - frame[a][1]) / count / 2
                 ]
             )
-            others = [box(*f) for k, f in enumerate(frame) if k != a]
+            others = np.array([box(*f) for k, f in enumerate(frame) if k != a])
             names = [k for k in range(len(frame)) if k != a]
-            far = np.array(
-                [
-                    [
-                        shapely.distance(shapely.Point(line.coords[0]), shape.intersection(line))
-                        if shape.intersects(line)
-                        else np.inf
-                        for shape in others
-                    ]
-                    for line in ends
-                ]
-            )
+            met = shapely.intersection(others, ends[:, None])
+            far = np.where(shapely.is_empty(met), np.inf, shapely.distance(shapely.get_point(ends, 0)[:, None], met))
             first = np.where(np.isfinite(far.min(1)), far.argmin(1), -1)
             visible = (first == names.index(b)).mean() * (frame[a][3] - frame[a][1])
             shares[way] = (visible / (frame[a][3] - frame[a][1]), visible / (frame[b][3] - frame[b][1]))

@@ -132,14 +132,15 @@ def test_a_disc_that_enters_by_the_door_touches_every_item_and_every_door(design
     x, y = np.meshgrid(np.arange(x0, x1, step), np.arange(y0, y1, step), indexing="ij")
     blocks = [room.indoor.boundary.difference(shapely.union_all([d.shape.buffer(EPSILON) for d in room.doors]))]
     blocks += [item.footprint for item in room.furniture if not (item.tucked or item.category in WALKED_ON)]
-    points = shapely.points(x, y)
-    free = shapely.contains_xy(floor, x, y) & (shapely.distance(points, shapely.union_all(blocks)) >= radius - slack)
-    doors = [shapely.distance(points, door.shape) <= step for door in room.doors]
+    points, blocked = shapely.points(x, y), shapely.union_all(blocks)
+    shapely.prepare(blocked)
+    free = shapely.contains_xy(floor, x, y) & ~shapely.dwithin(blocked, points, radius - slack)
+    doors = [shapely.dwithin(door.shape, points, step) for door in room.doors]
     reached = flooded(free, doors[0] & free)
     for door in doors:
         assert (reached & door).any()
     for item in room.furniture:
-        assert shapely.distance(points[reached], item.footprint).min() <= radius + slack, item
+        assert shapely.dwithin(item.footprint, points[reached], radius + slack).any(), item
 
 
 def flooded(free: np.ndarray, seeds: np.ndarray) -> np.ndarray:
