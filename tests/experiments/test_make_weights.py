@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 from cells import fill, packed_iou
-from make_weights import COLUMN, PACKAGED, command_of, page_of, sweeps
+from make_weights import COLUMN, PACKAGED, command_of, items_of, page_of, sweeps
 from table3 import LEARNS
 
 from layoutrl.runs.config import composed
@@ -65,7 +65,8 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
     monkeypatch.setattr(make_weights, "PAGE", page)
     before = json.loads((weights / ABOUT).read_text())["agents"]
     fill(configured(tmp_path, "table=table3", f"column={PACKAGED}", "room=bathroom", designed, "data.test_rooms=3"))
-    scores = f"scores={tmp_path / 'results'}"
+    scores, found = f"scores={tmp_path / 'results'}", []
+    monkeypatch.setattr(make_weights, "items_of", lambda *asked: found.append(items_of(*asked)) or found[-1])
     assert make_weights.main([scores, "budget=smoke", "room=bathroom,study"]) == 1
     assert capsys.readouterr().err.startswith("study failed: results: ")
     about = json.loads((weights / ABOUT).read_text())
@@ -80,6 +81,8 @@ def test_the_agents_in_the_package_are_scored_anew_and_stay_as_they_are(
         assert {name for name in now if now[name] != was[name]} <= (new if room_type == "bathroom" else set())
         assert hashlib.sha256((weights / now["file"]).read_bytes()).hexdigest() == was["sha256"]
 
+    (known,) = found  # the same agent furnishes the same rooms
+    monkeypatch.setattr(make_weights, "items_of", lambda *_: known)
     record = json.loads(cell.read_text())
     record["rows"]["layouts"]["iou"] = packed_iou(np.zeros(3))
     cell.write_text(json.dumps(record))
