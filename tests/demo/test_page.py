@@ -48,6 +48,7 @@ DROP = """text => {
 PRESS = """keys => {
   for (const key of keys) document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
 }"""  # sooner than the server can answer
+LABELS = "nodes => nodes.map(({ dataset: { item, opening } }) => item ? `item ${item}` : `opening ${opening}`)"
 HOLD = """([key, times]) => {
   for (let k = 0; k < times; k++)
     document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, repeat: k > 0, bubbles: true }));
@@ -228,6 +229,47 @@ def test_a_chair_under_a_table_lies_on_the_rug(page: Page) -> None:
     expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
     drawn = page.locator("#plan [data-item]").evaluate_all("nodes => nodes.map((node) => node.dataset.item)")
     assert drawn == ["2", "1", "0"]  # what comes later lies on top
+
+
+def test_tab_goes_through_the_plan_and_back(page):
+    page.locator("#plan").focus()
+    wanted = page.locator("#plan [data-item], #plan [data-opening]").evaluate_all(LABELS)
+    assert len(wanted) > 5
+    for step, way in (("Tab", wanted), ("Shift+Tab", wanted[-2::-1])):
+        found = []
+        for _ in way:
+            page.keyboard.press(step)
+            settled(page)  # what has the focus is chosen, and all is drawn anew
+            found += page.locator("#plan :focus").evaluate_all(LABELS)
+        assert found == way
+    for _ in wanted:
+        page.keyboard.press("Tab")
+        settled(page)
+    expect(page.locator("aside :focus")).to_be_attached()  # behind the last
+
+
+def test_the_chosen_item_lies_on_top_and_is_dragged_there(page):
+    furniture = [
+        {"category": "table", "size": [1.0, 1.0], "center": [1.5, 1.5], "rotation": 0},
+        {"category": "chair", "size": [0.5, 0.5], "center": [0.9, 1.5], "rotation": 0, "tucked": True},
+    ]
+    shown(page, SQUARE | {"furniture": furniture})
+    covered = corner(page, 1.1, 1.5)
+    page.mouse.click(*covered)
+    expect(page.locator("#name")).to_have_text("table")
+    page.locator("#furniture [data-row='1']").click()
+    expect(page.locator("#name")).to_have_text("chair")
+    settled(page)
+    x, y = covered
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x - 30, y)
+    page.mouse.move(x - 60, y)
+    page.mouse.up()
+    settled(page)
+    table, chair = room_of(page)["furniture"]
+    assert table == furniture[0]
+    assert chair["center"][0] < 0.7
 
 
 def test_a_door_that_is_blocked_is_said(page):

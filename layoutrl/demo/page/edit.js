@@ -12,10 +12,10 @@ let drag = null;
 plan.addEventListener("pointerdown", (event) => {
   if (state.mode !== "edit" || !idle() || event.button !== 0) return;
   document.activeElement.blur(); // what was typed in a field is of the item that was chosen
-  const thing = event.target.closest("[data-item], [data-opening]");
+  const thing = event.target.closest("[data-item], [data-opening], use"); // which shows the chosen item on top
   if (!thing) return select(null);
   if (thing.dataset.opening) return select("opening", Number(thing.dataset.opening));
-  const index = Number(thing.dataset.item);
+  const index = Number(thing.dataset.item ?? state.selected.index);
   select("item", index);
   document.querySelector(`[data-item="${index}"]`)?.focus({ preventScroll: true });
   event.preventDefault();

@@ -81,12 +81,11 @@ function furniture(item, fronts) {
 
 const placed = (item) => `translate(${item.center.join(" ")}) rotate(${item.rotation ?? 0})`;
 
-// Under others: rugs and platforms, then what is tucked, and of the rest what is larger; what is chosen lies on top.
-function order(room, raised, top) {
-  const under = (item) => (raised.has(item.category) ? 2e9 : item.tucked ? 1e9 : 0) + item.size[0] * item.size[1];
-  const rank = ({ item, index }) => (index === top ? 1e9 : -under(item));
+// Under others: rugs and platforms, then what is tucked, and of the rest what is larger.
+function order(room, raised) {
+  const under = ({ item }) => (raised.has(item.category) ? 2e9 : item.tucked ? 1e9 : 0) + item.size[0] * item.size[1];
   const standing = room.furniture.map((item, index) => ({ item, index })).filter(({ item }) => item.center);
-  return standing.sort((one, other) => rank(one) - rank(other));
+  return standing.sort((one, other) => under(other) - under(one));
 }
 
 // A small picture of a room.
@@ -150,7 +149,7 @@ export function draw(svg, state, { fronts, raised }) {
       role: "button", tabindex: 0, "aria-pressed": on, "aria-label": opening.kind,
     }));
   });
-  for (const { item, index } of order(room, raised, chosen)) {
+  for (const { item, index } of order(room, raised)) {
     const told = faults.get(index);
     const looks = ["item", told && "faulty", state.locked[index] && "locked", index === chosen && "selected"];
     const about = [words(item.category), state.locked[index] && "locked", told?.join(", ")];
@@ -160,10 +159,12 @@ export function draw(svg, state, { fronts, raised }) {
     if (!item.tucked || index === chosen) nodes.push(label(item, size)); // else under a table
     if (state.locked[index]) nodes.push(padlock(item, size));
     group.append(make("g", {
-      class: looks.filter(Boolean).join(" "), "data-item": index, role: "button", tabindex: 0,
+      class: looks.filter(Boolean).join(" "), "data-item": index, role: "button", tabindex: 0, id: index === chosen ? "chosen" : null,
       "aria-pressed": index === chosen, "aria-label": about.filter(Boolean).join("; "), transform: placed(item),
     }, ...nodes));
   }
+  // What is chosen lies on top, but stays where it is among the others: Tab goes from one to the next in this order.
+  if (room.furniture[chosen]?.center) group.append(make("use", { href: "#chosen", "aria-hidden": true, tabindex: -1 }));
   if (state.mode === "edit" && chosen >= 0) for (const gap of look.gaps) measure(group, gap, 0.95 * size);
   const from = room.furniture[chosen]?.center;
   if (from) (state.thoughts?.moves ?? []).forEach(({ to }, rank) => arrow(group, from, to, rank));
