@@ -901,6 +901,23 @@ def test_furniture_that_the_server_refuses_is_taken_out_again(page):
     expect(page.locator("#title")).to_contain_text("bedroom")
 
 
+def test_what_is_usual_is_added_where_it_is_not_there_yet(page, answers):
+    usual = [entry for entry in answers.begin["palette"]["dining_room"] if entry["usual"]]
+    (table,) = (entry["item"] for entry in usual if entry["item"]["category"] == "table")
+    number = sum(entry["usual"] for entry in usual)
+    stands = [table | {"center": [1.5, 1.5], "rotation": 0}, table | {"size": [0.5, 0.5], "shape": "circle"}]
+    shown(page, SQUARE | {"room_type": "dining_room", "furniture": stands})
+    page.locator("#adding summary").click()
+    page.locator("#usual").click()
+    settled(page)
+    expect(page.locator("#furniture li")).to_have_count(2 + number - 1)  # a round table is another
+    before = room_of(page)
+    page.locator("#usual").click()
+    expect(page.locator("#verdict")).to_have_text("All that is usual is there.")
+    settled(page)
+    assert room_of(page) == before
+
+
 def test_what_is_taken_out_is_put_back_where_the_server_does_not_answer(page):
     before = room_of(page)
     page.route("**/api/look", lambda route: route.fulfill(status=400, body='{"error": "gone"}'))

@@ -165,8 +165,21 @@ document.addEventListener("add", ({ detail }) => inTurn(async () => {
   if ((await added([standing])) || (await added([detail]))) select("item", state.room.furniture.length - 1);
 }));
 
-$("usual").onclick = () => inTurn(() =>
-  added(known.palette[state.room.room_type].flatMap(({ item: entry, usual }) => Array(usual).fill(entry))));
+// What most rooms of the type have, and this one has not yet.
+function lacking({ room_type, furniture }) {
+  const same = (one, other) => one.category === other.category && one.shape === other.shape;
+  return known.palette[room_type].flatMap(({ item: entry, usual }) => {
+    const has = furniture.filter((other) => same(entry, other)).length;
+    return Array(Math.max(usual - has, 0)).fill(entry);
+  });
+}
+
+$("usual").onclick = () => inTurn(() => {
+  const entries = lacking(state.room);
+  if (entries.length) return added(entries);
+  state.notice = "All that is usual is there.";
+  return render();
+});
 
 $("clear").onclick = () => inTurn(async () => {
   if (!idle()) return;
