@@ -481,6 +481,21 @@ def test_the_chosen_item_has_buttons_for_all_of_it(page):
     expect(page.locator("#selected")).to_be_hidden()
 
 
+def test_a_field_that_is_cleared_says_again_what_is_so(page):
+    stool = SQUARE["furniture"][0] | {"size": [0.5, 0.6], "rotation": 45}
+    shown(page, SQUARE | {"furniture": [stool]})
+    page.locator("#furniture [data-row='0']").click()
+    settled(page)
+    for field, value in (("degrees", "45"), ("depth", "0.5"), ("width", "0.6")):
+        for leave in ("Enter", "Tab"):
+            page.locator(f"#{field}").fill("")
+            page.keyboard.press(leave)
+            settled(page)
+            expect(page.locator(f"#{field}")).to_have_value(value)
+    expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+    assert room_of(page)["furniture"] == [stool]
+
+
 def test_what_is_typed_in_a_field_is_of_the_item_that_was_chosen(page):
     """Whatever is clicked next: the floor, another item, or its row of the list."""
     stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.75, 2.25)]

@@ -1,7 +1,7 @@
 // Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
 
 import { back } from "./building.js";
-import { $, changed, inTurn, known, look, plan, render, say, select, waits } from "./page.js";
+import { $, changed, inTurn, known, look, measures, plan, render, say, select, waits } from "./page.js";
 import { metres } from "./plan.js";
 import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
 
@@ -198,16 +198,19 @@ $("turn").onclick = () => turn(90);
 $("lock").onclick = lock;
 $("delete").onclick = remove;
 $("place").onclick = () => change(({ rotation }) => ({ center: [...state.look.middle], rotation: rotation ?? 0 }));
-for (const [id, side] of [["depth", 0], ["width", 1]]) {
+// A field of the chosen item, and what becomes of its number. Where there is none it says again what is so.
+function typed(id, act) {
   $(id).onchange = () => {
-    const value = Number($(id).value);
-    change(({ shape, size }) => ({ size: shape === "circle" ? [value, value] : size.with(side, value) }));
+    const [value, chosen] = [$(id).valueAsNumber, item()];
+    if (Number.isFinite(value)) act(value);
+    else if (chosen) $(id).value = measures(chosen)[id];
   };
 }
-$("degrees").onchange = () => {
-  const rotation = Number($("degrees").value);
-  if (item()?.center) change(() => ({ rotation }));
-};
+
+for (const [id, side] of [["depth", 0], ["width", 1]]) {
+  typed(id, (value) => change(({ shape, size }) => ({ size: shape === "circle" ? [value, value] : size.with(side, value) })));
+}
+typed("degrees", (rotation) => item()?.center && change(() => ({ rotation })));
 
 async function travelled(before) {
   if (!idle() || !travel(before)) return;

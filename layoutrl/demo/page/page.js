@@ -176,6 +176,10 @@ function renderList() {
   if (!problem && !notice && !faults.length) $("verdict").textContent = room.furniture.length ? "Nothing is wrong." : "It is empty: add furniture.";
 }
 
+// What the fields of an item say.
+export const measures = ({ size: [depth, width], rotation = 0 }) =>
+  Object.fromEntries(Object.entries({ depth, width, degrees: rotation }).map(([id, value]) => [id, +value.toFixed(3)]));
+
 function renderSelected() {
   const { selected, room, look: { gaps } } = state;
   $("selected").hidden = !selected || state.mode !== "edit";
@@ -193,9 +197,8 @@ function renderSelected() {
   $("turn").disabled = lock || !chosen.center;
   $("only").disabled = lock;
   $("place").hidden = Boolean(chosen.center);
-  const values = { depth: chosen.size[0], width: chosen.size[1], degrees: chosen.rotation ?? 0 };
-  for (const [id, value] of Object.entries(values)) {
-    if (document.activeElement !== $(id)) $(id).value = +value.toFixed(3);
+  for (const [id, value] of Object.entries(measures(chosen))) {
+    if (document.activeElement !== $(id)) $(id).value = value;
     $(id).disabled = lock;
   }
   $("gaps").textContent = gaps.length ? `Free beside it: ${gaps.map(([, , metres]) => `${metres.toFixed(2)} m`).join(", ")}` : "";
