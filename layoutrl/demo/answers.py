@@ -17,7 +17,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.demo.furnisher import Staff
-from layoutrl.demo.home import fixed, new_home, written_back
+from layoutrl.demo.home import NAME, fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
@@ -47,7 +47,8 @@ WIDEST = 25.0  # metres of a room's sides
 MOST_ITEMS = 40
 MOST_ROOMS = 100  # of a file
 LARGEST_LINE = MOST_ROOMS * LARGEST_BODY  # bytes about the rooms of a home
-LONGEST_NAME = 60  # letters of a room's that are said
+LONGEST_NAME = 60  # letters of a room's that are said, or of a file's that begin its rooms' ids
+NO_NAME = '/\\:*?"<>|'  # what is in no file's name, on this system or another
 STEPS = (0.05, 1.0)  # metres between the places of a heat map
 
 # What lines on a file say of options of commands, and the page in its place.
@@ -185,10 +186,11 @@ class Answers:
         room = room_in(asked)
         return {"svg": svg(room, wrong_with(room))}
 
-    def read(self, content: bytes, unit: str = "auto") -> Answer:
+    def read(self, content: bytes, unit: str = "auto", called: str = "") -> Answer:
         """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
 
-        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other files say it themselves.
+        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other files say it themselves. What the
+        file is `called`, without its ending, begins the ids of rooms that have none of their own.
         Furniture is called by our categories, where its names are known. Of a home each room tells what of its
         furniture is `fixed`: the home is not written back with it elsewhere.
         """
@@ -196,7 +198,7 @@ class Answers:
             raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit[:20]!r}")
         suffix = suffix_of(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
-            path = Path(folder) / f"file{suffix}"
+            path = Path(folder) / f"{stem_of(called)}{suffix}"
             path.write_bytes(content)
             try:
                 source = source_of(path, unit)
@@ -223,11 +225,11 @@ class Answers:
             raise InputError(left_out[0] if left_out else "file: expected rooms; it is empty")
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
-    def home(self, body: bytes) -> tuple[bytes, str]:
+    def home(self, body: bytes, called: str = "") -> tuple[bytes, str]:
         """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from.
 
         `others` of that home's rooms are written back with it, as they are now. Those that cannot be are left as the
-        home has them, and named in the line that is returned, too.
+        home has them, and named in the line that is returned, too. The home is `called` as when it was read.
         """
         line, _, content = body.partition(b"\n")
         asked = question(line, LARGEST_LINE if content else LARGEST_BODY)
@@ -250,7 +252,7 @@ class Answers:
             raise InputError("others: expected the home that they were read from, below the line")
         if not content:
             return new_home(room), ""
-        saved, unlike = written_back(room, content, rooms)
+        saved, unlike = written_back(room, content, rooms, f"{stem_of(called)}.sh3d")
         return saved, said_of_left(unlike + unread)
 
 
@@ -274,6 +276,12 @@ def question(body: bytes, largest: int = LARGEST_BODY) -> dict[str, Any]:
     if not isinstance(asked, dict) or "room" not in asked:
         raise InputError("room: missing; expected a JSON object with a room")
     return asked
+
+
+def stem_of(called: str) -> str:
+    """A name for a file in a folder of its own, from what it is called: no path, whatever that is."""
+    letters = (letter if letter.isprintable() and letter not in NO_NAME else "_" for letter in called[:LONGEST_NAME])
+    return "".join(letters).strip(" .") or Path(NAME).stem
 
 
 def suffix_of(content: bytes) -> str:

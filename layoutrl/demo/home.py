@@ -62,7 +62,7 @@ HEIGHTS = {  # centimetres, of furniture
 }
 HEIGHT = 75.0  # centimetres, of what is not named, such as tables, desks and toilets
 APART = 0.3  # metres, of what stands beside a room
-NAME = "file.sh3d"  # of homes that are read: it begins the ids of their rooms
+NAME = "file.sh3d"  # of a home that is read, where nobody says another: it begins the ids of its rooms
 
 
 def fixed(home: Home, room: Room) -> list[int]:
@@ -71,19 +71,20 @@ def fixed(home: Home, room: Room) -> list[int]:
     return [k for k, piece in enumerate(home.pieces[room.id]) if not (piece.known and piece.may_move)]
 
 
-def written_back(room: Room, content: bytes, others: Sequence[Room] = ()) -> tuple[bytes, list[str]]:
+def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: str = NAME) -> tuple[bytes, list[str]]:
     """The home that a room was read from, whole, with its furniture where it stands now, and that of `others`.
 
+    It is called `name`, as when it was read.
     Raises InputError where the room is not as it was read but for where its furniture stands, or moved what is `fixed`.
     Such `others` stay as the home has them: their ids are returned, too.
     """
     with TemporaryDirectory(prefix="layoutrl-") as folder:
-        path, out = Path(folder) / NAME, Path(folder) / f"out-{NAME}"
+        path, out = Path(folder) / name, Path(folder) / f"out-{name}"
         path.write_bytes(content)
         try:
             home = read_home(path)
         except InputError as error:  # which names the file, of which the page knows nothing
-            raise InputError(str(error).replace(str(path), NAME)) from None
+            raise InputError(str(error).replace(str(path), name)) from None
         before = {room.id: room for room in home.rooms}
         _check(room, before.get(room.id), home)
         rooms, left = [room], []

@@ -100,8 +100,13 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         return said(answers.begin)
 
     async def read(request: Request) -> Response:
-        work = partial(answers.read, unit=request.query_params.get("unit", "auto"))
+        asked = request.query_params
+        work = partial(answers.read, unit=asked.get("unit", "auto"), called=asked.get("name", ""))
         return await asking(work, "files")(request)
+
+    async def home(request: Request) -> Response:
+        work = partial(answers.home, called=request.query_params.get("name", ""))
+        return await asking(work, "files", LARGEST_HOME)(request)
 
     routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
     routes.append(Route("/api", begin))
@@ -111,7 +116,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         work = partial(answers.answer, question)
         routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
     routes.append(Route("/api/read", read, methods=["POST"]))
-    routes.append(Route("/api/home", asking(answers.home, "files", LARGEST_HOME), methods=["POST"]))
+    routes.append(Route("/api/home", home, methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
     handlers[Exception] = lambda _, error: broken(error)
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)

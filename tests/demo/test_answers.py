@@ -416,6 +416,34 @@ def test_a_home_tells_what_is_fixed_and_is_saved_with_all_its_rooms(answers, tmp
         answers.home(json.dumps(asked).encode())
 
 
+@pytest.mark.parametrize(
+    ("called", "stem"),
+    [
+        ("my flat", "my flat"),
+        ("Küche 卧室 हिन्दी", "Küche 卧室 हिन्दी"),
+        ("v2.1", "v2.1"),
+        ("", "file"),
+        (" ..", "file"),
+        ("../../etc/passwd", "_.._etc_passwd"),
+        ("/etc/passwd", "_etc_passwd"),
+        ("a\\b\0c\nd", "a_b_c_d"),
+        ("\N{BED}" * 500, "\N{BED}" * 60),
+    ],
+)
+def test_rooms_of_a_home_are_called_as_its_file_which_is_no_path(answers, tmp_path, called, stem):
+    content = home_file(tmp_path / "flat.sh3d").read_bytes()
+    bedroom, bathroom = (entry["room"] for entry in answers.read(content, called=called)["rooms"])
+    assert [bedroom["id"], bathroom["id"]] == [f"{stem}/Bedroom", f"{stem}/room 2"]
+    assert bedroom["group"] == bathroom["group"] == stem
+    bathroom["furniture"][0]["center"] = [5.1, -0.6]
+    body = json.dumps({"room": bedroom, "others": [bathroom]}).encode() + b"\n" + content
+    saved, left = answers.home(body, called)
+    assert left == ""
+    assert [entry["room"] for entry in answers.read(saved, called=called)["rooms"]] == [bedroom, bathroom]
+    with pytest.raises(InputError, match="has other: save it as JSON"):
+        answers.home(body, "another home")
+
+
 def test_other_rooms_that_cannot_be_saved_are_left_as_they_were_and_named(answers, tmp_path):
     content = home_file(tmp_path / "flat.sh3d").read_bytes()
     bedroom, bathroom = (entry["room"] for entry in answers.read(content)["rooms"])

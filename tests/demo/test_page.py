@@ -1194,7 +1194,7 @@ def test_a_room_is_saved_as_drawings(page):
 
 
 def test_a_home_of_sweet_home_3d_is_saved_opened_and_written_back(page, tmp_path):
-    file = tmp_path / "home.sh3d"
+    file = tmp_path / "file.sh3d"
     file.write_bytes(saved(page, "sh3d"))
     furniture = room_of(page)["furniture"]
     page.locator("#file").set_input_files(file)
@@ -1212,11 +1212,11 @@ def test_a_home_of_sweet_home_3d_is_saved_opened_and_written_back(page, tmp_path
     expect(page.locator("#verdict")).to_contain_text("home: expected the furniture that was read from it")
 
 
-def openly(page: Page, content: bytes, room: str) -> None:
+def openly(page: Page, content: bytes, room: str, name: str = "file.sh3d") -> None:
     """Open a file, of which that room is shown."""
     page.locator("#saving").evaluate("node => { node.open = true }")
     count = page.locator("#gallery li").count()
-    page.locator("#file").set_input_files({"name": "a.sh3d", "mimeType": "application/zip", "buffer": content})
+    page.locator("#file").set_input_files({"name": name, "mimeType": "application/zip", "buffer": content})
     expect(page.locator("#gallery li").nth(count)).to_be_attached()
     expect(page.locator("#title")).to_have_attribute("data-room", room)
     settled(page)
@@ -1268,6 +1268,24 @@ def test_a_home_is_saved_with_all_its_rooms_as_they_are_now(page, tmp_path):
     expect(page.locator("#plan .item.locked")).to_have_count(1)
 
 
+def test_rooms_of_a_home_are_called_as_its_file_and_saved_into_it(page, tmp_path):
+    content, ids = home_file(tmp_path / "home.sh3d").read_bytes(), []
+    for called in ("my flat", "the: other one"):
+        name = called.replace(":", "_")
+        openly(page, content, f"{name}/Bedroom", f"{called}.sh3d")
+        expect(page.locator("#gallery .id").first).to_have_text("Bedroom")
+        item(page, "bed").focus()
+        page.keyboard.press("ArrowDown")
+        settled(page)
+        document = room_of(page)
+        assert document["group"] == name
+        ids.append(document["id"])
+        (tmp_path / f"{name}.sh3d").write_bytes(saved(page, "sh3d"))
+        assert opened(tmp_path / f"{name}.sh3d").collection.rooms[0] == room_from_dict(document)
+        assert download(page, "svg").suggested_filename == f"{name}_Bedroom.svg".replace(" ", "_")
+    assert ids == ["my flat/Bedroom", "the_ other one/Bedroom"]
+
+
 def test_a_room_with_other_furniture_keeps_no_other_room_from_being_saved(page, tmp_path):
     (tmp_path / "saved.sh3d").write_bytes(content := home_file(tmp_path / "home.sh3d").read_bytes())
     before = opened(tmp_path / "saved.sh3d").collection.rooms[0]
@@ -1289,9 +1307,9 @@ def test_a_room_with_other_furniture_keeps_no_other_room_from_being_saved(page, 
 def test_only_rooms_that_were_changed_are_sent_with_the_one_that_is_saved(page, tmp_path, monkeypatch):
     from layoutrl.demo import answers, home
 
-    def written(room: Room, content: bytes, others: Sequence[Room]) -> tuple[bytes, list[str]]:
+    def written(room: Room, content: bytes, others: Sequence[Room], name: str) -> tuple[bytes, list[str]]:
         sent.append([other.id for other in others])
-        return home.written_back(room, content, others)
+        return home.written_back(room, content, others, name)
 
     sent: list[list[str]] = []
     monkeypatch.setattr(answers, "written_back", written)

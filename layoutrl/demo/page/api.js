@@ -22,12 +22,14 @@ export const ask = (question, body) =>
     body: JSON.stringify(body),
   });
 
-export const read = (file, unit) => json(`/api/read?unit=${unit}`, { method: "POST", body: file });
+// A file, and its name without the ending.
+export const read = (file, name, unit) =>
+  json(`/api/read?${new URLSearchParams({ name, unit })}`, { method: "POST", body: file });
 
-// A home of Sweet Home 3D: a new one of the room; or the one that it was read from, with others of its rooms.
-// `left` is a line on the others that it is saved without.
-export async function home(room, others, file) {
+// A home of Sweet Home 3D: a new one of the room; or the one that it was read from, by that name, with others of its
+// rooms. `left` is a line on the others that it is saved without.
+export async function home(room, others, file, name = "") {
   const body = new Blob([`${JSON.stringify({ room, others })}\n`, file ?? ""]);
-  const response = await answer("/api/home", { method: "POST", body });
+  const response = await answer(`/api/home?${new URLSearchParams({ name })}`, { method: "POST", body });
   return { content: await response.blob(), left: JSON.parse(response.headers.get("Layoutrl-Left") ?? '""') };
 }

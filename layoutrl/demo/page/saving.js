@@ -37,6 +37,9 @@ export function shown({ room, fixed = [] }, source) {
   return open(now.room, now.locked, source);
 }
 
+// The name of a room among others of its file, whose name may begin its id.
+const alone = ({ id, group }) => (id.startsWith(`${group}/`) ? id.slice(group.length + 1) : id);
+
 // Show rooms in the strip; those of a file with their names, where it has several.
 export function offer(source, before = false) {
   const named = source.name && source.rooms.length > 1;
@@ -46,7 +49,7 @@ export function offer(source, before = false) {
     const picture = thumbnail(room, box, known);
     source.pictures.set(room.id, picture);
     node.append(picture, element("span", { textContent: words(room.room_type) }));
-    if (named) node.append(element("span", { className: "id", textContent: room.id.replace(/^file\//, "") }));
+    if (named) node.append(element("span", { className: "id", textContent: alone(room) }));
     return element("li", {}, node);
   });
   if (before) $("gallery").prepend(...entries);
@@ -80,8 +83,9 @@ async function opened(file, before = { source: null, entries: [] }) {
   if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
-    const { rooms, left_out, home: whole } = await read(content, mine.unit);
-    const source = sourceOf(rooms, file.name.replace(/(?<=.)\.\w+$/, ""), whole ? content : null);
+    const name = file.name.replace(/(?<=.)\.\w+$/, "");
+    const { rooms, left_out, home: whole } = await read(content, name, mine.unit);
+    const source = sourceOf(rooms, name, whole ? content : null);
     before.entries.forEach((entry) => entry.remove());
     Object.assign(mine, { source, entries: offer(source, true) });
     await shown(rooms[0], source);
@@ -112,7 +116,7 @@ function wholeHome() {
   const { room, source } = state;
   if (!source.home) return home(room, []);
   const changed = [...source.now].filter(([id, text]) => id !== room.id && text !== source.first.get(id));
-  return home(room, changed.map(([, text]) => JSON.parse(text).room), source.home);
+  return home(room, changed.map(([, text]) => JSON.parse(text).room), source.home, source.name);
 }
 
 async function saveHome() {
