@@ -182,7 +182,7 @@ class Answers:
         return held.brief, item - sum(k < item for k in held.unseen)
 
     def svg(self, asked: Any) -> Answer:
-        """The room as a drawing to true size, with what the page hatches."""
+        """The room as a drawing to scale, with what the page hatches."""
         room = room_in(asked)
         return {"svg": svg(room, wrong_with(room))}
 

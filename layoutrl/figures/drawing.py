@@ -1,4 +1,4 @@
-"""A room as a drawing to true size: SVG in layers for the web and for print, PNG, and DXF for CAD.
+"""A room as a drawing: SVG in layers for the web and for print, to scale; PNG; and DXF for CAD.
 
 What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named; what has no place is named
 above the room. Below it stand a metre and the room's name, but in DXF, which has true sizes. Lengths are metres; y
