@@ -47,6 +47,7 @@ WIDEST = 25.0  # metres of a room's sides
 MOST_ITEMS = 40
 MOST_ROOMS = 100  # of a file
 LARGEST_LINE = MOST_ROOMS * LARGEST_BODY  # bytes about the rooms of a home
+MOST_FILES = 100_000  # in a home, whose list of them is held whole: some 60 MB
 LONGEST_NAME = 60  # letters of a room's that are said, or of a file's that begin its rooms' ids
 NO_NAME = '/\\:*?"<>|'  # what is in no file's name, on this system or another
 STEPS = (0.05, 1.0)  # metres between the places of a heat map
@@ -197,6 +198,7 @@ class Answers:
         if unit not in ("auto", *UNITS):
             raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit[:20]!r}")
         suffix = suffix_of(content)
+        check_home(content)
         with TemporaryDirectory(prefix="layoutrl-") as folder:
             path = Path(folder) / f"{stem_of(called)}{suffix}"
             path.write_bytes(content)
@@ -252,6 +254,7 @@ class Answers:
             raise InputError("others: expected the home that they were read from, below the line")
         if not content:
             return new_home(room), ""
+        check_home(content)
         saved, unlike = written_back(room, content, rooms, f"{stem_of(called)}.sh3d")
         return saved, said_of_left(unlike + unread)
 
@@ -294,6 +297,12 @@ def suffix_of(content: bytes) -> str:
     # Of an object over several lines none that begins at the margin is an object by itself.
     alone = any(line.startswith(b"{") and isinstance(parsed(line), dict) for line in lines)
     return ".jsonl" if alone or len(lines) == 1 else ".json"
+
+
+def check_home(content: bytes) -> None:
+    """Raise InputError where a ZIP has more files in it than are listed soon; that they are large costs nothing."""
+    if content.count(b"PK\1\2") > MOST_FILES:  # which begins each entry of its list
+        raise InputError(f"file: expected at most {MOST_FILES:,} files in a home")
 
 
 def source_of(path: Path, unit: str) -> Source:

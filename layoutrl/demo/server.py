@@ -31,7 +31,8 @@ from layoutrl.demo.furnisher import staff_of
 from layoutrl.runs.config import DemoConfig
 
 LARGEST_FILE = 5_000_000  # bytes
-LARGEST_HOME = LARGEST_FILE + LARGEST_LINE + 1  # a home that can be read, below a line on its rooms
+LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
+LINE = LARGEST_LINE + 1  # bytes above a home that is written back
 LEFT = "Layoutrl-Left"  # a header: JSON of a line on what a file is without
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
@@ -72,11 +73,11 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
         for worker in workers.values():
             worker.shutdown(wait=False, cancel_futures=True)
 
-    async def answered(work: Callable[[bytes], Any], worker: str, largest: int, request: Request) -> Response:
-        body = await body_of(request, largest)
+    async def answered(work: Callable[[bytes], Any], worker: str, line: int, request: Request) -> Response:
+        body = await body_of(request, line)
         return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
 
-    def asking(work: Callable[[bytes], Any], worker: str, largest: int = LARGEST_FILE) -> Callable[[Request], Any]:
+    def asking(work: Callable[[bytes], Any], worker: str, line: int = 0) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
             begun = False
 
@@ -86,7 +87,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
                 return work(body)
 
             try:
-                return await asyncio.wait_for(answered(begin_work, worker, largest, request), timeout)
+                return await asyncio.wait_for(answered(begin_work, worker, line, request), timeout)
             except InputError as error:
                 return refused(400, str(error))
             except TimeoutError:  # a thread that has begun goes on, and the next answer waits for it
@@ -106,7 +107,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
 
     async def home(request: Request) -> Response:
         work = partial(answers.home, called=request.query_params.get("name", ""))
-        return await asking(work, "files", LARGEST_HOME)(request)
+        return await asking(work, "files", LINE)(request)
 
     routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
     routes.append(Route("/api", begin))
@@ -145,13 +146,16 @@ def page() -> dict[str, Callable[[Request], Any]]:
     }
 
 
-async def body_of(request: Request, largest: int) -> bytes:
-    """The body. Raises InputError where it is too large, as soon as that is known."""
-    body = bytearray()
+async def body_of(request: Request, line: int) -> bytes:
+    """The body, below a line of at most so many bytes, if any. Raises InputError where it is too large, as soon as that
+    is known: a home, which is a ZIP, may be larger than all else."""
+    body, most = bytearray(), line + LARGEST_FILE
     async for part in request.stream():
         body += part
-        if len(body) > largest:
-            raise InputError(f"body: expected at most {largest // 1_000_000} MB")
+        if len(body) > most and body.startswith(b"PK", body.find(b"\n") + 1 if line else 0):
+            most = line + LARGEST_HOME
+        if len(body) > most:
+            raise InputError(f"body: expected at most {most // 1_000_000} MB")
     return bytes(body)
 
 

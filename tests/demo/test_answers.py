@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
@@ -442,6 +443,16 @@ def test_rooms_of_a_home_are_called_as_its_file_which_is_no_path(answers, tmp_pa
     assert [entry["room"] for entry in answers.read(saved, called=called)["rooms"]] == [bedroom, bathroom]
     with pytest.raises(InputError, match="has other: save it as JSON"):
         answers.home(body, "another home")
+
+
+def test_a_home_of_a_great_many_files_is_refused_before_they_are_listed(answers, tmp_path, monkeypatch):
+    content = home_file(tmp_path / "flat.sh3d").read_bytes()
+    room = answers.read(content)["rooms"][0]["room"]
+    for most, match in ((4, None), (3, "^file: expected at most 3 files in a home")):
+        monkeypatch.setattr("layoutrl.demo.answers.MOST_FILES", most)
+        for ask in (answers.read, lambda home: answers.home(json.dumps({"room": room}).encode() + b"\n" + home)):
+            with pytest.raises(InputError, match=match) if match else nullcontext():
+                ask(content)
 
 
 def test_other_rooms_that_cannot_be_saved_are_left_as_they_were_and_named(answers, tmp_path):

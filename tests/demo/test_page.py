@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import random
 import re
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -1284,6 +1285,20 @@ def test_rooms_of_a_home_are_called_as_its_file_and_saved_into_it(page, tmp_path
         assert opened(tmp_path / f"{name}.sh3d").collection.rooms[0] == room_from_dict(document)
         assert download(page, "svg").suggested_filename == f"{name}_Bedroom.svg".replace(" ", "_")
     assert ids == ["my flat/Bedroom", "the_ other one/Bedroom"]
+
+
+def test_a_home_with_large_models_is_opened_and_saved_and_other_files_stay_small(page, tmp_path):
+    models = {"model.obj": b"v 0 0 0\n" + random.Random(1).randbytes(6_000_000)}
+    openly(page, home_file(tmp_path / "home.sh3d", entries=models).read_bytes(), "file/Bedroom")
+    item(page, "bed").focus()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    assert entry_of(saved(page, "sh3d"), "model.obj") == models["model.obj"]
+    for name, begin, most in (("a.json", b"[", 5), ("b.sh3d", b"PK", 50)):
+        file = tmp_path / name
+        file.write_bytes(begin.ljust(most * 1_000_000 + 1))
+        page.locator("#file").set_input_files(file)
+        expect(page.locator("#verdict")).to_have_text(f"{name} is larger than {most} MB.")
 
 
 def test_a_room_with_other_furniture_keeps_no_other_room_from_being_saved(page, tmp_path):

@@ -150,6 +150,22 @@ def test_a_home_that_can_be_read_is_taken_below_a_line_on_its_rooms(answers):
     assert larger == "body: expected at most 25 MB"
 
 
+def test_homes_may_be_larger_than_what_is_no_zip(answers):
+    line = json.dumps({"room": ROOMS[0]}).encode() + b"\n"
+    asked = [("look", b"", 5), ("read", b"", 5), ("read", b"PK", 50), ("home", line, 25), ("home", line + b"PK", 70)]
+
+    async def talk(client: Any) -> list[Any]:
+        sizes = (0, 1_000_000)  # beyond
+        return [
+            [await client.post(f"/api/{what}", content=begin.ljust(most * 1_000_000 + more, b" ")) for more in sizes]
+            for what, begin, most in asked
+        ]
+
+    for (_, _, most), (largest, larger) in zip(asked, talked(answers, talk), strict=True):
+        assert "body" not in largest.json()["error"]
+        assert larger.json() == {"error": f"body: expected at most {most} MB"}
+
+
 def test_an_answer_that_takes_long_is_given_up_and_others_go_on(answers, monkeypatch):
     release = threading.Event()
     monkeypatch.setitem(answers.questions, "furnish", lambda _: release.wait(10))

@@ -5,7 +5,7 @@ import { $, element, judged, known, open, render, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { anyUnsaved, forget, markSaved, packed, snapshot, sourceOf, state, unpacked, unsaved, words } from "./store.js";
 
-const LARGEST = 5e6; // bytes that the server takes
+const LARGEST = { home: 50, other: 5 }; // MB that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
 const PAGE = "page"; // what the page has locked, and nobody else
 
@@ -80,8 +80,9 @@ async function opened(file, before = { source: null, entries: [] }) {
   last = mine;
   state.lines = [];
   render();
-  if (file.size > LARGEST) return say(`${file.name} is larger than 5 MB.`);
   try {
+    const most = (await file.slice(0, 2).text()) === "PK" ? LARGEST.home : LARGEST.other; // a home is a ZIP
+    if (file.size > most * 1e6) return say(`${file.name} is larger than ${most} MB.`);
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const name = file.name.replace(/(?<=.)\.\w+$/, "");
     const { rooms, left_out, home: whole } = await read(content, name, mine.unit);
