@@ -18,6 +18,7 @@ from typing import Any, get_type_hints
 
 import hydra
 import yaml
+from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
@@ -89,7 +90,8 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
                 raise InputError("--cfg: it shows the options of one run; expected no -m beside it")
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
-                job()
+                with composed_once(sys.argv[1:], sweeps=sweeps):
+                    job()
             except HydraException as error:
                 raise InputError(explained(error, schema, known)) from None
 
@@ -170,6 +172,25 @@ def raised_errors() -> Iterator[None]:
             del os.environ[FULL_ERROR]
         else:
             os.environ[FULL_ERROR] = before
+
+
+@contextmanager
+def composed_once(arguments: list[str], *, sweeps: bool) -> Iterator[None]:
+    """Spare Hydra composing all that is asked a first time, which it does only to read hydra.mode.
+
+    That is null, but where the file of a command that `sweeps` sets it, an argument of Hydra's own or a file of another
+    folder can.
+    """
+    others = any("hydra" in argument or argument.startswith(("-c", "--c")) for argument in arguments)
+    if sweeps or others or not hasattr(Hydra, "get_mode"):  # it is private: another Hydra may have none
+        yield
+        return
+    before = Hydra.get_mode
+    Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        Hydra.get_mode = before  # type: ignore[method-assign]
 
 
 def in_a_line(error: Exception) -> str:
