@@ -23,7 +23,6 @@ from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
-from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, Fault, faults
 from layoutrl.rooms.files import read_rooms
@@ -31,6 +30,7 @@ from layoutrl.rooms.formats import RoomsSource, Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
+from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answerable import Answerable, answerable
@@ -83,7 +83,7 @@ class Answers:
 
     def __init__(self, staff: Staff):
         self.staff = staff
-        samples = {room_type: design_rooms(room_type, "test", SEED, SAMPLES).rooms for room_type in MAIN_ITEM}
+        samples = {kind: designer_cache.read(None, kind, "test", SEED, SAMPLES).rooms for kind in MAIN_ITEM}
         self.begin: Answer = {
             "gallery": [shown(room) for rooms in samples.values() for room in rooms[:SHOWN]],
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},

@@ -13,30 +13,34 @@ from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.search import Searching, search
-from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished, dice, laid_out, several
 from layoutrl.rooms.room import Room
+from layoutrl.rooms.sources import designer_cache
 
 DESIGNED = 100  # rooms of a type and seed, whose relations are kept; of more the designer would start processes
 SEEDS = (0, 1)  # of fewer rooms rare categories would not be known
 VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
 
 
-def designed(room_type: str) -> list[Room]:
-    """The rooms whose relations are kept."""
-    return [room for seed in SEEDS for room in design_rooms(room_type, "train", seed, DESIGNED).rooms]
+@cache
+def designed(room_type: str, seeds: tuple[int, ...], count: int) -> Relations:
+    """The relations of so many designed rooms of each seed."""
+    return mine([room for seed in seeds for room in designer_cache.read(None, room_type, "train", seed, count).rooms])
 
 
 class Rival:
-    """Search or annealer, with a budget a layout. It keeps relations of designed rooms of each type.
+    """Search or annealer, with a budget a layout. All share the relations of designed rooms of each type.
 
     Where one layout of a room is there, preferences are weighed otherwise for the next, else it would be the same.
     """
 
     def __init__(self, settings: Searching | Annealing, budget: Callable[[], Spent]):
         self.settings, self.budget = settings, budget
-        self.relations = cache(lambda room_type: mine(designed(room_type)))
+
+    def relations(self, room_type: str) -> Relations:
+        """Those of designed rooms of this type."""
+        return designed(room_type, SEEDS, DESIGNED)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is how few faults there are."""

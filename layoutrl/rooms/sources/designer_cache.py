@@ -11,6 +11,7 @@ import base64
 import hashlib
 import json
 import os
+import sys
 from collections import Counter
 from contextlib import closing
 from functools import cache
@@ -89,7 +90,7 @@ def _written(file: Path, designs: Designs) -> bool:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        print(f"designed rooms are not kept: {error}")
+        print(f"designed rooms are not kept: {error}", file=sys.stderr)  # standard output may be rooms
         return False
     return True
 
