@@ -102,7 +102,7 @@ class Row:
     @cached_property
     def interval(self) -> dict[str, float]:
         """95%, of the mean, over rooms."""
-        low, high = bootstrap_interval(self.iou.mean(0), self.group, np.random.default_rng(0))
+        low, high = bootstrap_interval(self.iou.mean(0), self.group, seed=0)
         return {"interval_low": low, "interval_high": high}
 
     def interval_text(self) -> str:
@@ -116,7 +116,7 @@ class Row:
     def p_value(self, other: Row) -> float:
         """Paired. Raises InputError where the rooms are not the same."""
         self.check_same_rooms(other)
-        return paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, np.random.default_rng(0))
+        return paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, seed=0)
 
     def number(self, name: str) -> float:
         """Mean over seeds."""

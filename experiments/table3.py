@@ -204,7 +204,7 @@ def p_value(ours: np.ndarray, rivals: Sequence[np.ndarray], own: Row) -> float:
     every = min(map(len, [ours, *rivals]))
     best = max(rivals, key=lambda values: values[:every].mean())
     both = min(len(ours), len(best))
-    return paired_p_value(ours[:both], best[:both], own.group[:both], np.random.default_rng(0))
+    return paired_p_value(ours[:both], best[:both], own.group[:both], seed=0)
 
 
 def faultless(found: Row) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 RESAMPLES = 10_000
@@ -23,18 +25,18 @@ def standard_error(value: np.ndarray, group: np.ndarray) -> float | None:
     return float(np.sqrt((beyond**2).sum() * len(total) / (len(total) - 1)) / len(value))
 
 
-def bootstrap_interval(value: np.ndarray, group: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+def bootstrap_interval(value: np.ndarray, group: np.ndarray, seed: int) -> tuple[float, float]:
     """The 95% interval of the mean of values (B,): percentiles over resamples of whole groups (B,), replaced."""
     total, count = group_sums(value, group)
+    alike = (count == 1).all()  # so is how many values each resample has
     means = []
-    for _ in range(0, RESAMPLES, BLOCK):
-        drawn = rng.integers(len(total), size=(BLOCK, len(total)))
-        means.append(total[drawn].sum(1) / count[drawn].sum(1))
+    for drawn in np.split(_drawn(len(total), seed), RESAMPLES // BLOCK):
+        means.append(total[drawn].sum(1) / (len(total) if alike else count[drawn].sum(1)))
     low, high = np.percentile(np.concatenate(means), [2.5, 97.5])
     return float(low), float(high)
 
 
-def paired_p_value(first: np.ndarray, second: np.ndarray, group: np.ndarray, rng: np.random.Generator) -> float:
+def paired_p_value(first: np.ndarray, second: np.ndarray, group: np.ndarray, seed: int) -> float:
     """Two-sided p-value that two methods' values (B,), at the same rooms and starts, differ by chance.
 
     A permutation test: the methods are swapped in whole groups (B,) at random, and the share of swaps whose mean
@@ -43,7 +45,24 @@ def paired_p_value(first: np.ndarray, second: np.ndarray, group: np.ndarray, rng
     difference, _ = group_sums(first - second, group)
     seen = abs(difference.sum())
     as_large = 0
-    for _ in range(0, RESAMPLES, BLOCK):
-        signs = rng.choice((-1.0, 1.0), size=(BLOCK, len(difference)))
-        as_large += int((np.abs(signs @ difference) >= seen * (1 - 1e-12)).sum())
+    for signs in np.split(_signs(len(difference), seed), RESAMPLES // BLOCK):
+        as_large += int((np.abs(signs.astype(float) @ difference) >= seen * (1 - 1e-12)).sum())
     return (1 + as_large) / (1 + RESAMPLES)
+
+
+@lru_cache(maxsize=2)  # a table asks for the same ones again and again
+def _drawn(groups: int, seed: int) -> np.ndarray:
+    """Which groups each resample has: (RESAMPLES, groups), in as few bytes as hold them."""
+    rng, small = np.random.default_rng(seed), np.min_scalar_type(groups)
+    return np.concatenate([
+        rng.integers(groups, size=(BLOCK, groups)).astype(small) for _ in range(0, RESAMPLES, BLOCK)
+    ])  # fmt: skip
+
+
+@lru_cache(maxsize=2)
+def _signs(groups: int, seed: int) -> np.ndarray:
+    """1, or -1 where the methods are swapped: (RESAMPLES, groups)."""
+    rng = np.random.default_rng(seed)
+    return np.concatenate([
+        rng.choice((-1.0, 1.0), size=(BLOCK, groups)).astype(np.int8) for _ in range(0, RESAMPLES, BLOCK)
+    ])  # fmt: skip
