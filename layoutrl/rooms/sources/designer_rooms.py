@@ -17,6 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import shapely
 from shapely.affinity import translate
 from shapely.geometry import LineString, MultiPoint, Polygon
@@ -267,12 +268,20 @@ def same_room(a: Room, b: Room) -> bool:
         return False
     if abs(a.indoor.area - b.indoor.area) > TOLERANCE * a.indoor.length:
         return False
-    borders = borders_of(a)
-    turns = (b.turned(quarters, mirror) for quarters, mirror in SYMMETRIES)
+    if np.abs(sides_of(a) - sides_of(b)).max() > 2 * TOLERANCE:  # quickly told, of most
+        return False
+    borders, bare = borders_of(a), replace(b, walls=(), furniture=(), target=None)
+    turns = (bare.turned(quarters, mirror) for quarters, mirror in SYMMETRIES)
     return any(
         all(x.hausdorff_distance(y) <= TOLERANCE for x, y in zip(borders, borders_of(turned), strict=True))
         for turned in turns
     )
+
+
+def sides_of(room: Room) -> np.ndarray:
+    """How long the sides of the indoor area's bounding box are, the shorter first: metres (2,)."""
+    x0, y0, x1, y1 = room.indoor.bounds
+    return np.sort([x1 - x0, y1 - y0])
 
 
 def borders_of(room: Room) -> list[shapely.Geometry]:

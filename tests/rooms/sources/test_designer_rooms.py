@@ -12,7 +12,9 @@ import shapely
 from shapely.geometry import Polygon, box
 
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.sources.designer_rooms import read, rectangles, runs
+from layoutrl.rooms.room import SYMMETRIES
+from layoutrl.rooms.sources.designer_rooms import read, rectangles, runs, same_room
+from tests.builders import opening, rectangular_room
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "designer_rooms"
 real_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"the designers' rooms are not in {REAL}")
@@ -282,6 +284,14 @@ def test_one_room_under_two_names_is_one_group(tmp_path: Path) -> None:
     write(tmp_path, "tatami/4_layout.json", tatami(mirror=True, door_at=95))
     groups = [room.group for room in read(tmp_path, "tatami").rooms]
     assert groups == ["tatami/1", "tatami/2", "tatami/1", "tatami/2"]
+
+
+@pytest.mark.parametrize(("quarters", "mirror"), SYMMETRIES)
+def test_a_room_is_the_same_turned_and_mirrored_and_none_that_is_wider(quarters: int, mirror: bool) -> None:
+    room = rectangular_room(4, 3, openings=(opening("door", 0.5, -0.2, 1.4, 0), opening("window", 4, 1, 4.2, 2.5)))
+    turned = room.turned(quarters, mirror)
+    assert same_room(room, turned)
+    assert not same_room(rectangular_room(4.05, 2.963, openings=room.openings), turned)
 
 
 def test_groups_join_through_a_room_of_two_shapes(tmp_path: Path) -> None:
