@@ -151,13 +151,14 @@ def turned(box: np.ndarray, quarters: int) -> np.ndarray:
 
 def gap(anchor: np.ndarray, target: np.ndarray, quarters: int) -> float:
     """Metres from the anchor's side that looks into this direction to the target's that looks back; < 0: beyond it."""
-    return float(turned(target, -quarters)[0] - turned(anchor, -quarters)[2])
+    axis, back = quarters % 2, quarters % 4 >= 2
+    return float(anchor[axis] - target[axis + 2] if back else target[axis] - anchor[axis + 2])
 
 
 def faces_across(anchor: np.ndarray, target: np.ndarray, quarters: int) -> bool:
     """Whether the target's side and the anchor's that looks into this direction have a centimetre in common."""
-    a, b = turned(anchor, -quarters), turned(target, -quarters)
-    return bool(min(a[3], b[3]) - max(a[1], b[1]) > TOLERANCE)
+    axis = 1 - quarters % 2
+    return bool(min(anchor[axis + 2], target[axis + 2]) - max(anchor[axis], target[axis]) > TOLERANCE)
 
 
 def _seen_from(scene: Scene, anchor: int) -> list[Relation]:

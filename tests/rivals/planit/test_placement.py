@@ -29,6 +29,7 @@ from layoutrl.rivals.planit.graph import (
     faces_across,
     gap,
     scene_of,
+    turned,
 )
 from layoutrl.rivals.planit.networks import HEAT_SIDE
 from layoutrl.rivals.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
@@ -311,3 +312,11 @@ def test_gaps_are_measured_in_the_asked_direction() -> None:
     assert gap(anchor, target, 3) == pytest.approx(-3.0)
     assert faces_across(anchor, target, 0)
     assert not faces_across(anchor, target, 1)
+
+
+@given(st.lists(st.floats(-5, 5), min_size=8, max_size=8), st.integers(-3, 4))
+def test_gaps_are_those_of_boxes_turned_so_that_the_direction_is_right(corners: list[float], quarters: int) -> None:
+    anchor, target = (np.sort(np.reshape(box, (2, 2)), axis=0).ravel() for box in (corners[:4], corners[4:]))
+    a, b = turned(anchor, -quarters), turned(target, -quarters)
+    assert gap(anchor, target, quarters) == b[0] - a[2]
+    assert faces_across(anchor, target, quarters) == (min(a[3], b[3]) - max(a[1], b[1]) > TOLERANCE)
