@@ -67,9 +67,16 @@ class Row(NamedTuple):
         return box(min(self.x0, self.x1), min(self.y0, self.y1), max(self.x0, self.x1), max(self.y0, self.y1))
 
     @property
-    def line(self) -> LineString:  # keeps the order of the corners, which tells how an oblique wall runs
+    def ends(
+        self,
+    ) -> tuple[tuple[float, float], tuple[float, float]]:  # in their order, which tells how an oblique wall runs
+        """Its two corners, in pixels."""
+        return (self.x0, self.y0), (self.x1, self.y1)
+
+    @property
+    def line(self) -> LineString:
         """The line between its two corners, in pixels."""
-        return LineString(((self.x0, self.y0), (self.x1, self.y1)))
+        return LineString(self.ends)
 
 
 class Gap(NamedTuple):
@@ -95,6 +102,11 @@ class Plan:
     def half_wall(self) -> float:
         """Half a wall's thickness, in pixels."""
         return HALF_WALL * self.extent
+
+    @cached_property
+    def pillars(self) -> shapely.Geometry:
+        """What stands in faces and is no floor."""
+        return shapely.union_all([row.box for row in self.rows["special"]])
 
     @cached_property
     def metres_per_pixel(self) -> float:
@@ -172,7 +184,7 @@ def parse(file: Path) -> dict[str, list[Row]]:
 def read_plan(file: Path) -> Plan:
     """A plan, its faces (but for those thinner than a wall) and the labels in them. Raises BadRow."""
     rows = parse(file)
-    corners = np.array([corner for row in rows["wall"] for corner in row.line.coords]).reshape(-1, 2)
+    corners = np.array([corner for row in rows["wall"] for corner in row.ends]).reshape(-1, 2)
     extent = float(np.ptp(corners, axis=0).mean()) if len(corners) else 0.0
     lines = shapely.get_parts(shapely.union_all(_walls(rows["wall"], extent)))
     enclosed = shapely.get_parts(shapely.polygonize(lines))
@@ -220,7 +232,7 @@ def _walls(rows: list[Row], extent: float) -> list[LineString]:
     corners = [Point(end) for line in lines for end in line.coords]
     for row in oblique:  # their ends go to a corner, else to a wall
         ends = []
-        for end in map(Point, row.line.coords):
+        for end in map(Point, row.ends):
             to = min(corners, key=end.distance, default=end)
             if end.distance(to) > near:
                 to = Point(shapely.shortest_line(straight, end).coords[0]) if end.distance(straight) <= near else end
@@ -264,8 +276,7 @@ def _ending_on(crossing: list[Run], runs: list[Run], near: float) -> list[Run]:
 def inner_area(plan: Plan, face: int) -> Polygon:
     """The indoor area: the face less half a wall and the pillars, without parts thinner than a wall."""
     half = plan.half_wall
-    pillars = shapely.union_all([row.box for row in plan.rows["special"]])
-    area = plan.faces[face].buffer(-half, join_style="mitre").difference(pillars)
+    area = plan.faces[face].buffer(-half, join_style="mitre").difference(plan.pillars)
     parts = shapely.get_parts(area.buffer(-half, join_style="mitre").buffer(half, join_style="mitre"))
     largest = max(parts, key=lambda part: part.area, default=Polygon())
     # Normalised first: a ring that starts at its lowest left point starts at a true corner.
@@ -280,7 +291,7 @@ def gaps_in(plan: Plan, face: int, inner: Polygon) -> Iterator[Gap]:
     outward = np.stack((along[:, 1], -along[:, 0]), axis=1)
     thickness = 2 * plan.half_wall
     for row in plan.rows["door"]:
-        from_corner = np.array(row.line.coords) - corners[:-1, None]  # (walls, two ends, xy)
+        from_corner = np.array(row.ends) - corners[:-1, None]  # (walls, two ends, xy)
         reach = np.einsum("wex,wx->we", from_corner, along).clip(0, lengths[:, None])
         start, stop = reach.min(axis=1), reach.max(axis=1)
         aside = np.abs(np.einsum("wex,wx->we", from_corner, outward) - plan.half_wall).max(axis=1)
