@@ -276,9 +276,11 @@ def wall_band(
         wall = strip.intersection(band).difference(taken)
         taken = taken.union(wall)
         solid = wall.buffer(0)  # without the lines along which it touches others: GEOS overlays no mixed collections
-        sliver = solid.intersection(beside).difference(without_narrow(solid, noise))
-        if sliver.area > TOLERANCE**2:
-            wall = solid.difference(sliver)
+        near = solid.intersection(beside)
+        if near.area > TOLERANCE**2:  # else no sliver in it is larger
+            sliver = near.difference(without_narrow(solid, noise))
+            if sliver.area > TOLERANCE**2:
+                wall = solid.difference(sliver)
         walls.extend(rings(without_films(wall)))
     walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
     return tuple(walls)

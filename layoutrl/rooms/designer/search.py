@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import shapely
 
@@ -243,10 +243,9 @@ def unreached(plan: Plan, passage: int) -> str:
     Tucked pieces are moved aside, raised ones walked on. All doors must be reached.
     """
     radius = passage / 2
-    room = shapely.Polygon(plan.shell.outline)
-    doors = [shapely.box(*door.strip(1)).union(shapely.box(*door.strip(-1))) for door in plan.shell.doors]
+    room, doors, closed = _empty(plan.shell)
     in_the_way = [_footprint(place) for place in plan.places if not (place.piece.tucked or place.piece.raised)]
-    blocks = shapely.union_all([room.exterior.difference(shapely.union_all(doors)), *in_the_way])
+    blocks = shapely.union_all([closed, *in_the_way])
     # Where its centre can be. Half a centimetre of slack: who fits exactly, passes.
     walkable = room.difference(blocks.buffer(radius - 0.5, quad_segs=8))
     entered = [part for part in shapely.get_parts(walkable) if part.intersects(doors[0])]
@@ -257,6 +256,14 @@ def unreached(plan: Plan, passage: int) -> str:
         if reach.distance(_footprint(place)) > radius:
             return place.piece.category
     return ""
+
+
+@lru_cache(maxsize=1)  # of one shell many plans are made
+def _empty(shell: Shell) -> tuple[shapely.Polygon, list[shapely.Polygon], shapely.Geometry]:
+    """A shell's floor, its doors with a centimetre of floor on both sides, and what of its border is no door."""
+    room = shapely.Polygon(shell.outline)
+    doors = [shapely.box(*door.strip(1)).union(shapely.box(*door.strip(-1))) for door in shell.doors]
+    return room, doors, room.exterior.difference(shapely.union_all(doors))
 
 
 def _footprint(place: Place) -> shapely.Polygon:
