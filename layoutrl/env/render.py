@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -59,9 +60,12 @@ class View:
         return self.offset + np.asarray(points) * (self.scale, -self.scale)
 
 
+@lru_cache(maxsize=256)  # 12 MB
 def background(room: Room) -> np.ndarray:
-    """All that does not move, as an RGB picture: uint8 (SIDE_PX, SIDE_PX, 3)."""
-    return np.rint(_painted_background(room, View(room), outlined=False)).astype(np.uint8)
+    """All that does not move, as an RGB picture: uint8 (SIDE_PX, SIDE_PX, 3), to be read only."""
+    image = np.rint(_painted_background(room, View(room), outlined=False)).astype(np.uint8)
+    image.flags.writeable = False
+    return image
 
 
 def picture(room: Room, position: Sequence[float]) -> np.ndarray:

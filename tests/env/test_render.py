@@ -152,6 +152,15 @@ def test_the_red_area_of_a_picture_is_the_area_of_the_item():
     assert share.sum() == pytest.approx(0.45 * (120 / 4) ** 2, rel=2e-3)
 
 
+def test_a_background_is_drawn_once_and_nobody_paints_over_it():
+    room = painted_room()
+    first = background(room).copy()
+    picture(room, (0.9, 0.9))
+    assert (background(room) == first).all()
+    assert background(painted_room()) is background(room)
+    assert not background(room).flags.writeable
+
+
 def test_no_white_seam_shows_between_touching_walls_and_openings():
     image = background(painted_room())
     ring = [(-0.1, y) for y in np.arange(-0.15, 3.1, 0.01)] + [(x, -0.1) for x in np.arange(-0.15, 4.15, 0.01)]
