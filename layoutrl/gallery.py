@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 
 from matplotlib import style
@@ -53,10 +54,13 @@ def run(config: GalleryConfig) -> list[Path]:
     check_writable(base.parent, "out")
     types = list(MAIN_ITEM) if config.all_types else [config.room.type]
     each = -(-config.rooms // len(types))
-    found = (_rooms(replace(config.room, type=room_type), config.data, each)[:each] for room_type in types)
-    rooms = [room for some in found for room in some][: config.rooms]
+    found = [_rooms(replace(config.room, type=room_type), config.data, each) for room_type in types]
+    in_turn = [room for those in zip_longest(*found) for room in those if room is not None]
+    rooms = sorted(in_turn[: config.rooms], key=lambda room: types.index(room.room_type))
     if not rooms:
         raise InputError(f"room: {source} has no {' or '.join(types)} to draw; expected another room=<type>")
+    if source != "designer" and len(in_turn) > len(rooms):
+        print(f"{len(rooms)} of {len(in_turn)} rooms are drawn; rooms={len(in_turn)} draws all")
     with style.context([STYLE, PLAIN]):
         files = save(sheet(rooms), base, dpi=120)
     for file in files:

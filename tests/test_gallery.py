@@ -50,6 +50,23 @@ def test_as_many_rooms_are_drawn_as_are_asked_for(
     assert len(shown) == 3
 
 
+def test_of_a_file_as_many_of_one_type_are_drawn_as_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rooms = [*design_rooms("bedroom", "test", 7, 4).rooms, *design_rooms("kitchen", "test", 7, 1).rooms]
+    (file := tmp_path / "mine.jsonl").write_text("\n".join(json.dumps(room_to_dict(room)) for room in rooms))
+    shown: list[Room] = []
+    sheet = gallery.sheet
+    monkeypatch.setattr(gallery, "sheet", lambda rooms: shown.extend(rooms) or sheet(rooms))
+    drawn(file, tmp_path / "all", "all_types=true", "rooms=8")
+    assert [room.id for room in shown] == [room.id for room in rooms]
+    assert "are drawn" not in capsys.readouterr().out
+    shown.clear()
+    drawn(file, tmp_path / "few", "all_types=true", "rooms=3")
+    assert [room.room_type for room in shown] == ["bedroom", "bedroom", "kitchen"]  # of all types in turn
+    assert "3 of 5 rooms are drawn; rooms=5 draws all" in capsys.readouterr().out
+
+
 def test_a_sheet_is_overwritten_in_its_own_folder_alone(
     mine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
