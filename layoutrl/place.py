@@ -148,6 +148,7 @@ class Work:
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
+        self._unmet = {*config.only_rooms}  # of these, those that no room was called so far
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
@@ -173,6 +174,8 @@ class Work:
     def nothing(self) -> str:
         """Why nothing was to be placed."""
         rooms, move, item = self.config.rooms, self.config.move, self.config.item
+        if self._unmet and self._seen is not None:
+            return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one"
         if (self.source and not self.source.collection.rooms) or 0 < self.tally.left_out == self.tally.entries:
             return f"no room of {rooms} could be read, as is said above; expected one or more"
         if not self.tally.entries:
@@ -216,6 +219,8 @@ class Work:
             self.say(f"move: what is locked stays: {', '.join(locked)}")
         if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)):
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
+        if self._seen is not None and self._unmet:
+            self.say(f"only: no room that was read is called {' or '.join(sorted(self._unmet))}")
 
     def answers(self) -> Iterator[list[Answered]]:
         """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then.
@@ -235,7 +240,8 @@ class Work:
             for line in str(self.source.collection).splitlines():
                 self.say(line)
             if shard == 0 and not done:
-                self.tally.items += sum(self.config.item in (None, c) for c in self.source.collection.homeless)
+                homeless = [] if self.config.only else self.source.collection.homeless
+                self.tally.items += sum(self.config.item in (None, c) for c in homeless)
                 self.tally.unread = self.source.collection.unread
             entries = islice(source_entries(self.source), first, None, shards)
         else:
@@ -299,7 +305,10 @@ class Work:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
         moves_all = ALL in names_in(self.config.move)
-        meant = [k for k, item in enumerate(entry.room.furniture) if self.config.item in (None, item.category)]
+        called = self.config.only_rooms.intersection(names_of_room(entry.room))
+        self._unmet -= called
+        furniture = entry.room.furniture if called or not self.config.only else ()
+        meant = [k for k, item in enumerate(furniture) if self.config.item in (None, item.category)]
         if not missing(entry.room):
             return asked_of(entry, meant, moves_all, ())
         return asked_of(entry, meant, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
@@ -323,6 +332,12 @@ class Work:
                 file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
                 self.drawn.append(file)
                 draw(layout, wrong, file)
+
+
+def names_of_room(room: Room) -> set[str]:
+    """What a room may be called by: its id, and that without what is before a slash."""
+    parts = room.id.split("/")
+    return {"/".join(parts[first:]) for first in range(len(parts))}
 
 
 def check_who(config: PlaceConfig) -> None:

@@ -33,7 +33,7 @@ from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
-from layoutrl.rooms.formats import to_place
+from layoutrl.rooms.formats import opened, to_place
 from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
@@ -966,6 +966,31 @@ def test_a_rug_is_in_nobodys_way_though_all_is_moved(middle: Middle, tmp_path: P
     (room,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [document])), move="all"))
     assert room["furniture"][-2:] == document["furniture"][-2:]  # the bed is upon both
     assert len(middle.seen[0]) == 6
+
+
+def test_the_only_rooms_to_furnish_are_named_and_others_stay_as_they_were(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, documents = many(tmp_path, 4)
+    config = PlaceConfig(by="search", rooms=str(file), only="room 1, room 3, attic")
+    rooms = run(config)
+    assert [room == document for room, document in zip(rooms, documents, strict=True)] == [True, False, True, False]
+    assert len(middle.seen) == 2
+    said = capsys.readouterr().out
+    assert "only: no room that was read is called attic" in said
+    assert "room 0" not in said
+    with pytest.raises(InputError, match=r"rooms\.jsonl has no room called attic; expected the id of one"):
+        run(replace(config, only="attic", out=str(tmp_path / "out.jsonl")))
+    assert not (tmp_path / "out.jsonl").exists()
+
+
+def test_of_a_home_one_room_is_furnished_by_its_name_alone(middle: Middle, tmp_path: Path) -> None:
+    home = home_file(tmp_path / "flat.sh3d", FLAT + piece("cooker", 900, 9, 60, 60))
+    config = PlaceConfig(by="search", rooms=str(home), move="all", only="Bedroom", out=str(tmp_path / "out.sh3d"))
+    tally = place(config).tally
+    assert (tally.rooms, tally.items) == (1, 1)  # the cooker, which no room is for, was not asked about
+    before, after = (opened(path, move="").collection.rooms for path in (home, tmp_path / "out.sh3d"))
+    assert [one.furniture == other.furniture for one, other in zip(before, after, strict=True)] == [False, True]
 
 
 def test_what_a_home_has_nowhere_counts_once_and_where_it_is_asked_for(middle: Middle, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from layoutrl.agents.method import Method
 from layoutrl.env.reward import Reward
 from layoutrl.rivals.rooms.annealer import Annealing
 from layoutrl.rivals.rooms.search import Searching
+from layoutrl.rooms.categories import names_in
 from layoutrl.rooms.collection import FOLDS
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
@@ -257,6 +258,7 @@ class PlaceConfig:
     rooms: str = MISSING
     unit: Any = "auto"
     move: str | None = None
+    only: str | None = None
     into: str | None = None
     room_type: str | None = None
     categories: str | None = None
@@ -269,6 +271,11 @@ class PlaceConfig:
     checkpoint: Any = "last"
     seed: int = 0
     device: str = "auto"
+
+    @property
+    def only_rooms(self) -> set[str]:
+        """What the rooms are called that alone are furnished; none: all are."""
+        return names_in(self.only)
 
     @property
     def shard_of(self) -> tuple[int, int]:
@@ -284,7 +291,7 @@ class PlaceConfig:
         if self.room_type is not None:
             one_of("room_type", self.room_type, *MAIN_ITEM)
         within("choices", self.choices, 1 <= self.choices <= MOST_CHOICES, f"1 to {MOST_CHOICES}")
-        for name in ("rooms", "out", "pictures", "run"):
+        for name in ("rooms", "out", "pictures", "run", "only"):
             value = getattr(self, name)
             within(name, value, value is None or value.strip() != "", "a name; it is empty")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
