@@ -73,7 +73,8 @@ class GeometryNetwork(nn.Module):
 
     Each element is described relative to the moving item and passes the same layers, twice: the second time it has
     heard of all others. The set is pooled by maximum and sum: its order does not matter. Beside it stands how far the
-    item can go. Input: (B, elements, columns) as made by GeometryObservation. Output: (B, actions).
+    item can go. Input: (B, elements, columns) as made by GeometryObservation or, of whole rooms, ScenesObservation.
+    Output: (B, actions).
     """
 
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):

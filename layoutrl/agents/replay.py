@@ -18,9 +18,9 @@ class Transitions(NamedTuple):
 
     room: Tensor  # int64 (B,), or scenes, integers (B, columns)
     position: Tensor  # float64 (B, 2), metres, before the move
-    action: Tensor  # uint8 (B,)
+    action: Tensor  # integers (B,); uint8 as they are drawn
     reward: Tensor  # float32 (B,), divided by the reward scale
-    discount: Tensor  # float32 (B,): gamma, or 0 where the episode terminated
+    discount: Tensor  # float32 (B,): gamma, or 0 where the episode terminated; of repeated moves their product
     next_position: Tensor  # float64 (B, 2)
     next_legal: Tensor  # bool (B, A): the moves that are legal from there
 

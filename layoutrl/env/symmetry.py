@@ -1,6 +1,7 @@
 """The eight symmetries of the square: a design is as good in a turned room, with its moves turned too.
 
-So it is in a mirrored one, but where the type of the room is handed (`mirrors_alike` in conf/room/).
+So it is in a mirrored one, but where the type of the room is handed (`mirrors_alike` in conf/room/): whole rooms of
+such a type are not learned from in the mirror. One item is, in every type: few of its places hang on that.
 """
 
 from __future__ import annotations
