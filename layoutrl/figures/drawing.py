@@ -1,8 +1,8 @@
 """A room as a drawing: SVG in layers for the web and for print, to scale; PNG; and DXF for CAD.
 
 What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named; what has no place is named
-above the room. Below it stand a metre and the room's name, but in DXF, which has true sizes. Lengths are metres; y
-points up in DXF and down in SVG.
+above the room. Below it stand a metre, how large the floor is, and the room's name, but in DXF, which has true sizes.
+Lengths are metres; y points up in DXF and down in SVG.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Wrong = Iterable[tuple[int, str]]
 
 MARGIN = 0.1  # metres around the walls
 LINE = 0.2  # metres, of text
-FOOT = 0.45  # metres below, for a metre and the room's name
+FOOT = 0.65  # metres below, for a metre, the size of the floor and the room's name
 PRINTED = 40  # millimetres a metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
 HALL = 7.0  # metres: in longer rooms names are as much larger
@@ -58,7 +58,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
     coarse = _coarse(room)
-    faults, items = _by_item(wrong), in_drawing_order(room)
+    faults, items, floor_size = _by_item(wrong), in_drawing_order(room), f"{_size(room)}, 1:{1000 // PRINTED}"
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
@@ -75,7 +75,8 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
         "labels": [_label(item, faults[k], coarse) for k, item in items],
         "scale": [
             f'<path d="M{_points(_metre(x0, y0))}" fill="none" stroke="#000" stroke-width=".02"/>',
-            _text("1 m", left + 1.08, y0 + MARGIN + LINE, LETTERS[1]),
+            _text("1 m", left + 1.08, y0 + MARGIN + 2 * LINE, LETTERS[1]),
+            _text(floor_size, left, y0 + MARGIN + LINE, _letters([floor_size], width - 2 * MARGIN)),
             _text(room.id, left, y0 + MARGIN, _letters([room.id], width - 2 * MARGIN)),
         ],
     }
@@ -119,9 +120,10 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
         absent, width = _not_placed(room), x1 - x0
         axes.text(x0, y1, absent, fontsize=min(6, POINTS * _letters([absent], width)), va="top")
         axes.plot(*np.transpose(_metre(x0, y0)), color="black", linewidth=1)
-        axes.text(x0 + MARGIN + 1.08, y0 + MARGIN + LINE, "1 m", fontsize=7)
-        name = min(7, POINTS * _letters([room.id], width - 2 * MARGIN))
-        axes.text(x0 + MARGIN, y0 + MARGIN, room.id, fontsize=name)
+        axes.text(x0 + MARGIN + 1.08, y0 + MARGIN + 2 * LINE, "1 m", fontsize=7)
+        for lines_up, said in enumerate((room.id, _size(room))):
+            letters = min(7, POINTS * _letters([said], width - 2 * MARGIN))
+            axes.text(x0 + MARGIN, y0 + MARGIN + lines_up * LINE, said, fontsize=letters)
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
         figure.savefig(path, dpi=150)
 
@@ -166,8 +168,15 @@ def sheet(room: Room) -> tuple[float, float, float, float]:
 
 def _metre(x0: float, y0: float) -> list[Point]:
     """A bar of one metre, with an upright at each end, in the corner (x0, y0) of a sheet."""
-    left, right, low, high = x0 + MARGIN, x0 + MARGIN + 1, y0 + MARGIN + LINE, y0 + 2 * MARGIN + LINE
+    left, low = x0 + MARGIN, y0 + MARGIN + 2 * LINE
+    right, high = left + 1, low + MARGIN
     return [(left, high), (left, low), (right, low), (right, high)]
+
+
+def _size(room: Room) -> str:
+    """How large the floor is: the sides of the box around it, and its area."""
+    x0, y0, x1, y1 = room.indoor.bounds
+    return f"{x1 - x0:.2f} by {y1 - y0:.2f} m, {room.indoor.area:.1f} m²"
 
 
 def _by_item(wrong: Wrong) -> dict[int, list[str]]:
