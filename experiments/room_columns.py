@@ -24,7 +24,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import both, designs, whole_parts
 from layoutrl.runs import resume
-from layoutrl.runs.pretrained import agent
+from layoutrl.runs.pretrained import agent, load
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 
 def by_package(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    return by(Furnisher(*agent(config.room.type, rooms.device)), rooms)
+    return by(load(config.room.type, rooms.device), rooms)
 
 
 def by_untrained(config: CellConfig, rooms: WholeRooms) -> Furnish:

@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.brief import missing
-from layoutrl.rooms.categories import ALL, names_in, names_of, nearest
+from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, name_of
@@ -174,12 +174,12 @@ class Work:
     def nothing(self) -> str:
         """Why nothing was to be placed."""
         rooms, move, item = self.config.rooms, self.config.move, self.config.item
-        if self._unmet and self._seen is not None:
-            return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one"
         if (self.source and not self.source.collection.rooms) or 0 < self.tally.left_out == self.tally.entries:
             return f"no room of {rooms} could be read, as is said above; expected one or more"
         if not self.tally.entries:
             return f"{rooms} is empty; expected one room or more"
+        if self._unmet and self._unmet == self.config.only_rooms:
+            return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one"
         named = item or move or ALL
         what = "an item" if ALL in names_in(named) else f"a {named.replace(',', ' or a ')}"
         anew = "furniture without a center, or what is to be placed anew, as move=wardrobe or move=all"
@@ -219,7 +219,7 @@ class Work:
             self.say(f"move: what is locked stays: {', '.join(locked)}")
         if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)):
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
-        if self._seen is not None and self._unmet:
+        if self.tally.rooms and self._seen is not None and self._unmet:
             self.say(f"only: no room that was read is called {' or '.join(sorted(self._unmet))}")
 
     def answers(self) -> Iterator[list[Answered]]:
@@ -257,10 +257,11 @@ class Work:
                 for entry in block:
                     self.tally.entries += 1
                     self._objects += bool(entry.document)
-                    for name in (item.category for item in entry.stood if item.locked):
+                    meant = entry.room is not None and self._meant(entry.room)
+                    for name in (item.category for item in entry.stood if item.locked and meant):
                         if name in named or ALL in named:
                             self.tally.locked[name] = self.tally.locked.get(name, 0) + 1
-                    if self._seen is not None:
+                    if self._seen is not None and meant:
                         self._seen |= {item.category for item in entry.stood}
                     if entry.room is None:
                         self.tally.left_out += 1
@@ -305,13 +306,18 @@ class Work:
         """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
         assert entry.room is not None
         moves_all = ALL in names_in(self.config.move)
-        called = self.config.only_rooms.intersection(names_of_room(entry.room))
-        self._unmet -= called
-        furniture = entry.room.furniture if called or not self.config.only else ()
+        furniture = entry.room.furniture if self._meant(entry.room) else ()
         meant = [k for k, item in enumerate(furniture) if self.config.item in (None, item.category)]
         if not missing(entry.room):
             return asked_of(entry, meant, moves_all, ())
         return asked_of(entry, meant, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
+
+    def _meant(self, room: Room) -> bool:
+        """Whether a room is to be furnished: all are, or the `only` ones, by their ids or what follows a slash."""
+        parts = room.id.split("/")
+        called = self.config.only_rooms.intersection("/".join(parts[first:]) for first in range(len(parts)))
+        self._unmet -= called
+        return bool(called) or not self.config.only
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:
@@ -332,12 +338,6 @@ class Work:
                 file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
                 self.drawn.append(file)
                 draw(layout, wrong, file)
-
-
-def names_of_room(room: Room) -> set[str]:
-    """What a room may be called by: its id, and that without what is before a slash."""
-    parts = room.id.split("/")
-    return {"/".join(parts[first:]) for first in range(len(parts))}
 
 
 def check_who(config: PlaceConfig) -> None:
@@ -361,7 +361,7 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
     names = names_of(Path(config.categories) if config.categories else None)
 
     def meant(option: str, name: str, expected: str) -> str:
-        if (ours := names.meant(name)) is None:
+        if (ours := names.meant(name)) in (None, RUG):
             near = ", ".join(nearest(name, names.categories))
             raise InputError(f"{option}: expected {expected}, as {near}; got {name!r}")
         return ours

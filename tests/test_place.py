@@ -136,7 +136,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
                 found = super().rollout(*args)
                 way, start = np.divmod(np.arange(len(found.final)), STARTS)
                 assert way.max() == 4  # four ways, and the one that is given
-                found.value[found.best, np.arange(len(way))] = (way == facing) + (start == 2) / 2
+                found.promise[:] = (way == facing) + (start == 2) / 2
                 chosen.append(found.final[STARTS * facing + 2])
                 return found
 
@@ -984,6 +984,27 @@ def test_the_only_rooms_to_furnish_are_named_and_others_stay_as_they_were(
     assert not (tmp_path / "out.jsonl").exists()
 
 
+def test_of_the_only_room_it_is_said_why_it_cannot_be_read_and_of_others_no_lock(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    locked = furnished_room(id="a")
+    locked["furniture"][0]["locked"] = True
+    file = written(tmp_path, [locked, furnished_room(id="b")])
+    run(PlaceConfig(by="search", rooms=str(file), only="b", move="all", out=str(tmp_path / "out.jsonl")))
+    assert "what is locked stays" not in capsys.readouterr().out
+    broken = written(tmp_path, [furnished_room(id="b", outline=[])])
+    with pytest.raises(InputError, match=r"no room of .* could be read, as is said above"):
+        run(PlaceConfig(by="search", rooms=str(broken), only="b", out=str(tmp_path / "x.jsonl")))
+
+
+@pytest.mark.parametrize("named", ["move=rug", "item=Teppich"])
+def test_nobody_places_a_rug(named: str, middle: Middle, tmp_path: Path) -> None:
+    option, _, name = named.partition("=")
+    config = PlaceConfig(rooms=str(written(tmp_path, [furnished_room()])))
+    with pytest.raises(InputError, match=rf"^{option}: expected .*; got '{name}'"):
+        run(replace(config, **{option: name}))
+
+
 def test_of_a_home_one_room_is_furnished_by_its_name_alone(middle: Middle, tmp_path: Path) -> None:
     home = home_file(tmp_path / "flat.sh3d", FLAT + piece("cooker", 900, 9, 60, 60))
     config = PlaceConfig(by="search", rooms=str(home), move="all", only="Bedroom", out=str(tmp_path / "out.sh3d"))
@@ -1078,6 +1099,8 @@ def test_a_shard_that_is_none_is_refused(shard: str) -> None:
         ("choices=21", "choices: expected 1 to 20"),
         ("seconds=inf", "seconds: expected more than 0, 3600 at most"),
         ("shard='0/2,1/2'", "; several need -m"),
+        ("only=", "only: expected the id of a room, or several with commas between"),
+        ("only='Bedroom,'", "only: expected the id of a room, or several with commas between"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(given: str, said: str) -> None:

@@ -122,10 +122,12 @@ class GeometryNetwork(nn.Module):
         shape = described.shape[:2]
         described = self.element(described.flatten(0, 1)).unflatten(0, shape) * present
 
-        border, items = _clearances(gap, others)
-        clearance = torch.stack([border, items, torch.minimum(border, items)])  # (border, items or either, 4, B)
+        border, item, ahead = _is_border(others), _is_item(others), gap == gap.amax(0)
+        to_border, to_item = _clearances(gap, border, item, ahead)
+        clearance = torch.stack([to_border, to_item, torch.minimum(to_border, to_item)])  # (of these, 4, B)
         uncentred = clearance[:, ::3] - clearance[:, 1:3]  # right less left, up less below
-        ways = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), _slides(gap, others)]).T
+        slides = _slides(gap, border, item, ahead)
+        ways = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), slides]).T
         known = torch.cat([_pooled(described), elements[:, 0, Y + 1 :], _shown(ways)], -1)
 
         heard = self.itself(described.flatten(0, 1)).unflatten(0, shape) + self.others(known)[:, None]
@@ -149,23 +151,22 @@ def _gaps(moving: Tensor, others: Tensor) -> Tensor:
     return torch.stack([beyond[0], before[0], before[1], beyond[1]])
 
 
-def _clearances(gap: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
+def _clearances(gap: Tensor, border: Tensor, item: Tensor, ahead: Tensor) -> tuple[Tensor, Tensor]:
     """How far the item can go right, left, below, up before it meets the border, and an item: (4, B) each.
 
-    Only elements level with the item count, each in the direction in which it is furthest. Negative
+    Only elements level with the item count, each in the direction in which it is furthest `ahead`. Negative
     where the item overlaps one.
     """
-    distance = gap.where(_level(gap, 0.0) & _ahead(gap), FAR)
-    return distance.where(_is_border(others), FAR).amin(-1), distance.where(_is_item(others), FAR).amin(-1)
+    distance = gap.where(_level(gap, 0.0) & ahead, FAR)
+    return distance.where(border, FAR).amin(-1), distance.where(item, FAR).amin(-1)
 
 
-def _slides(gap: Tensor, others: Tensor) -> Tensor:
+def _slides(gap: Tensor, border: Tensor, item: Tensor, ahead: Tensor) -> Tensor:
     """About how far a slide to the right, left, below, up takes the item: (4, B).
 
     To where it touches an item's near or far side, or the near side of the border; the far side if it stands in it.
     """
-    item, border = _is_item(others), _is_border(others)
-    near = gap.where((gap > TOUCHING) & (item | _ahead(gap)), FAR)
+    near = gap.where((gap > TOUCHING) & (item | ahead), FAR)
     far = -gap.unflatten(0, (2, 2)).flip(1).flatten(0, 1)  # left for right, and so on
     far = far.where((far > TOUCHING) & (item | (gap < -TOUCHING).all(0)), FAR)
     level = _level(gap, torch.where(border, -TOUCHING, TOUCHING)) & (border | item)
@@ -176,11 +177,6 @@ def _level(gap: Tensor, margin: Tensor | float) -> Tensor:
     """Whether an element is met on a way to the right, left, below, up, however far it is: bool (4, B, N)."""
     x, y = (gap < margin).unflatten(0, (2, 2)).all(1)
     return torch.stack([y, y, x, x])
-
-
-def _ahead(gap: Tensor) -> Tensor:
-    """Whether it is to the right, left, below, up that an element is furthest: bool (4, B, N)."""
-    return gap == gap.amax(0)
 
 
 def _is_border(elements: Tensor) -> Tensor:

@@ -24,7 +24,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import resident_bytes
 
-CHROMIUM = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")  # the first is the quickest
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 ANSWERS = 3  # times that each of many clients asks
 
 

@@ -59,7 +59,7 @@ class Episodes:
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
-    def explore(self, epsilon: float) -> float | Tensor:
+    def exploring(self, epsilon: float) -> float | Tensor:
         """The probability of a drawn action, the same in all episodes."""
         return epsilon
 

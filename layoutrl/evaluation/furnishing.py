@@ -79,6 +79,7 @@ class Furnisher:
         self._moves, self._categories = method.moves, list(categories)
 
     @one_thread()
+    @torch.inference_mode()
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002
         """Of each brief up to so many different layouts; the seed is for who draws something.
 
@@ -103,6 +104,7 @@ class Furnisher:
         return [found[k] for k in range(len(briefs))]
 
     @one_thread()
+    @torch.inference_mode()
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the agent thinks of places of one item among what stands.
 
@@ -124,6 +126,7 @@ class Furnisher:
         return centers[known], value.max(0)[known], world.rooms.degrees[0, n, value.argmax(0)][known] + lean
 
     @one_thread()
+    @torch.inference_mode()
     def moves(self, room: Room, item: int) -> list[tuple[str, Point, float]]:
         """The legal moves of an item from where it stands, in words, where each leads in metres, and its value.
 

@@ -65,6 +65,7 @@ class GreedyPolicy:
             value[t + 1, active] = highest[goes_on]
         best, promise = self._most_promising(simulator, q_of, rooms, path, value)
         climb, promise = self._climb(simulator, q_of, rooms, path[best, every], promise)
+        promise = promise.where(promise.isfinite(), value[best, every])  # of where no shortest move leads
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
         return Rollout.of(began, path, value, best, torch.cat([climb, in_line[None]]), promise)
 

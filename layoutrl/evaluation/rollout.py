@@ -30,7 +30,7 @@ class Rollout:
     value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf after the end
     best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
     settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
-    promise: np.ndarray  # (B,) what the agent thinks of where it settles, from wherever it came there
+    promise: np.ndarray  # (B,) what the agent thinks of the stopping place, before it is put in line
     seconds: float
 
     @classmethod

@@ -58,7 +58,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
     coarse = _coarse(room)
-    faults, items, floor_size = _by_item(wrong), in_drawing_order(room), f"{_size(room)}, 1:{1000 // PRINTED}"
+    faults, items, floor_size = _by_item(wrong), in_drawing_order(room), _size(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],

@@ -144,10 +144,12 @@ class Names:
         In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
         """
         parts = [*chain.from_iterable(map(_parts, names))]
-        words = [_words(part) for part in parts]
-        ends = (_joined(each[first:]) for each in words for first in range(1, len(each)))
+        words = [part.split() for part in parts]
+        ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
+        unspaced = (word for each in words for word in reversed(each) if UNSPACED.search(word))
+        ends_of_word = (word[first:] for word in unspaced for first in range(1, len(word)))
         begins = chain.from_iterable(map(self._begins, words))
-        return next((p for p in chain(parts, ends, begins) if p in self._furniture), None)
+        return next((p for p in chain(parts, ends, ends_of_word, begins) if p in self._furniture), None)
 
     def _begins(self, words: list[str]) -> Iterator[str]:
         """The beginnings of a name that say what it is, the longest first.
@@ -174,9 +176,14 @@ class Names:
         return next((room_type for room_type, telling in TELLING.items() if telling & held), None)
 
     def _room(self, part: str) -> str | None:
-        """The name of the table that says what room this is: one with a star, else the first; none within a longer."""
+        """The name of the table that says what room this is: one with a star, else the first; none within a longer.
+
+        Of a name without blanks it is the one that ends last.
+        """
         held = [named for named in self._rooms if _holds(part, named)]
         whole = [named for named in held if not any(_holds(other, named) for other in held if other != named)]
+        if UNSPACED.search(part):
+            whole.sort(key=lambda named: -(part.rfind(named) + len(named)))
         return next((named for named in whole if named in self._winning), whole[0] if whole else None)
 
     def notes(self) -> list[str]:
@@ -199,9 +206,9 @@ def nearest(name: str, known: Collection[str]) -> list[str]:
     return [*dict.fromkeys([ours, *alike] if ours in known else alike)][:3]
 
 
-def names_in(move: str | None) -> set[str]:
-    """What `move` names."""
-    return set() if move is None else {name.strip() for name in move.split(",")}
+def names_in(said: str | None) -> set[str]:
+    """The names with commas between them, as `move` and `only` have them."""
+    return set() if said is None else {name.strip() for name in said.split(",")}
 
 
 def plain(name: str) -> str:
@@ -211,16 +218,6 @@ def plain(name: str) -> str:
     decomposed = unicodedata.normalize("NFKD", name).casefold()
     letters = "".join(c for c in decomposed if not unicodedata.combining(c))
     return " ".join(re.findall(r"[^\W\d_]+", re.sub(r"\d+(x\d+)*", " ", letters)))
-
-
-def _words(part: str) -> list[str]:
-    """The words of a plain name; the signs of one in Chinese, where no blanks part them."""
-    return [*part] if UNSPACED.search(part) else part.split()
-
-
-def _joined(words: list[str]) -> str:
-    joined = "".join(words)
-    return joined.strip() if UNSPACED.search(joined) else " ".join(words)
 
 
 def _holds(part: str, named: str) -> bool:

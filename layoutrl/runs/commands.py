@@ -14,11 +14,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, get_type_hints
 
 import hydra
 import yaml
-from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
@@ -33,6 +34,7 @@ BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
 ALIKE = 0.6  # 0 to 1: names that are less so are no hint
 OF_MEMORY = "can't allocate memory", "out of memory", "ALLOC_FAILED"  # as torch says it of the CPU, GPUs and cuBLAS
 AGAIN = "make the same sweep again to go on with it"
+PRIVATE = "hydra._internal.hydra"  # a module of Hydra's
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
@@ -176,21 +178,21 @@ def raised_errors() -> Iterator[None]:
 
 @contextmanager
 def composed_once(arguments: list[str], *, sweeps: bool) -> Iterator[None]:
-    """Spare Hydra composing all that is asked a first time, which it does only to read hydra.mode.
+    """Spare Hydra composing all that is asked a first time, which it does only to read hydra.mode: that is null.
 
-    That is null, but where the file of a command that `sweeps` sets it, an argument of Hydra's own or a file of another
-    folder can.
+    It may be set by the file of a command that `sweeps`, by an option of Hydra's own, or by a file of another folder:
+    with these it is read.
     """
     others = any("hydra" in argument or argument.startswith(("-c", "--c")) for argument in arguments)
-    if sweeps or others or not hasattr(Hydra, "get_mode"):  # it is private: another Hydra may have none
+    private: Any = import_module(PRIVATE).Hydra if find_spec(PRIVATE) else None  # another Hydra may have none
+    if sweeps or others or not hasattr(private, "get_mode"):
         yield
         return
-    before = Hydra.get_mode
-    Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
+    before, private.get_mode = private.get_mode, lambda *_, **__: None
     try:
         yield
     finally:
-        Hydra.get_mode = before  # type: ignore[method-assign]
+        private.get_mode = before
 
 
 def in_a_line(error: Exception) -> str:

@@ -291,7 +291,8 @@ class PlaceConfig:
         if self.room_type is not None:
             one_of("room_type", self.room_type, *MAIN_ITEM)
         within("choices", self.choices, 1 <= self.choices <= MOST_CHOICES, f"1 to {MOST_CHOICES}")
-        for name in ("rooms", "out", "pictures", "run", "only"):
+        within("only", self.only, "" not in self.only_rooms, "the id of a room, or several with commas between")
+        for name in ("rooms", "out", "pictures", "run"):
             value = getattr(self, name)
             within(name, value, value is None or value.strip() != "", "a name; it is empty")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)

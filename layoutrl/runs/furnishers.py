@@ -158,6 +158,7 @@ class Mover:
         self.categories, self.device = categories, device
 
     @one_thread()
+    @torch.inference_mode()
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is the mean of what the agent thinks of each item's place."""
         return several(self._layouts, briefs, choices, seed)

@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 from torch import nn
 
 from layoutrl.agents.exploration import explore
-from layoutrl.agents.networks import FAR, GeometryNetwork, PaperNetwork, _clearances, _gaps, _slides
+from layoutrl.agents.networks import (
+    FAR,
+    GeometryNetwork,
+    PaperNetwork,
+    _clearances,
+    _gaps,
+    _is_border,
+    _is_item,
+    _slides,
+)
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
 from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
@@ -160,7 +169,13 @@ BORDER, ITEMS = range(2)
 def clearances(room: Room, position: tuple[float, float], what: int) -> list[float]:
     """How far the item can go right, left, below, up before it meets the border, or an item."""
     moving, others = observed([room], [position]).movedim(-1, 0).tensor_split([1], -1)
-    return _clearances(_gaps(moving, others), others)[what][:, 0].tolist()
+    gap = _gaps(moving, others)
+    return _clearances(gap, *told(gap, others))[what][:, 0].tolist()
+
+
+def told(gap: torch.Tensor, others: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Which elements are borders and which items (B, N), and whether each is furthest in a direction (4, B, N)."""
+    return _is_border(others), _is_item(others), gap == gap.amax(0)
 
 
 @pytest.mark.parametrize("item", [Item("bed", (1.0, 0.6), (2, 1.5)), Item("bed", (0.6, 1.0), (2, 1.5), 90)])
@@ -222,7 +237,9 @@ def test_between_four_walls_slides_are_the_simulators(seed: int) -> None:
         state = observe(episodes.room, episodes.position).movedim(-1, 0)
         moving, others = state.tensor_split([1], -1)
         gap = _gaps(moving, others)
-        indoors = _clearances(gap, others)[BORDER].amin(0) >= 0  # from within a wall, other walls are none to stop at
+        indoors = (
+            _clearances(gap, *told(gap, others))[BORDER].amin(0) >= 0
+        )  # from within a wall, other walls are none to stop at
         legal &= indoors[:, None]
-        torch.testing.assert_close(_slides(gap, others).T[legal], length[legal], atol=1e-4, rtol=0)
+        torch.testing.assert_close(_slides(gap, *told(gap, others)).T[legal], length[legal], atol=1e-4, rtol=0)
         episodes.step(explore(torch.zeros(30, dtype=torch.int64), episodes.legal, 1.0, generator))

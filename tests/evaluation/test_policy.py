@@ -158,6 +158,7 @@ def test_a_place_that_no_shortest_move_leads_into_is_worth_what_led_there():
     run = policy.rollout(BatchSimulator(simulator), Place(), np.array([0]), np.array([(0.35, 0.5)]))
     np.testing.assert_allclose(run.path[:, 0], [[0.35, 0.5], [3.65, 0.5], [3.5, 0.5]], atol=1e-5)
     assert run.final.tolist() == [[3.65, 0.5]]
+    assert run.promise.tolist() == [1.0]
 
 
 def hashed(seed: int, actions: int):

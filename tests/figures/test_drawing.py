@@ -199,7 +199,7 @@ def test_the_name_of_a_narrow_room_fits_on_its_sheet(width: float) -> None:
     drawing = svg(room)
     x0, _, x1, _ = sheet(room)
     texts = {text.text: text for text in ElementTree.fromstring(drawing).iter(f"{SVG}text")}
-    for said in ("1 m", room.id, "not placed: bed", f"{width:.2f} by 3.00 m, {3 * width:.1f} m², 1:25"):
+    for said in ("1 m", room.id, "not placed: bed", f"{width:.2f} by 3.00 m, {3 * width:.1f} m²"):
         text = texts[said]
         x, size = float(text.get("x", "nan")), float(text.get("font-size", "nan"))
         assert x0 <= x

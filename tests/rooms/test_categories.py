@@ -55,7 +55,9 @@ ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
         ("Canapé lit", "sofa_bed"),
         ("Meuble TV", "tv_unit"),
         ("布艺沙发", "sofa"),  # no blanks part its words
-        ("实木衣柜", "wardrobe"),
+        ("实木衣柜 200cm", "wardrobe"),
+        ("沙发 XL", "sofa"),
+        ("宜家 sofa", "sofa"),
     ],
 )
 def test_names_of_other_programs_are_known(name: str, category: str) -> None:
@@ -70,7 +72,7 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
     assert set(FRONT_DEPTH) <= known
     for room_type in MAIN_ITEM:
         designed = {item.category for room in design_rooms(room_type, "train", 0, 12).rooms for item in room.furniture}
-        assert designed <= HOLDS[room_type] <= known
+        assert designed <= DESIGNED[room_type] <= HOLDS[room_type] <= known
         assert DESIGNED[room_type] == {*cards()[room_type]["categories"]}
     assert set(TELLING) <= set(MAIN_ITEM)
     assert set(HOLDS) == set(MAIN_ITEM)
@@ -92,6 +94,9 @@ def test_obstacles_are_called_as_they_are_and_decor_is_nothing() -> None:
     assert names.category("pendant lamp") is None
     assert not names.knows("Piano", "pendant lamp", None)
     assert names.category("bed reading lamp") == ("lamp", False)
+    for name in ("宠物床", "tapis roulant", "tappeto elastico"):
+        assert not names.knows(name)
+        assert names.category(name) is not None
     assert names.category("Shower curtain") is None
     assert names.category("Vanity table") == ("vanity_table", False)  # as a dressing table, and no dining table
     assert names.category("Lampe de bureau") == ("lampe_de_bureau", False)
@@ -135,11 +140,14 @@ def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
     names = names_of()
     assert names.room_type("Bedroom #2", ["toilet"]) == "bedroom"
     assert names.room_type("Bedroom #B", ["toilet"]) == "bedroom"
-    assert [names.room_type(name, []) for name in ("主卧室", "次卧室 2", "主卫生间")] == [
-        "bedroom",
-        "bedroom",
-        "bathroom",
-    ]
+    chinese = {
+        "主卧室": "bedroom",
+        "次卧室 2": "bedroom",
+        "主卫生间": "bathroom",
+        "客厅阳台": "balcony",
+        "主卧衣帽间": NO_ROOM,
+    }
+    assert {name: names.room_type(name, []) for name in chinese} == chinese
     assert names.room_type("LivingDiningRoom", []) == "living_room"
     assert names.room_type("Salle de bains", []) == "bathroom"
     assert names.room_type("Corridor", ["bed"]) == NO_ROOM

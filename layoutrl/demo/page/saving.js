@@ -37,8 +37,8 @@ export function shown({ room, fixed = [] }, source) {
   return open(now.room, now.locked, source);
 }
 
-// The name of a room among others of its file, whose name may begin its id.
-const alone = ({ id, group }) => (id.startsWith(`${group}/`) ? id.slice(group.length + 1) : id);
+// The name of a room among others of its home, whose name begins all their ids.
+const alone = ({ id, group }, { home }) => (home && id.startsWith(`${group}/`) ? id.slice(group.length + 1) : id);
 
 // Show rooms in the strip; those of a file with their names, where it has several.
 export function offer(source, before = false) {
@@ -49,7 +49,7 @@ export function offer(source, before = false) {
     const picture = thumbnail(room, box, known);
     source.pictures.set(room.id, picture);
     node.append(picture, element("span", { textContent: words(room.room_type) }));
-    if (named) node.append(element("span", { className: "id", textContent: alone(room) }));
+    if (named) node.append(element("span", { className: "id", textContent: alone(room, source) }));
     return element("li", {}, node);
   });
   if (before) $("gallery").prepend(...entries);

@@ -24,7 +24,7 @@ VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
 
 
 @cache
-def designed(room_type: str, seeds: tuple[int, ...], count: int) -> Relations:
+def relations_of(room_type: str, seeds: tuple[int, ...], count: int) -> Relations:
     """The relations of so many designed rooms of each seed."""
     return mine([room for seed in seeds for room in designer_cache.read(None, room_type, "train", seed, count).rooms])
 
@@ -40,7 +40,7 @@ class Rival:
 
     def relations(self, room_type: str) -> Relations:
         """Those of designed rooms of this type."""
-        return designed(room_type, SEEDS, DESIGNED)
+        return relations_of(room_type, SEEDS, DESIGNED)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value is how few faults there are."""

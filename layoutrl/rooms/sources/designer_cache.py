@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import sys
+import tempfile
 from collections import Counter
 from contextlib import closing
 from functools import cache
@@ -53,7 +54,10 @@ def read(root: Path | None, room_type: str, part: Part, seed: int, count: int) -
 
 def default_cache() -> Path:
     """`layoutrl` below the user's own cache."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "layoutrl"
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "layoutrl"
+    except RuntimeError:  # a user without a home
+        return Path(tempfile.gettempdir()) / "layoutrl"
 
 
 @cache

@@ -67,10 +67,8 @@ class Row(NamedTuple):
         return box(min(self.x0, self.x1), min(self.y0, self.y1), max(self.x0, self.x1), max(self.y0, self.y1))
 
     @property
-    def ends(
-        self,
-    ) -> tuple[tuple[float, float], tuple[float, float]]:  # in their order, which tells how an oblique wall runs
-        """Its two corners, in pixels."""
+    def ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Its two corners, in pixels, in their order, which tells how an oblique wall runs."""
         return (self.x0, self.y0), (self.x1, self.y1)
 
     @property

@@ -13,7 +13,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -54,14 +54,18 @@ def read(root: Path, names: Names) -> Collection:
     folder = root.parent if root.is_file() else root
     files = files_below(root, SUFFIXES, (ASSETS,))
     if not files:
-        raise InputError(f"no houses in {root.absolute()}: expected .jsonl or .jsonl.gz files; name their folder")
+        raise InputError(
+            f"no houses in {root.absolute()}: expected .json, .jsonl or .jsonl.gz files; name their folder"
+        )
     sizes = _sizes(folder / ASSETS)
     collection = Collection(f"procthor {root}")
     for file in files:
         name = name_of(file, root)
         try:
-            for number, house in _whole(file) or _lines(file):
+            for number, house in _whole(file) if file.suffix.lower() == ".json" else _lines(file):
                 _add(collection, house, f"{name}/{number}", sizes, names)
+        except RoomError as error:
+            collection.left_out.append((str(file), str(error)))
         except (OSError, EOFError) as error:
             collection.left_out.append((str(file), f"the file cannot be read to its end ({str(error)[:60]})"))
     collection.notes += names.notes()
@@ -85,15 +89,20 @@ def _sizes(file: Path) -> dict[str, tuple[str, Size]]:
     return found
 
 
-def _whole(file: Path) -> list[tuple[int, Any]]:
-    """(number, house) of every house of a file that is one document; none where it is not, as one of lines."""
-    if file.suffix.lower() != ".json" or file.stat().st_size > LARGEST_WHOLE:
-        return []
+def _whole(file: Path) -> Iterable[tuple[int, Any]]:
+    """(number, house) of every house of a .json file: it is one, a list of them, or has one on each line.
+
+    Raises RoomError where it is none of these, and OSError where it is too large.
+    """
+    if file.stat().st_size > LARGEST_WHOLE:
+        raise OSError(f"expected at most {LARGEST_WHOLE >> 20} MB; larger ones as .jsonl, a house a line")
+    text = file.read_bytes()
     try:
-        document = loaded(file.read_bytes())
+        document = loaded(text)
     except RoomError:
-        return []
-    return [*enumerate(document if isinstance(document, list) else [document], 1)]
+        loaded(text.partition(b"\n")[0])  # the first of several, or nothing is
+        return _lines(file)
+    return enumerate((document if isinstance(document, list) else [document])[:MOST], 1)
 
 
 def _lines(file: Path) -> Iterator[tuple[int, bytes]]:

@@ -47,7 +47,7 @@ ARC_STEP = math.radians(15)  # of round walls
 WINDOWS = (  # in the languages of the names of furniture, wherever they stand in a name
     "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
 )  # fmt: skip
-ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆")  # in these languages, where a word begins
+ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆(?!角)")  # in these languages, where a word begins
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ def _home(
         home.collection.notes += storey.notes
     parked = [(level, piece) for level, piece in outside if _moves(piece, moved, True)]
     if moved is None or ALL in moved:
-        still = [piece for _, piece in outside if piece.known and not piece.may_move]
+        still = [piece for level, piece in outside if piece.known and (level, piece) not in parked]
         said = "outside all rooms stays there: the home does not let it move"
         home.collection.notes += [f"the {piece.item.category} {said}" for piece in still]
     _park(home, levels, parked, into, alone)
@@ -360,8 +360,8 @@ def _park(
     home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None, alone: bool
 ) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
-    type knows it and that has the floor for it. First come those in which it is usual, so that there is who places it;
-    then those of its level, without such a piece, with the most floor free."""
+    type knows it and that has the floor for it. First come those of its level, then those in which it is usual, so that
+    there is who places it, then those without such a piece, with the most floor free."""
     if into is not None and into not in home.pieces:
         known = ", ".join(home.pieces)
         raise InputError(f"into: {home.path} has no room {into!r} to furnish; expected one of {known}")
@@ -376,7 +376,7 @@ def _park(
             chosen = into
         elif fitting:
             theirs = {k: item.category in DESIGNED[rooms[k].room_type] for k in fitting}
-            chosen = min(fitting, key=lambda k: (not theirs[k], levels[k] != level, item.category in held[k], -free[k]))
+            chosen = min(fitting, key=lambda k: (levels[k] != level, not theirs[k], item.category in held[k], -free[k]))
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
             home.collection.notes.append(note + alone * " (into=<id>)")

@@ -101,6 +101,12 @@ def test_a_json_file_is_one_house_or_a_list_of_them_over_any_lines(indent: int |
     assert collection.rooms[:2] == lines
     assert [room.id for room in collection.rooms[2:]] == ["train/3/Bedroom 2", "train/3/Kitchen 3"]
     assert [where for where, _ in collection.left_out] == ["train/2"]
+    path.write_text(path.read_text()[:-2])
+    ((where, why),) = opened(path).collection.left_out  # once, however many lines it has
+    assert where == str(path)
+    assert "expected whole JSON" in why
+    path.write_text(json.dumps(house()) + "\n" + json.dumps(house()))
+    assert [room.id for room in opened(path).collection.rooms[2:]] == ["train/2/Bedroom 2", "train/2/Kitchen 3"]
 
 
 def test_a_house_is_told_by_its_objects_however_many_come_before_its_rooms(tmp_path: Path) -> None:
@@ -210,7 +216,7 @@ def test_a_bomb_and_a_file_that_breaks_off_are_left_out(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_houses_or_without_sizes_is_answered(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"expected \.jsonl or \.jsonl\.gz files"):
+    with pytest.raises(InputError, match=r"expected \.json, \.jsonl or \.jsonl\.gz files"):
         read(tmp_path, names_of())
     write(tmp_path, house())
     (tmp_path / "asset-database.json").unlink()

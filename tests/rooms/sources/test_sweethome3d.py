@@ -348,15 +348,28 @@ def test_what_stands_outside_goes_where_it_is_usual_before_a_larger_room_that_ma
     assert (kitchen.furniture, [item.category for item in bathroom.furniture]) == ((), ["washing_machine"])
 
 
+def test_what_stands_outside_stays_on_its_level_before_it_goes_where_it_is_usual(tmp_path: Path) -> None:
+    levels = tag("level", id="a", name="Ground") + tag("level", id="b", name="Upper")
+    rooms = room_tag(0, 0, 800, 600, name="Kitchen", level="a") + room_tag(0, 0, 400, 300, name="Bathroom", level="b")
+    kitchen, bathroom = flat(tmp_path, levels + rooms + piece("washingMachine", 1500, 100, 60, 60, level="a")).rooms
+    assert ([item.category for item in kitchen.furniture], bathroom.furniture) == (["washing_machine"], ())
+
+
 def test_what_the_home_does_not_let_move_stays_outside_unless_it_is_named(tmp_path: Path) -> None:
     body = FLAT + piece("wardrobe", 900, 270, 100, 54, movable="false") + piece("chair", 900, 100, 40, 42)
     said = "the wardrobe outside all rooms stays there: the home does not let it move"
-    for move, parked, told in ((None, ["chair"], True), ("all", ["chair"], True), ("wardrobe", ["wardrobe"], False)):
+    both = ["chair", "wardrobe"]
+    for move, parked, told in (
+        (None, ["chair"], True),
+        ("all", ["chair"], True),
+        ("wardrobe", ["wardrobe"], False),
+        ("all,wardrobe", both, False),
+    ):
         home = flat(tmp_path, body, move=move)
         given = [
             item.category for room in home.rooms for item in room.furniture if item.category in ("wardrobe", "chair")
         ]
-        assert given == parked
+        assert sorted(given) == parked
         assert (said in home.collection.notes) == told
 
 
@@ -427,6 +440,7 @@ def test_a_home_of_the_online_edition_is_a_home_and_comes_back_as_one(tmp_path: 
         ("tableRound", "circle"),
         ("圆形餐桌", "circle"),
         ("surround table", "rectangle"),
+        ("圆角方桌", "rectangle"),
     ],
 )
 def test_what_is_called_round_is_in_every_language(name: str, form: str, tmp_path: Path) -> None:
