@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 CHECKPOINTS = "checkpoints"  # folder of a run
 KEPT = 2  # checkpoints, beside the best
 FORMAT = 2  # of checkpoints: those of another cannot be read. In 1, of layoutrl 0.1 and 0.2, agents saw no facings.
-# What a checkpoint holds, at least.
-STATE = {"config": dict, "rooms": str, "device": str, "seconds": float, "training": dict}
+STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
 
 
 def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:

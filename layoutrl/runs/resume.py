@@ -261,7 +261,7 @@ def last_state(
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"the checkpoint of {folder} is of other rooms; expected those that it began with")
     ours = identity["device"]  # another's generators would draw otherwise
-    if (theirs := state["device"]) != ours:
+    if (theirs := state.get("device", "a device that it does not tell")) != ours:
         raise InputError(
             f"the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
             "(an empty CUDA_VISIBLE_DEVICES hides a GPU)"

@@ -19,8 +19,7 @@ from layoutrl.runs import files
 from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 
 CPU = torch.device("cpu")
-STATE = {"version": layoutrl.__version__, "config": {"seed": 3}, "rooms": "", "device": "cpu"}
-STATE |= {"seconds": 1.0, "training": {}}
+STATE = {"version": layoutrl.__version__, "config": {"seed": 3}, "rooms": "", "seconds": 1.0, "training": {}}
 
 
 def test_the_last_two_checkpoints_and_the_best_are_kept(tmp_path):

@@ -271,6 +271,10 @@ def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_
     save_checkpoint(folder, state | {"categories": [*state["categories"], "piano"]}, UPDATES)
     with pytest.raises(InputError, match="has other categories; expected the version of layoutrl that began the run"):
         resumed(folder, run, TrainConfig)
+    for lacking, said in (("device", "is of a device that it does not tell"), ("categories", "has other categories")):
+        save_checkpoint(folder, {name: value for name, value in state.items() if name != lacking}, UPDATES)
+        with pytest.raises(InputError, match=said):
+            resumed(folder, run, TrainConfig)
     save_checkpoint(folder, state | {"training": state["training"] | {"agent": {}}}, UPDATES)
     with pytest.raises(InputError, match=r"the checkpoint of .* does not fit \(KeyError"):
         resumed(folder, run, TrainConfig)
