@@ -39,6 +39,7 @@ METHODS = {
     "nearest room": "nearest",
     "random": "random",
 }
+NO_RIVALS = ("designer", "untrained agent")  # that others are compared with; the second is a part of the agent
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
 TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
@@ -165,9 +166,9 @@ def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
 
 
 def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
-    """A line of the tables. Rivals are compared with the best of the others; the designer's layout is no rival's."""
+    """A line of the tables. Each is compared with the best of the others but for NO_RIVALS."""
     own = known[method]
-    rivals = {words: rows for words, rows in known.items() if words not in (method, "designer")}
+    rivals = {words: rows for words, rows in known.items() if words not in (method, *NO_RIVALS)}
     numbers = {name: None if own.numbers[0][name] is None else own.number(name) for name in NUMBERS}
     return {
         "room": room,

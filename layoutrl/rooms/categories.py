@@ -138,8 +138,8 @@ class Names:
         return entry | {"category": ours}
 
     def _known(self, names: list[str]) -> str | None:
-        """The first part of these names that the table has; else the longest words of it that one ends with; else those
-        that one begins with, where a beginning counts.
+        """The first part of these names that the table has; else the longest words of it that one ends with, or a word
+        that no blanks part; else those that one begins with, where a beginning counts.
 
         In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
         """
