@@ -92,15 +92,15 @@ def _sizes(file: Path) -> dict[str, tuple[str, Size]]:
 def _whole(file: Path) -> Iterable[tuple[int, Any]]:
     """(number, house) of every house of a .json file: it is one, a list of them, or has one on each line.
 
-    Raises RoomError where it is none of these, and OSError where it is too large.
+    Raises RoomError where it is none of these. A file that is too large to be held is read by lines.
     """
     if file.stat().st_size > LARGEST_WHOLE:
-        raise OSError(f"expected at most {LARGEST_WHOLE >> 20} MB; larger ones as .jsonl, a house a line")
+        return _lines(file)
     text = file.read_bytes()
     try:
         document = loaded(text)
     except RoomError:
-        loaded(text.partition(b"\n")[0])  # the first of several, or nothing is
+        loaded(text.lstrip().partition(b"\n")[0])  # the first of several, or nothing is
         return _lines(file)
     return enumerate((document if isinstance(document, list) else [document])[:MOST], 1)
 

@@ -174,7 +174,7 @@ def _home(
         home.collection.notes += storey.notes
     parked = [(level, piece) for level, piece in outside if _moves(piece, moved, True)]
     if moved is None or ALL in moved:
-        still = [piece for level, piece in outside if piece.known and (level, piece) not in parked]
+        still = [piece for _, piece in outside if piece.known and not _moves(piece, moved, True)]
         said = "outside all rooms stays there: the home does not let it move"
         home.collection.notes += [f"the {piece.item.category} {said}" for piece in still]
     _park(home, levels, parked, into, alone)
