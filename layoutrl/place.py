@@ -257,6 +257,8 @@ class Work:
                 for entry in block:
                     self.tally.entries += 1
                     self._objects += bool(entry.document)
+                    if entry.room:
+                        self._unmet -= called(entry.room)
                     meant = entry.room is not None and self._meant(entry.room)
                     for name in (item.category for item in entry.stood if item.locked and meant):
                         if name in named or ALL in named:
@@ -313,11 +315,8 @@ class Work:
         return asked_of(entry, meant, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
 
     def _meant(self, room: Room) -> bool:
-        """Whether a room is to be furnished: all are, or the `only` ones, by their ids or what follows a slash."""
-        parts = room.id.split("/")
-        called = self.config.only_rooms.intersection("/".join(parts[first:]) for first in range(len(parts)))
-        self._unmet -= called
-        return bool(called) or not self.config.only
+        """Whether a room is to be furnished: all are, or the `only` ones."""
+        return not self.config.only or not self.config.only_rooms.isdisjoint(called(room))
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:
@@ -338,6 +337,12 @@ class Work:
                 file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
                 self.drawn.append(file)
                 draw(layout, wrong, file)
+
+
+def called(room: Room) -> set[str]:
+    """What `only` may call a room: its id, or what follows a slash in it."""
+    parts = room.id.split("/")
+    return {"/".join(parts[first:]) for first in range(len(parts))}
 
 
 def check_who(config: PlaceConfig) -> None:

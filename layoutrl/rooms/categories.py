@@ -19,7 +19,8 @@ from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
-RUG = "rug"  # one that is floor: among what stands in a home it is nothing
+RUG = "rug"  # one that is floor
+NOTHING = (DECOR, RUG)  # among what stands in a home
 NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
@@ -92,7 +93,7 @@ class Names:
     @cached_property
     def categories(self) -> list[str]:
         """The categories that furniture is known by."""
-        return sorted(set(self._furniture.values()) - {OBSTACLE, DECOR, RUG})
+        return sorted(set(self._furniture.values()) - {OBSTACLE, *NOTHING})
 
     def category(self, *names: str | None) -> tuple[str, bool] | None:
         """(what it is here, whether that is a known category) of the first name that is known; None for decor and rugs.
@@ -103,7 +104,7 @@ class Names:
         if part := self._known(given):
             found = self._furniture[part]
             called = part.replace(" ", "_") if found == OBSTACLE else found
-            return None if found in (DECOR, RUG) else (called, found != OBSTACLE)
+            return None if found in NOTHING else (called, found != OBSTACLE)
         called = (plain(given[0]) if given else "").replace(" ", "_")[:40] or OBSTACLE
         self.unknown[given[-1][:40] if given else "without a name", called] += 1
         return called, False
@@ -118,12 +119,12 @@ class Names:
     def knows(self, *names: str | None) -> bool:
         """Whether a name is that of a category."""
         part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] not in (OBSTACLE, DECOR, RUG)
+        return part is not None and self._furniture[part] not in (OBSTACLE, *NOTHING)
 
     def is_decor(self, *names: str | None) -> bool:
         """Whether a name is that of decor, or of a rug."""
         part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] in (DECOR, RUG)
+        return part is not None and self._furniture[part] in NOTHING
 
     def ours(self, document: Any) -> Any:
         """A room's document, its furniture by the categories that its names are known by; all else is as it was."""
