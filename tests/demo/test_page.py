@@ -527,6 +527,20 @@ def test_what_is_typed_in_a_field_is_of_the_item_that_was_chosen(page):
     assert room_of(page)["furniture"] == [stools[0] | {"size": [0.6, 1.4], "rotation": 45}, stools[1]]
 
 
+def test_the_list_stays_where_it_is_when_gaps_are_known(page):
+    """Who presses a row meanwhile means that one."""
+    shown(page, SQUARE)
+    asked = []
+    page.route("**/api/look", lambda route: asked.append(route))
+    page.locator("#plan [data-item='0']").focus()
+    expect(page.locator("#selected")).to_be_visible()
+    expect(page.locator("#gaps")).to_be_empty()
+    before = middle(page.locator("#furniture [data-row='0']"))
+    asked.pop().continue_()
+    expect(page.locator("#gaps")).to_contain_text("m, ")
+    assert middle(page.locator("#furniture [data-row='0']")) == before
+
+
 def test_keys_on_a_row_of_the_list_are_as_on_the_plan(page):
     stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.5, 2.5)]
     shown(page, SQUARE | {"furniture": stools})
