@@ -127,14 +127,14 @@ class Remembered:
 
     def __call__(self, rooms: Tensor, positions: Tensor) -> Tensor:
         """Q(s, a), (B, A), of positions (B, 2) in rooms or scenes (B, ...)."""
-        poses = torch.column_stack([rooms, positions]).cpu().numpy()
-        rows = np.array([self._row.setdefault(pose.tobytes(), len(self._row)) for pose in poses], dtype=int)
-        fresh, first = np.unique(rows, return_index=True)
-        if self._known is None:
-            self._known = self._q(self._observe, rooms[first], positions[first])
-        elif len(first := first[fresh >= len(self._known)]):
-            self._known = torch.cat([self._known, self._q(self._observe, rooms[first], positions[first])])
-        return self._known[rows]
+        poses = [pose.tobytes() for pose in torch.column_stack([rooms, positions]).cpu().numpy()]
+        fresh = {pose: b for b, pose in enumerate(poses) if pose not in self._row}
+        if fresh or self._known is None:
+            b = list(fresh.values())
+            q = self._q(self._observe, rooms[b], positions[b])
+            self._known = q if self._known is None else torch.cat([self._known, q])
+            self._row |= zip(fresh, range(len(self._row), len(self._known)), strict=True)
+        return self._known[[self._row[pose] for pose in poses]]
 
 
 def first_poses(
