@@ -43,8 +43,11 @@ NO_RIVALS = ("designer", "untrained agent")  # that others are compared with; th
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
 TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
-# Agents of real rooms learn from longer episodes and a smaller memory: their cells are of before others were usual.
-OF_BEFORE = {"method.max_moves": "30", "method.episodes": "64", "method.replay_capacity": "200000"}
+# Agents of real rooms make longer episodes and have a smaller memory: their cells are of before others were usual.
+OF_BEFORE = {
+    "method.max_moves": "30", "method.evaluation_moves": "30", "method.episodes": "64",
+    "method.replay_capacity": "200000",
+}  # fmt: skip
 UPDATES_OF_BEFORE = {"bedroom": {"method.updates.default": "48000"}, "tatami": {"method.updates.default": "24000"}}
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
