@@ -25,14 +25,13 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.files import check_new
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import command
-from layoutrl.runs.config import TrainConfig, WatchConfig
+from layoutrl.runs.config import COLUMNS, TrainConfig, WatchConfig
 from layoutrl.runs.files import check_writable, writing
 from layoutrl.runs.folder import load_config
 
 if TYPE_CHECKING:
     from layoutrl.evaluation.furnishing import Furnisher
 
-COLUMNS = 3  # of rooms side by side
 INCHES = 2.2  # height of a row
 FRAMES_A_MOVE = 4
 START_MS, FRAME_MS, HELD_MS = 800, 60, 2500  # the first frame, each, the last

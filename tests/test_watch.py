@@ -13,6 +13,7 @@ from PIL import Image
 
 from layoutrl import InputError
 from layoutrl.rooms.room import Item
+from layoutrl.runs.config import LARGEST, WatchConfig
 from layoutrl.watch import Episode, files_of, frames, write
 from tests.builders import rectangular_room
 
@@ -54,6 +55,17 @@ def test_a_room_where_nothing_has_a_place_is_shown_bare() -> None:
     assert (nothing.moves, something.moves, several.moves) == (0, 1, 1)
     assert len(list(frames([nothing], width=60))) == 2
     assert len(list(frames([nothing, something], width=60))) == len(list(frames([something], width=60)))
+
+
+def test_the_most_rooms_of_a_width_are_as_high_as_a_film_may_be() -> None:
+    room = rectangular_room(3.0, 2.0)
+    bare = Episode(replace(room, furniture=(), target=None), [], [], 0.0)
+    for rooms, width in ((9, LARGEST), (18, 720), (135, 100)):  # as many as the command takes of each width
+        WatchConfig("nowhere", rooms=rooms, width=width)
+        with pytest.raises(InputError, match=rf"^rooms: expected at most {rooms} with width={width}"):
+            WatchConfig("nowhere", rooms=rooms + 1, width=width)
+    first, *_ = frames([bare] * 9, 60)
+    assert first.size == (60, 60)
 
 
 def test_a_film_ends_with_all_that_was_placed_where_it_stays() -> None:

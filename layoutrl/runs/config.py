@@ -34,7 +34,8 @@ from layoutrl.runs.ranges import check_annealer, check_begin, check_data, check_
 
 PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
-WIDEST = 4000  # pixels of an animation, of which all pictures are in memory at once
+COLUMNS = 3  # of rooms side by side, in an animation
+LARGEST = 1500  # pixels of an animation, each way: all its pictures are in memory at once
 MOST_SECONDS = 3600  # of a core, a layout
 
 
@@ -242,7 +243,9 @@ class WatchConfig(RunConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         within("rooms", self.rooms, self.rooms >= 1, "1 or more")
-        within("width", self.width, 100 <= self.width <= WIDEST, f"100 to {WIDEST}")
+        within("width", self.width, 100 <= self.width <= LARGEST, f"100 to {LARGEST}")
+        most = COLUMNS * (COLUMNS * LARGEST // self.width)  # each has a square
+        within("rooms", self.rooms, self.rooms <= most, f"at most {most} with width={self.width}, for {LARGEST} pixels")
         within("seed", self.seed, self.seed >= 0, "0 or more")
 
 
