@@ -10,6 +10,8 @@ from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.faults import blocking
 
+NEAREST, NEAREST_TILTED = 3, 15  # values an axis that are tried for the ceiling, of items that stand upright or not
+
 
 @dataclass(frozen=True)
 class Score:
@@ -65,7 +67,7 @@ def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) 
 
     Each axis offers the multiples of the shortest step from the start and, with slides, from every
     contact with the outline or an item. Whether they can be reached through the room is not asked. Exact for upright
-    rectangles and circles; for items at an angle, the best of the 15 nearest values an axis.
+    rectangles and circles; for items at an angle, the best of the NEAREST_TILTED nearest values an axis.
     """
     designer, step = simulator.designer_position[room], simulator.steps.min(1)[room, None, None]
     anchors = starts[:, None]
@@ -79,14 +81,16 @@ def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) 
         anchors = np.concatenate([anchors, contacts], 1)
     off = (anchors - designer[:, None]) % step  # displacements from the designer's place: (B, anchors, 2)
     off = np.concatenate([off, off - step], 1)
-    upright = all(room.moving.form == "circle" or room.moving.degrees % 90 == 0 for room in simulator.rooms)
-    order = np.argsort(np.abs(off), axis=1)[:, : 3 if upright else 15]  # NaN last
+    order = np.argsort(np.abs(off), axis=1)[:, :NEAREST_TILTED]  # NaN last
     off = np.take_along_axis(off, order, 1)
+    moving = [room.moving for room in simulator.rooms]
+    upright = np.array([item.form == "circle" or item.degrees % 90 == 0 for item in moving])[room]
+    designed = np.array([item.footprint for item in moving])[room, None]
     best = np.zeros(len(room))
-    for i in range(off.shape[1]):
-        for j in range(off.shape[1]):
-            displaced = designer + np.stack([off[:, i, 0], off[:, j, 1]], -1)
-            known = ~np.isnan(displaced).any(1)
-            if known.any():
-                best[known] = np.maximum(best[known], simulator.reward(room[known], displaced[known]).iou)
+    for i, j in np.ndindex(off.shape[1], off.shape[1]):
+        displaced = designer + np.stack([off[:, i, 0], off[:, j, 1]], -1)
+        tried = ~np.isnan(displaced).any(1) & (~upright | (max(i, j) < NEAREST))
+        if tried.any():
+            iou = simulator.ious(room[tried], displaced[tried], designed[tried])[:, 0]
+            best[tried] = np.maximum(best[tried], iou)
     return best

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -225,6 +226,21 @@ def test_the_ceiling_of_a_batch_is_that_of_each_start_in_its_room():
         for b, k in enumerate(room)
     ]
     np.testing.assert_allclose(lattice_ceiling(together, room, starts), alone, atol=1e-12)
+
+
+def test_one_item_at_an_angle_makes_the_ceiling_of_others_no_slower(monkeypatch: pytest.MonkeyPatch) -> None:
+    tilted = rectangular_room(2.4, 2.0, Item("bed", (0.6, 0.8), (0.97, 0.83), 30))
+    simulator, tried, ious = simulator_of(l_room(), tilted, moves=Moves((0.2,))), Counter[int](), Simulator.ious
+
+    def counted(self: Simulator, room: np.ndarray, *others: np.ndarray) -> np.ndarray:
+        tried.update(room.tolist())
+        return ious(self, room, *others)
+
+    monkeypatch.setattr(Simulator, "ious", counted)
+    room = np.array([0, 1])
+    lattice_ceiling(simulator, room, simulator.starts(room, np.random.default_rng(0)))
+    assert tried[0] == 3 * 3
+    assert tried[1] > tried[0]
 
 
 def test_the_standard_error_takes_layouts_of_one_room_for_what_they_are():
