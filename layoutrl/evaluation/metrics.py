@@ -33,7 +33,7 @@ class Score:
 
 def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score:
     """Score final positions (B, 2) in rooms (B,)."""
-    return summary(
+    return score_of(
         simulator.reward(room, position).iou,
         *simulator.overlap_and_outside(room, position),
         blocks_openings(simulator, room, position),
@@ -41,7 +41,9 @@ def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score
     )
 
 
-def summary(iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: np.ndarray, group: np.ndarray) -> Score:
+def score_of(
+    iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: np.ndarray, group: np.ndarray
+) -> Score:
     """The score of B places, from what each is worth (B,), and which group its room is of (B,)."""
     return Score(
         float(iou.mean()),

@@ -14,7 +14,7 @@ from tqdm import tqdm
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.evaluation.metrics import Score, blocks_openings, summary
+from layoutrl.evaluation.metrics import Score, blocks_openings, score_of
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample
 from layoutrl.rivals.planit.graph import Graph, Relation, scene_of
@@ -177,7 +177,7 @@ def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
         overlap[there], outside[there] = simulator.overlap_and_outside(index, position)
         blocked[there] = blocks_openings(simulator, index, position)
     group = np.array([room.group for room in rooms])
-    return Places(list(items), iou, summary(iou, overlap, outside, blocked, group), 1 - len(there) / len(rooms))
+    return Places(list(items), iou, score_of(iou, overlap, outside, blocked, group), 1 - len(there) / len(rooms))
 
 
 def _with(room: Room, item: Item | None) -> Room:
