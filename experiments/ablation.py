@@ -23,7 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from cell_config import RESULTS
+from cell_config import RESULTS, check_kept
 from printing import Table, listed
 
 from layoutrl import InputError
@@ -149,10 +149,7 @@ def main() -> None:
     }
     ending = "" if scope == "item" else "-rooms"
     file = KEPT / f"{arguments.room_type}{ending}.json"
-    if file.exists():
-        kept = json.loads(file.read_text(encoding="utf-8"))
-        if others := [name for name, value in about.items() if kept[name] != value]:
-            raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
+    check_kept(file, about)
     for folder in (runs, KEPT):
         folder.mkdir(parents=True, exist_ok=True)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,14 @@ from layoutrl.runs.ranges import check_annealer, check_search, one_of
 
 RESULTS = Path(__file__).parent / "results"
 SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
+
+
+def check_kept(file: Path, about: Mapping[str, Any]) -> None:
+    """Raises InputError where results are kept in a file that are about something else: they are not overwritten."""
+    if file.exists():
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        if others := [name for name, value in about.items() if kept[name] != value]:
+            raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
 
 
 @dataclass

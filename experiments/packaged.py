@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cell_config import check_kept
 
 from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
@@ -30,6 +31,7 @@ def options(description: str | None, *, rooms: int, seed: int, results: Path) ->
     said = parser.parse_args()
     within("--rooms", said.rooms, said.rooms >= 1, "1 or more")
     within("--seed", said.seed, said.seed >= 0, "0 or more")
+    check_kept(said.results / f"{said.room_type}.json", {"rooms": said.rooms, "seed": said.seed})
     said.results.mkdir(parents=True, exist_ok=True)
     return said
 

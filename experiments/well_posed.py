@@ -6,7 +6,7 @@ Ambiguity: how good another place would have been to the designer. A room with a
 how many tries were thrown away for one, and how small margins are beyond. That the place can be inferred from what is
 seen, the supervised columns of Table 1 show, and that it is not trivial, the columns that need no learning.
 
-Prints the numbers and writes experiments/results/well_posed/<type>.json.
+Prints the numbers and writes experiments/results/well_posed/<type>.json; with --results=trial, trial/<type>.json.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cell_config import RESULTS
+from cell_config import RESULTS, check_kept
 
 from layoutrl.rooms.designer.generator import design_room, design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
@@ -54,21 +55,24 @@ def main() -> None:
     parser.add_argument("--train", type=int, default=5000, help="training rooms")
     parser.add_argument("--test", type=int, default=1000, help="held-out rooms")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--results", type=Path, default=KEPT, help="folder of the file that is written")
     options = parser.parse_args()
     for name, count in (("--train", options.train), ("--test", options.test)):
         within(name, count, count >= 1, "1 or more")
     within("--seed", options.seed, options.seed >= 0, "0 or more")
+    file = options.results / f"{options.room_type}.json"
+    about = {"room_type": options.room_type, "seed": options.seed, "train": options.train, "test": options.test}
+    check_kept(file, about)
 
     began = time.perf_counter()
     training = design_rooms(options.room_type, "train", options.seed, options.train)
-    result: dict[str, Any] = {"room_type": options.room_type, "seed": options.seed, "train": options.train}
-    result |= {"test": options.test, "design_seconds": time.perf_counter() - began}
+    result: dict[str, Any] = about | {"design_seconds": time.perf_counter() - began}
     print(f"{training}\ndesigned in {result['design_seconds']:.1f} s")
     result["reject_rate"] = {name: training.reject_rate(name) for name in training.made}
     result["ambiguity"] = ambiguity(options.room_type, options.seed, options.test)
     print(json.dumps(result["ambiguity"], indent=1))
-    KEPT.mkdir(parents=True, exist_ok=True)
-    write_json(KEPT / f"{options.room_type}.json", result)
+    options.results.mkdir(parents=True, exist_ok=True)
+    write_json(file, result)
 
 
 if __name__ == "__main__":

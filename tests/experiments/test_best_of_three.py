@@ -39,3 +39,13 @@ def test_the_nearest_of_three_is_the_one_with_the_highest_iou(tmp_path: Path, mo
     assert only < 0.9
     assert nearest == pytest.approx(1)
     assert (result["rooms"], result["layouts"]) == (3, 2)
+
+
+def test_what_is_kept_of_other_rooms_is_not_overwritten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "balcony.json").write_text('{"rooms": 200, "seed": 0}')
+    for rooms, seed, others in ((3, 0, "rooms"), (200, 1, "seed"), (3, 1, "rooms, seed")):
+        said = ["best_of_three.py", "balcony", f"--rooms={rooms}", f"--seed={seed}", f"--results={tmp_path}"]
+        monkeypatch.setattr("sys.argv", said)
+        with pytest.raises(SystemExit, match=rf"balcony\.json is of other {others}; expected the same, or to be moved"):
+            best_of_three.main()
+    assert (tmp_path / "balcony.json").read_text() == '{"rooms": 200, "seed": 0}'
