@@ -37,6 +37,7 @@ MOST_CHOICES = 20  # layouts of a room: ten take some seconds
 COLUMNS = 3  # of rooms side by side, in an animation
 LARGEST = 1500  # pixels of an animation, each way: all its pictures are in memory at once
 MOST_SECONDS = 3600  # of a core, a layout
+LONGEST = 250  # bytes of the name of a run: file systems take 255, and a number may be put behind it
 
 
 def config_directory() -> Path:
@@ -110,6 +111,8 @@ class LearningConfig:
         within("seed", self.seed, self.seed >= 0, "0 or more")
         named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
         within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
+        within("name", self.name, len((self.name or "").encode(errors="replace")) <= LONGEST, f"at most {LONGEST} bytes")
+        within("runs", self.runs, self.runs.strip() != "", "the name of a folder; it is empty")
 
     @property
     def learns_from_designs(self) -> bool:

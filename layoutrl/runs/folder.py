@@ -17,7 +17,6 @@ from layoutrl import InputError
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import AnyTraining, Config, misfit
 from layoutrl.runs.files import write_whole
-from layoutrl.runs.ranges import within
 
 NO_MATTER = ("device", "room.updates", "room.whole_updates")  # how long a training is, method.updates says
 LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml; those that are written have 1,300 and 4
@@ -39,7 +38,6 @@ def new_folder(config: AnyTraining) -> Path:
 
     Raises InputError where it cannot be written to.
     """
-    within("runs", config.runs, config.runs.strip() != "", "the name of a folder; it is empty")
     kept = OmegaConf.structured(replace(config, data=located(config.data)))
     folder = make_folder(wanted_folder(config))
     try:
