@@ -111,7 +111,8 @@ class LearningConfig:
         within("seed", self.seed, self.seed >= 0, "0 or more")
         named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
         within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
-        within("name", self.name, len((self.name or "").encode(errors="replace")) <= LONGEST, f"at most {LONGEST} bytes")
+        length = len((self.name or "").encode(errors="replace"))
+        within("name", self.name, length <= LONGEST, f"at most {LONGEST} bytes")
         within("runs", self.runs, self.runs.strip() != "", "the name of a folder; it is empty")
 
     @property

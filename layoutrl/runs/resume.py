@@ -11,7 +11,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
@@ -284,8 +284,8 @@ def finite(state: Any) -> bool:
 
 def stated(config: AnyTraining) -> dict[str, Any]:
     """The configuration as plain values, but for where files lie, and for how long other budgets than its own train."""
-    moved = replace(config, runs="", name=None, data=replace(config.data, root=None, categories=None))
-    said = json.loads(json.dumps(asdict(moved)))
+    said: dict[str, Any] = json.loads(json.dumps(asdict(config))) | {"runs": "", "name": None}
+    said["data"] |= {"root": None, "categories": None}
     updates = said["method"]["updates"]
     said["method"]["updates"] = {budget: number for budget, number in updates.items() if budget == config.budget.name}
     return said
