@@ -52,6 +52,8 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
         "machine": machine(device_of(config.device)),
         "config": stated(trained),
     }
+    if config.out:
+        check_new(file, ".json")  # once more: scoring takes minutes
     with writing(file):
         write_json(file, about | result)
     print(f"wrote {file}")

@@ -73,6 +73,8 @@ def run(config: WatchConfig) -> list[Path]:
     with style.context([STYLE, PLAIN]):
         pictures = list(frames(episodes, config.width))
     own = Path(config.run) / f"watch-{shown.name}-{len(rooms)}-seed{config.seed}"
+    for file in asked:
+        check_new(file, file.suffix)  # once more: drawing takes a while
     write(pictures, files := asked or files_of(own))
     moves = np.mean([episode.moves for episode in episodes])
     mean = np.mean([episode.iou for episode in episodes])

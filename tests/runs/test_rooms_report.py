@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from layoutrl import InputError
 from layoutrl.evaluate import run as evaluate
@@ -76,3 +77,19 @@ def test_a_disk_that_is_full_is_answered_with_the_file(trained: Path, tmp_path: 
     with pytest.raises(InputError, match=rf"^out: cannot write {file} \(No space left on device\); expected a file in"):
         evaluate(EvaluateConfig(str(trained), out=str(file)))
     assert not list(file.parent.iterdir())
+
+
+def test_what_was_made_meanwhile_is_not_overwritten(trained: Path, tmp_path: Path, monkeypatch) -> None:
+    def theirs(name: str, what: object) -> object:
+        (tmp_path / name).write_text("theirs")
+        return what
+
+    monkeypatch.setattr("layoutrl.runs.report.scored", lambda *_: theirs("found.json", ({}, "")))
+    monkeypatch.setattr("layoutrl.watch.frames", lambda *_: theirs("film.webp", [Image.new("RGB", (4, 3))] * 2))
+    with pytest.raises(InputError, match=r"^out: .*found\.json is there already; expected the name of a new"):
+        evaluate(EvaluateConfig(str(trained), out=str(tmp_path / "found.json")))
+    with pytest.raises(InputError, match=r"^out: .*film\.webp is there already; expected the name of a new"):
+        watch(WatchConfig(str(trained), rooms=1, out=str(tmp_path / "film")))
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == dict.fromkeys(
+        ("found.json", "film.webp"), "theirs"
+    )
