@@ -75,7 +75,7 @@ def checkpoints(folder: Path) -> list[Checkpoint]:
             said = json.loads(mark.read_text(encoding="utf-8"))
             iou = None if said["iou"] is None else float(said["iou"])
             found.append(Checkpoint(int(said["updates"]), iou, str(said["sha256"]), mark.with_suffix(".pt")))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:  # the last of Infinity
             print(f"{mark} cannot be read ({error}); its checkpoint is left out", file=sys.stderr)
     return sorted(found, key=lambda checkpoint: -checkpoint.updates)
 

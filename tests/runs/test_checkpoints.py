@@ -122,6 +122,15 @@ def test_a_memory_that_is_too_small_says_nothing_of_a_checkpoint(error, tmp_path
         fails()
 
 
+@pytest.mark.parametrize("mark", ["", "[]", "{}", '{"updates": Infinity, "iou": null, "sha256": ""}'])
+def test_a_damaged_mark_costs_its_checkpoint_alone(mark, tmp_path, capsys):
+    save_checkpoint(tmp_path, STATE, 10)
+    file = tmp_path / "checkpoints" / "00000020.json"
+    file.write_text(mark)
+    assert [checkpoint.updates for checkpoint in checkpoints(tmp_path)] == [10]
+    assert f"{file} cannot be read (" in capsys.readouterr().err
+
+
 def test_what_is_no_state_is_not_told_as_one_of_an_older_format(tmp_path, capsys):
     written(tmp_path, 20, {"weights": torch.ones(2)})
     with pytest.raises(InputError, match="has no whole checkpoint"):
