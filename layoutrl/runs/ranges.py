@@ -27,7 +27,7 @@ def check_method(prefix: str, method: Method) -> None:
         value = getattr(method, name)
         within(f"{prefix}.{name}", value, value >= 1, "1 or more")
     within(f"{prefix}.climbs", method.climbs, method.climbs >= 0, "0 or more")
-    within(f"{prefix}.snap", method.snap, method.snap >= 0, "0 or more metres")
+    within(f"{prefix}.snap", method.snap, 0 <= method.snap < inf, "0 or more metres, and finite")
     sees_lines = method.observation == "geometry" or not method.snap
     within(f"{prefix}.snap", method.snap, sees_lines, f"0 with {prefix}.observation=image")
     for name in ("epsilon_start", "epsilon_end", "epsilon_share", "near_share", "own_share"):
@@ -72,10 +72,12 @@ def check_search(search: Any) -> None:
     """Raises InputError for what is out of range in `search` of a configuration, if it has one."""
     if isinstance(search, Searching):  # it is the text MISSING otherwise
         within("search.grid", search.grid, search.grid > 0, "more than 0")
+        finite("search.grid", search.grid)
         for name in ("best", "nodes"):
             value = getattr(search, name)
             within(f"search.{name}", value, value >= 1, "1 or more")
         within("search.noise", search.noise, search.noise >= 0, "0 or more")
+        finite("search.noise", search.noise)
         _named_numbers("search.weights", search.weights, PREFERENCES, PREFERENCES)
 
 
@@ -88,6 +90,7 @@ def check_annealer(annealer: Any) -> None:
             for when in ("first", "last"):
                 value = getattr(annealer, f"{when}_{name}")
                 within(f"annealer.{when}_{name}", value, value > 0, "more than 0")
+                finite(f"annealer.{when}_{name}", value)
         _named_numbers("annealer.moves", annealer.moves, MOVES)
         often = annealer.moves
         within("annealer.moves", often, sum(often.values()) > 0, "one kind or more that is more often than 0")
@@ -99,6 +102,7 @@ def _named_numbers(name: str, values: dict[str, float], allowed: Sequence[str], 
     for key, value in values.items():
         one_of(name, key, *allowed)
         within(f"{name}.{key}", value, value >= 0, "0 or more")
+        finite(f"{name}.{key}", value)
     if lacking := [key for key in needed if key not in values]:
         raise InputError(f"{name}: expected {', '.join(needed)}; got no {', '.join(lacking)}")
 
@@ -124,6 +128,11 @@ def check_begin(method: Method, before: Mapping[str, Any]) -> None:
 def one_of(name: str, value: str, *allowed: str) -> None:
     """Raises InputError for a value that is none of those allowed."""
     within(name, value, value in allowed, f"one of {', '.join(allowed)}")
+
+
+def finite(name: str, value: float) -> None:
+    """Raises InputError for infinity."""
+    within(name, value, value < inf, "a finite number")
 
 
 def within(name: str, value: Any, holds: bool, expected: str) -> None:

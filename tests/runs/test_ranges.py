@@ -20,13 +20,13 @@ RIVALS = composed("place", "rooms=any.jsonl")
 TINY = 5e-324  # the least number above 0
 SHARE = (0.0, 1.0), (-TINY, nextafter(1, 2), nan)  # what may be, and what may not
 BELOW_ONE = (0.0, nextafter(1, 0)), (-TINY, 1.0, nan)
-ABOVE_ZERO = (TINY, 1e300), (0.0, -1.0, nan)
-NOT_BELOW_ZERO = (0.0, 1e300), (-TINY, nan)
+ABOVE_ZERO = (TINY, 1e300), (0.0, -1.0, inf, nan)
+NOT_BELOW_ZERO = (0.0, 1e300), (-TINY, inf, nan)
 COUNT, NUMBER = ((1, 2), (0, -1)), ((0, 1), (-1,))
 Range = tuple[tuple[float, ...], tuple[float, ...]]
 FEWEST = max(METHOD.batch, METHOD.episodes)
 METHODS = {
-    "learning_rate": ((TINY, 1e300), (0.0, inf, nan)),
+    "learning_rate": ABOVE_ZERO,
     "discount": BELOW_ONE,
     "goal_iou": ((TINY, 1.0), (0.0, nextafter(1, 2), nan)),
     "snap": NOT_BELOW_ZERO,
@@ -79,6 +79,22 @@ def test_each_weight_of_a_rival_is_asked_for_and_none_is_below_zero(check: Check
         less = {other: weight for other, weight in settings.weights.items() if other != key}
         with pytest.raises(InputError, match=rf"^{name}\.weights: expected .*{key}.*; got no {key}$"):
             check(replace(settings, weights=less))
+
+
+@pytest.mark.parametrize(
+    ("check", "settings", "path"),
+    [
+        (check_search, RIVALS.search, "search.weights"),
+        (check_annealer, RIVALS.annealer, "annealer.weights"),
+        (check_annealer, RIVALS.annealer, "annealer.moves"),
+    ],
+)
+def test_no_weight_of_a_rival_is_infinite(check: Check, settings: Any, path: str) -> None:
+    name = path.rpartition(".")[2]
+    values = getattr(settings, name)
+    for key in values:
+        with pytest.raises(InputError, match=rf"^{path}\.{key}: expected a finite number; got inf$"):
+            check(replace(settings, **{name: values | {key: inf}}))
 
 
 @pytest.mark.parametrize(
