@@ -352,8 +352,15 @@ def check_who(config: PlaceConfig) -> None:
             "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
             "without both, the agents in the package furnish, and the search where they fail"
         )
-    if config.by in ("search", "annealer") and config.item:
+    rival = config.by in ("search", "annealer")
+    if rival and config.item:
         raise InputError(f"item: by={config.by} places all items that have no center; expected no item=")
+    if rival and config.device not in ("auto", "cpu"):
+        raise InputError(f"device: by={config.by} works on the CPU alone; expected no device=; got {config.device}")
+    if not rival and config.seconds != PlaceConfig.seconds:
+        raise InputError("seconds: they are of by=search and by=annealer; expected either beside")
+    if config.run is None and config.checkpoint != PlaceConfig.checkpoint:
+        raise InputError("checkpoint: it is one of a training run; expected run=<folder> beside")
 
 
 def by_category(config: PlaceConfig) -> PlaceConfig:

@@ -241,6 +241,24 @@ def test_either_an_agent_places_items_or_a_rival(tmp_path: Path) -> None:
         place(composed("place", "by=search", f"rooms={file}"))
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"seconds": 2.0}, "seconds: they are of by=search and by=annealer; expected either beside"),
+        ({"seconds": 2.0, "by": "agents"}, "seconds: they are of by=search"),
+        ({"seconds": 2.0, "run": "runs/bedroom/some"}, "seconds: they are of by=search"),
+        ({"checkpoint": "best"}, "checkpoint: it is one of a training run; expected run=<folder> beside"),
+        ({"checkpoint": "best", "by": "annealer"}, "checkpoint: it is one of a training run"),
+        ({"device": "cuda", "by": "search"}, "device: by=search works on the CPU alone; expected no device=; got cuda"),
+        ({"by": "search", "seconds": 2.0, "device": "cpu"}, "no such file"),
+        ({"checkpoint": "best", "run": "runs/bedroom/some"}, "no such file"),
+    ],
+)
+def test_what_those_who_furnish_do_not_use_is_refused(given: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said):
+        place(PlaceConfig(rooms=str(tmp_path / "rooms.jsonl"), **given))
+
+
 def test_an_item_that_fits_into_the_walls_but_not_indoors_is_not_placed(agent: Path, tmp_path: Path) -> None:
     outline = np.array(DOCUMENTS[0]["outline"])
     long = float(np.ptp(outline, axis=0).max()) + 0.1  # the walls are twice as thick
@@ -1096,6 +1114,7 @@ def test_a_shard_that_is_none_is_refused(shard: str) -> None:
     [
         ("rooms=", "rooms: expected a name; it is empty"),
         ("pictures=", "pictures: expected a name; it is empty"),
+        ("item=", "item: expected a name; it is empty"),
         ("choices=21", "choices: expected 1 to 20"),
         ("seconds=inf", "seconds: expected more than 0, 3600 at most"),
         ("shard='0/2,1/2'", "; several need -m"),

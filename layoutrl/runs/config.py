@@ -299,7 +299,7 @@ class PlaceConfig:
             one_of("room_type", self.room_type, *MAIN_ITEM)
         within("choices", self.choices, 1 <= self.choices <= MOST_CHOICES, f"1 to {MOST_CHOICES}")
         within("only", self.only, "" not in self.only_rooms, "the id of a room, or several with commas between")
-        for name in ("rooms", "out", "pictures", "run"):
+        for name in ("rooms", "out", "pictures", "run", "item"):
             value = getattr(self, name)
             within(name, value, value is None or value.strip() != "", "a name; it is empty")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
