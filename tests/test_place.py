@@ -1084,6 +1084,12 @@ def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any]
         furnish([room_from_dict(DOCUMENTS[0])], **options)
 
 
+def test_options_are_composed_once_for_rooms_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    furnish([], by="search")
+    monkeypatch.setattr("layoutrl.place.composed", None)
+    assert furnish([room_from_dict(DOCUMENTS[0])], by="agents")[0].asked.wanted == []
+
+
 def test_no_more_of_a_file_is_in_memory_than_a_block(
     middle: Middle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsysbinary: pytest.CaptureFixture[bytes]
 ) -> None:
