@@ -541,6 +541,33 @@ def test_the_list_stays_where_it_is_when_gaps_are_known(page):
     assert middle(page.locator("#furniture [data-row='0']")) == before
 
 
+def test_nothing_moves_under_the_pointer(browser, address):
+    """When an item is chosen, and when it is said what is wrong with it."""
+    page = next(pages := visited(browser, address, viewport={"width": 390, "height": 844}))
+    stools = [SQUARE["furniture"][0] | {"center": at, "rotation": 0} for at in ([0.7, 1.5], [1.5, 1.5], [1.1, 2.05])]
+    shown(page, SQUARE | {"furniture": stools})
+
+    def boxes(*names: str) -> list[Any]:
+        return [page.locator(name).bounding_box() for name in names]
+
+    row = page.locator("#furniture [data-row='2']")
+    row.scroll_into_view_if_needed()
+    before = boxes("#furniture [data-row='2']", "#plan")
+    row.click()
+    expect(page.locator("#selected")).to_be_visible()
+    settled(page)
+    assert boxes("#furniture [data-row='2']", "#plan") == before
+    page.locator("#delete").scroll_into_view_if_needed()
+    before = boxes("#plan", "#turn", "#delete")
+    for _ in range(2):
+        page.keyboard.press("ArrowDown")
+        settled(page)
+    expect(page.locator("#wrong")).not_to_be_empty()
+    expect(page.locator("#plan .item.faulty")).to_have_count(3)
+    assert boxes("#plan", "#turn", "#delete") == before
+    assert next(pages, None) is None
+
+
 def test_keys_on_a_row_of_the_list_are_as_on_the_plan(page):
     stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.5, 2.5)]
     shown(page, SQUARE | {"furniture": stools})
@@ -631,8 +658,10 @@ def test_furnishing_ends_that_doors_or_windows_are_put_in(page, kind):
 
 def test_the_moves_end_by_themselves(page):
     page.locator("#speed").select_option("fast")
+    before = [middle(page.locator(name)) for name in ("#furnish", "#speed")]
     page.locator("#furnish").click()
     expect(page.locator("body")).to_have_attribute("data-state", "playing")
+    assert [middle(page.locator(name)) for name in ("#furnish", "#speed")] == before  # beside "Skip"
     settled(page)
     expect(page.locator("#skip")).to_be_hidden()
     assert not faults(room_from_dict(json.loads(saved(page, "json"))))
