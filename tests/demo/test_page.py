@@ -1465,14 +1465,27 @@ def test_dark_and_light_differ(browser, address):
 
 
 def test_a_finger_drags_furniture(browser, address):
+    """Up and down, too, where it would scroll the page; beside the plan it does."""
     page = next(pages := visited(browser, address, **LOOKS["phone"]))
     before = room_of(page)["furniture"][0]["center"]
     item(page, "bed").scroll_into_view_if_needed()
     x, y = middle(item(page, "bed"))
     finger = page.context.new_cdp_session(page)
-    for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchMove", [{"x": x - 20, "y": y}]),
-                         ("touchMove", [{"x": x - 40, "y": y}]), ("touchEnd", [])):  # fmt: skip
-        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def swiped(*points: tuple[float, float]) -> None:
+        for k, (x, y) in enumerate(points):
+            kind = "touchMove" if k else "touchStart"
+            finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
+        finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    scrolled = page.evaluate("scrollY")
+    swiped(*((x, y - 3 * k) for k in range(13)), (x - 20, y - 36), (x - 40, y - 36))
     settled(page)
-    assert room_of(page)["furniture"][0]["center"][0] < before[0] - 0.2
+    assert page.evaluate("scrollY") == scrolled
+    x, y = middle(page.locator("#keys"))
+    swiped(*((x, y - 10 * k) for k in range(13)))
+    page.wait_for_function(f"scrollY > {scrolled}")
+    after = room_of(page)["furniture"][0]["center"]
+    assert after[0] < before[0] - 0.2
+    assert after[1] > before[1] + 0.2
     assert next(pages, None) is None
