@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -75,6 +76,9 @@ WORDS = {
     IN_SWING: "stands where a door opens",
 }
 
+# What is said of an item that no longer stands in its room.
+BEYOND = re.compile(r"furniture\[(\d+)\]\.center: expected the .* to lie within the room's outer walls")
+
 Answer = dict[str, Any]
 
 
@@ -110,7 +114,10 @@ class Answers:
 
     def look(self, asked: Any) -> Answer:
         """The room as it is read, how to draw it, its faults, and how far an `item`, if one is named, is from all."""
-        room = room_in(asked)
+        try:
+            room = room_in(asked)
+        except RoomError as error:
+            raise InputError(in_words(error, asked["room"])) from None
         item = None if asked.get("item") is None else item_in(asked, room)
         middle = room.indoor.representative_point()
         return shown(room) | {
@@ -343,6 +350,22 @@ def limited(room: Room) -> Room:
     return room
 
 
+def in_words(error: RoomError, document: Any) -> str:
+    """What is wrong with a room that somebody edits; of what was moved out of it, without the fields of JSON."""
+    found = BEYOND.fullmatch(str(error))
+    if found is None:
+        return str(error)
+    categories = [item["category"] for item in document["furniture"]]
+    return f"The {named(categories, int(found[1]))} would reach beyond the walls"
+
+
+def named(categories: Sequence[str], item: int) -> str:
+    """The category of an item in words, and which of its kind it is, as `place` numbers them."""
+    alike = [k for k, other in enumerate(categories) if other == categories[item]]
+    which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
+    return f"{categories[item].replace('_', ' ')}{which}"
+
+
 def item_in(asked: Any, room: Room) -> int:
     """The index of the item that a question is about. Raises InputError where there is none, or it does not stand."""
     index = index_in(asked, "item", len(room.furniture))
@@ -378,8 +401,8 @@ def wrong_with(room: Room) -> list[Fault]:
 
 def told(room: Room) -> list[list[Any]]:
     """What is wrong with a room, and what is odd: the item's index, the name, and words."""
-    words = [item.category.replace("_", " ") for item in room.furniture]
-    return [[k, name, f"{words[k]} {WORDS[name]}"] for k, name in wrong_with(room)]
+    categories = [item.category for item in room.furniture]
+    return [[k, name, f"{named(categories, k)} {WORDS[name]}"] for k, name in wrong_with(room)]
 
 
 def choice(held: Answerable, furnished: Furnished) -> Answer:

@@ -21,7 +21,7 @@ from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.rooms.brief import brief_of, missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
-from layoutrl.rooms.faults import faults
+from layoutrl.rooms.faults import OVERLAPS, faults
 from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
@@ -61,6 +61,19 @@ def test_a_look_says_what_faults_says(answers):
         assert [(k, name) for k, name, _ in said["faults"]] == faults(room_from_dict(crowded))
         assert any("overlaps" in words for _, _, words in said["faults"])
         assert room_from_dict(said["room"]) == room_from_dict(crowded)
+
+
+def test_a_look_says_in_words_what_left_the_room_and_numbers_what_is_alike(answers):
+    beds = (Item("loft_bed", (2.0, 1.0), (x, 1.5), 0.0) for x in (2.0, 2.2))
+    room = with_corner(*beds)
+    said = answers.answer("look", body(room))["faults"]
+    assert [0, OVERLAPS, "loft bed (1 of 2) overlaps something"] in said
+    assert [2, OVERLAPS, "loft bed (2 of 2) overlaps something"] in said
+    document = room_to_dict(room)
+    wrong = ([9, 9], r"The loft bed \(2 of 2\) would reach beyond the walls$"), ([9], r"furniture\[2\]\.center: ")
+    for document["furniture"][2]["center"], words in wrong:
+        with pytest.raises(InputError, match=f"^{words}"):
+            answers.answer("look", json.dumps({"room": document}).encode())
 
 
 def test_a_drawing_marks_what_a_look_says(answers):

@@ -209,11 +209,11 @@ def test_faults_are_marked_while_dragging_with_words(page):
     (x0, y0), (x1, y1) = middle(stand), middle(bed)
     scale = page.evaluate("document.querySelector('#plan').getScreenCTM().a")
     drag(page, stand, (x1 - x0) / scale, (y0 - y1) / scale)
-    expect(page.locator("#verdict")).to_contain_text("nightstand overlaps something")
+    expect(page.locator("#verdict")).to_contain_text("nightstand (1 of 2) overlaps something")
     expect(page.locator("#verdict")).to_contain_text("bed overlaps something")
     expect(page.locator("#plan .item.faulty")).to_have_count(2)
     expect(page.locator("#plan .hatch")).to_have_count(2)
-    expect(item(page, "nightstand; nightstand overlaps something")).to_be_attached()
+    expect(item(page, "nightstand; nightstand \\(1 of 2\\) overlaps something")).to_be_attached()
     expect(page.locator("#furniture li").filter(has_text="bed overlaps something")).to_be_visible()
     page.mouse.up()
     settled(page)
@@ -284,10 +284,10 @@ def test_a_door_that_is_blocked_is_said(page):
 def test_furniture_that_leaves_the_room_is_put_back(page):
     before = room_of(page)
     drag(page, item(page, "bed"), 0, 9)
-    expect(page.locator("#verdict")).to_contain_text("expected the bed to lie within")
+    expect(page.locator("#verdict")).to_have_text("The bed would reach beyond the walls")
     page.mouse.up()
     settled(page)
-    expect(page.locator("#verdict")).to_contain_text("expected the bed to lie within")
+    expect(page.locator("#verdict")).to_have_text("The bed would reach beyond the walls. It is back as it was.")
     assert room_of(page) == before
 
 
@@ -300,7 +300,7 @@ def test_quick_steps_are_judged_one_by_one_and_those_out_of_the_room_are_put_bac
         settled(page)
         page.evaluate(PRESS, keys)
         settled(page)
-        expect(page.locator("#verdict")).to_contain_text("expected the stool to lie within")
+        expect(page.locator("#verdict")).to_have_text("The stool would reach beyond the walls. It is back as it was.")
         assert room_of(page)["furniture"] == [stool | {"center": [1.5, 2.95], "rotation": rotation}]
 
 
@@ -496,6 +496,24 @@ def test_a_field_that_is_cleared_says_again_what_is_so(page):
             expect(page.locator(f"#{field}")).to_have_value(value)
     expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
     assert room_of(page)["furniture"] == [stool]
+
+
+def test_a_field_whose_number_is_refused_says_again_what_is_so(page):
+    stools = [SQUARE["furniture"][0] | {"center": [x, 1.5], "rotation": 0} for x in (0.5, 2.5)]
+    shown(page, SQUARE | {"furniture": stools})
+    page.locator("#furniture [data-row='1']").click()
+    settled(page)
+    page.locator("#depth").fill("9")
+    page.keyboard.press("Enter")
+    said = "The stool (2 of 2) would reach beyond the walls. It is back as it was."
+    expect(page.locator("#verdict")).to_have_text(said)
+    expect(page.locator("#depth")).to_have_value("0.5")
+    expect(page.locator("#depth")).to_be_focused()
+    page.locator("#depth").fill("0")
+    page.keyboard.press("Enter")
+    expect(page.locator("#depth")).to_have_value("0.1")  # the least that it takes
+    settled(page)
+    assert room_of(page)["furniture"] == [stools[0], stools[1] | {"size": [0.1, 0.5]}]
 
 
 def test_what_is_typed_in_a_field_is_of_the_item_that_was_chosen(page):

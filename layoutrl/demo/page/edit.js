@@ -7,6 +7,7 @@ import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
 
 const idle = () => document.body.dataset.state === "idle";
 const centimetres = (value) => Math.round(value * 100) / 100;
+const BACK = " It is back as it was.";
 let drag = null;
 
 plan.addEventListener("pointerdown", (event) => {
@@ -43,7 +44,7 @@ async function dropped() {
   if (!drag) return;
   const { dragged, center, moved } = drag;
   drag = null;
-  if (moved) await inTurn(() => settled(() => Object.assign(dragged, { center })));
+  if (moved) await inTurn(() => settled(() => Object.assign(dragged, { center }), BACK));
 }
 
 plan.addEventListener("pointerup", dropped);
@@ -52,15 +53,15 @@ plan.addEventListener("pointercancel", dropped);
 // Of a key that is held, what comes before the server has answered: an item would run on after it.
 const tooSoon = (event) => event.repeat && waits();
 
-// Keep a change if the server takes it, which is returned; else it is put back, and said why.
-async function settled(putBack) {
+// Keep a change if the server takes it, which is returned; else it is put back, and said why, and what became of it.
+async function settled(putBack, became = "") {
   state.notice = "";
   render();
   await look();
   const { problem } = state;
   if (problem) {
     putBack();
-    state.notice = problem;
+    state.notice = became ? problem.replace(/[^.?]$/, "$&.") + became : problem;
     await look();
   } else {
     commit();
@@ -97,7 +98,7 @@ async function changedTo(chosen, fieldsOf) {
   await settled(() => {
     Object.assign(chosen, before);
     Object.assign(state, found);
-  });
+  }, BACK);
 }
 
 const turn = (degrees) =>
@@ -198,17 +199,22 @@ $("turn").onclick = () => turn(90);
 $("lock").onclick = lock;
 $("delete").onclick = remove;
 $("place").onclick = () => change(({ rotation }) => ({ center: [...state.look.middle], rotation: rotation ?? 0 }));
-// A field of the chosen item, and what becomes of its number. Where there is none it says again what is so.
+// A field of the chosen item, and what becomes of its number. Then it says what is so: what it was, where that is refused.
 function typed(id, act) {
-  $(id).onchange = () => {
+  $(id).onchange = async () => {
     const [value, chosen] = [$(id).valueAsNumber, item()];
-    if (Number.isFinite(value)) act(value);
-    else if (chosen) $(id).value = measures(chosen)[id];
+    if (Number.isFinite(value)) await act(value);
+    if (chosen && chosen === item() && !waits()) $(id).value = measures(chosen)[id];
   };
 }
 
+const within = ({ min, max }, value) => Math.min(Math.max(value, min), max);
+
 for (const [id, side] of [["depth", 0], ["width", 1]]) {
-  typed(id, (value) => change(({ shape, size }) => ({ size: shape === "circle" ? [value, value] : size.with(side, value) })));
+  typed(id, (value) => change(({ shape, size }) => {
+    const length = within($(id), value);
+    return { size: shape === "circle" ? [length, length] : size.with(side, length) };
+  }));
 }
 typed("degrees", (rotation) => item()?.center && change(() => ({ rotation })));
 
