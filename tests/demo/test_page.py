@@ -559,6 +559,24 @@ def test_the_list_stays_where_it_is_when_gaps_are_known(page):
     assert middle(page.locator("#furniture [data-row='0']")) == before
 
 
+def test_what_is_wrong_is_told_once(page):
+    """A screen reader reads out whatever is put there."""
+    shown(page, SQUARE)
+    page.evaluate(
+        "() => { window.told = []; new MutationObserver((all) => told.push(...all)).observe(document.querySelector"
+        "('#verdict'), { childList: true, characterData: true, subtree: true }) }"
+    )
+    item(page, "stool").focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowUp")
+        settled(page)
+    expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+    assert page.evaluate("told.length") == 0
+    dragged(page, item(page, "stool"), 0, -1.2)
+    expect(page.locator("#verdict")).to_contain_text("stool blocks a door or window")
+    assert page.evaluate("told.length") > 0
+
+
 def test_nothing_moves_under_the_pointer(browser, address):
     """When an item is chosen, and when it is said what is wrong with it."""
     page = next(pages := visited(browser, address, viewport={"width": 390, "height": 844}))

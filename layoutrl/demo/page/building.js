@@ -28,8 +28,7 @@ function enter(mode) {
   state.cursor = mode === "draw" ? [1, 1] : [...state.look.middle];
   render();
   if (state.mode === "edit") return;
-  say("");
-  $("verdict").textContent = HINTS[mode];
+  say(HINTS[mode], false);
   plan.focus({ preventScroll: true });
 }
 
@@ -86,7 +85,7 @@ plan.addEventListener("keydown", (event) => {
   const way = WAYS[event.key];
   if (way) {
     state.cursor = reached(state.cursor.map((value, axis) => value + way[axis] * (event.shiftKey ? 1 : 0.1)));
-    $("verdict").textContent = state.cursor.map((value) => value.toFixed(1)).join(", ");
+    say(state.cursor.map((value) => value.toFixed(1)).join(", "), false);
     render();
   } else if (event.key === "Enter") put();
   else if (event.key === "Backspace") back();

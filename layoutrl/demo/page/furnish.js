@@ -20,17 +20,16 @@ async function furnish(chosen) {
   Object.assign(state, { mode: "edit", draft: [], thoughts: null, notice: "", lines: [] });
   become("asking");
   render();
-  say("");
-  $("verdict").textContent = "Looking for places …";
+  say("Looking for places …", false);
   try {
     const about = { room: structuredClone(state.room), movable, seed: asked++ };
     const { lines, choices } = await ask("furnish", { ...about, choices: 1 });
     Object.assign(state, { lines, choices });
     if (choices.length) {
       const more = ask("furnish", about).catch(() => ({ choices: [] })); // found while the first is played
-      $("verdict").textContent = "Placing …";
+      say("Placing …", false);
       await play(0, movable);
-      $("verdict").textContent = "Looking for other choices …";
+      say("Looking for other choices …", false);
       const first = JSON.stringify(choices[0].furniture);
       const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
       state.choices = [choices[0], ...others].slice(0, CHOICES);

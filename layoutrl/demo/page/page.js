@@ -16,9 +16,10 @@ export function element(tag, attributes = {}, ...children) {
 
 export const button = (text, onclick, attributes = {}) => element("button", { type: "button", textContent: text, onclick, ...attributes });
 
-export function say(text) {
-  $("verdict").textContent = text;
-  $("verdict").classList.toggle("bad", Boolean(text));
+// Screen readers read out whatever is put there, were it the same again.
+export function say(text, bad = true) {
+  if ($("verdict").textContent !== text) $("verdict").textContent = text;
+  $("verdict").classList.toggle("bad", bad);
 }
 
 // What the page does: loading, idle, asking, playing. Only while it is idle can its rooms and tools be used.
@@ -166,14 +167,10 @@ function renderList() {
   if (mode === "draw") $("title").textContent = "A new room";
   $("standing").hidden = $("adding").hidden = mode === "draw";
   if (mode !== "edit" || ["asking", "playing"].includes(document.body.dataset.state)) return;
-  const waiting = faults.filter(([k]) => !room.furniture[k]?.center).length;
-  const wrong = faults.length - waiting;
-  const parts = [
-    waiting && `${waiting} to be placed`,
-    wrong && faults.filter(([k]) => room.furniture[k]?.center).map(([, , text]) => text).join("; "),
-  ];
-  say(problem || notice || parts.filter(Boolean).join("; "));
-  if (!problem && !notice && !faults.length) $("verdict").textContent = room.furniture.length ? "Nothing is wrong." : "It is empty: add furniture.";
+  const standing = faults.filter(([k]) => room.furniture[k]?.center).map(([, , text]) => text);
+  const waiting = faults.length - standing.length;
+  const wrong = problem || notice || [waiting && `${waiting} to be placed`, ...standing].filter(Boolean).join("; ");
+  say(wrong || (room.furniture.length ? "Nothing is wrong." : "It is empty: add furniture."), Boolean(wrong));
 }
 
 // What the fields of an item say.

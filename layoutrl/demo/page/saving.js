@@ -109,7 +109,7 @@ function saveJSON() {
   markSaved(source, whole ? [...now.keys()] : [room.id]);
   if ($("unit").value === "auto") return;
   $("unit").value = "auto"; // to open it again: it is in metres, whatever the file was in
-  $("verdict").textContent = "Saved in metres. The unit of what is opened next is auto again.";
+  say("Saved in metres. The unit of what is opened next is auto again.", false);
 }
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.
