@@ -650,6 +650,18 @@ def test_undo_in_a_field_is_the_fields_own(page):
     assert room_of(page) == before
 
 
+def test_undo_works_after_a_box_was_ticked(page):
+    before = room_of(page)
+    item(page, "bed").focus()
+    page.keyboard.press("ArrowLeft")
+    settled(page)
+    page.locator("#arrows").click()
+    expect(page.locator("#arrows")).to_be_focused()
+    page.keyboard.press("Control+z")
+    settled(page)
+    assert room_of(page) == before
+
+
 def test_furnish_plays_moves_offers_choices_and_skips(page):
     page.locator("#clear").click()
     settled(page)

@@ -7,6 +7,7 @@ import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
 
 const idle = () => document.body.dataset.state === "idle";
 const centimetres = (value) => Math.round(value * 100) / 100;
+const TYPED = "input:not([type=checkbox], [type=file])"; // who types there undoes letters
 const BACK = " It is back as it was.";
 let drag = null;
 
@@ -235,7 +236,7 @@ $("redo").onclick = redo;
 
 document.addEventListener("keydown", (event) => {
   const letter = event.key.toLowerCase();
-  if (!(event.ctrlKey || event.metaKey) || event.target.matches("input")) return;
+  if (!(event.ctrlKey || event.metaKey) || event.target.matches(TYPED)) return;
   if ("yz".includes(letter) && tooSoon(event)) return event.preventDefault();
   if (letter === "y" || (letter === "z" && event.shiftKey)) redo();
   else if (letter === "z") undo();
