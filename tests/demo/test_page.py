@@ -1271,6 +1271,31 @@ def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):
     assert is_left(page)
 
 
+def test_an_outline_that_is_left_waits_and_who_leaves_the_page_is_asked(page):
+    draw, corners = page.locator("#draw"), page.locator("#plan .corner")
+    page.locator("#building summary").click()
+    draw.click()
+    for x, y in ((1, 1), (4, 1), (4, 4)):
+        page.mouse.click(*corner(page, x, y))
+    expect(corners).to_have_count(3)
+    page.keyboard.press("Escape")
+    expect(corners).to_have_count(0)
+    assert not is_left(page)
+    take(page, "bathroom")
+    for leave in (lambda: draw.click(), lambda: take(page, "bedroom")):
+        expect(draw).to_have_text("Go on with the outline")
+        draw.click()
+        expect(corners).to_have_count(3)
+        leave()
+    draw.click()
+    page.locator("#close").click()
+    expect(draw).to_have_text("Draw an outline")
+    settled(page)
+    assert not is_left(page)
+    assert room_of(page)["outline"] == [[1, 1], [4, 1], [4, 4]]  # which saves it
+    assert is_left(page)
+
+
 def test_a_saved_file_is_named_in_the_letters_of_the_room(page):
     page.evaluate(DROP, json.dumps(SQUARE | {"id": "Küche 2/卧室 हिन्दी"}))
     expect(page.locator("#title")).to_contain_text("study")

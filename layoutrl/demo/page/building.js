@@ -24,8 +24,8 @@ function reached(point) {
 
 function enter(mode) {
   if (document.body.dataset.state !== "idle") return;
-  Object.assign(state, { mode: state.mode === mode ? "edit" : mode, draft: [], selected: null, thoughts: null });
-  state.cursor = mode === "draw" ? [1, 1] : [...state.look.middle];
+  Object.assign(state, { mode: state.mode === mode ? "edit" : mode, selected: null, thoughts: null });
+  state.cursor = [...(mode === "draw" ? state.draft.at(-1) ?? [1, 1] : state.look.middle)];
   render();
   if (state.mode === "edit") return;
   say(HINTS[mode], false);
@@ -52,7 +52,11 @@ async function put() {
 async function close() {
   const kind = $("kind").value;
   const room = { id: `my ${words(kind)}`, room_type: kind, outline: state.draft, doors: [], windows: [], furniture: [] };
-  if (await openAlone(room)) $("adding").open = true;
+  if (!(await openAlone(room))) return;
+  state.source.saved.clear(); // unlike a room that is read, it is nowhere else
+  state.draft = [];
+  $("adding").open = true;
+  render();
 }
 
 document.addEventListener("unopen", async ({ detail }) => {

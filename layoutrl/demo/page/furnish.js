@@ -17,7 +17,7 @@ async function furnish(chosen) {
   const { selected } = state;
   const movable = chosen().filter((k) => !state.locked[k]);
   if (document.body.dataset.state !== "idle") return;
-  Object.assign(state, { mode: "edit", draft: [], thoughts: null, notice: "", lines: [] });
+  Object.assign(state, { mode: "edit", thoughts: null, notice: "", lines: [] });
   become("asking");
   render();
   say("Looking for places …", false);

@@ -237,7 +237,7 @@ function renderTools() {
   for (const id of ["close", "back", "grid-label"]) $(id).hidden = mode !== "draw";
   $("close").disabled = draft.length < 3;
   $("back").disabled = !draft.length;
-  $("draw").textContent = mode === "draw" ? "Cancel" : "Draw an outline";
+  $("draw").textContent = mode === "draw" ? "Cancel" : draft.length ? "Go on with the outline" : "Draw an outline";
   for (const kind of ["door", "window"]) {
     $(kind).setAttribute("aria-pressed", mode === kind);
     $(kind).disabled = mode === "draw";

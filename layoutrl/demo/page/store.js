@@ -10,7 +10,7 @@ export const state = {
   lines: [], // of a file that was opened, or of what was not placed
   selected: null, // {kind: "item" | "opening", index}
   mode: "edit", // or "draw", "door", "window"
-  draft: [], // corners of an outline that is being drawn
+  draft: [], // corners of an outline that is being drawn, until it is closed
   cursor: [1, 1], // where the keyboard would put the next
   choices: [],
   chosen: 0,
@@ -43,7 +43,7 @@ export const markSaved = (source, ids) => ids.forEach((id) => source.saved.set(i
 
 export const unsaved = ({ now, saved }) => [...now].some(([id, text]) => text !== saved.get(id));
 
-export const anyUnsaved = () => [...sources].some(unsaved);
+export const anyUnsaved = () => state.draft.length > 0 || [...sources].some(unsaved);
 
 // Keep nothing of a source that was read anew: undo does not come back to it.
 export function forget(source) {
