@@ -20,9 +20,10 @@ OUTLINE = ((1, 1), (5, 1), (5, 3.2), (3.6, 3.2), (3.6, 4.6), (1, 4.6))
 
 
 def settled(page: Page) -> None:
-    """Wait until the page shows what is wrong with what it shows."""
+    """Wait until the page shows what is wrong with what it shows, and no other choices are being found."""
     expect(page.locator("body")).to_have_attribute("data-state", "idle", timeout=60_000)
-    expect(page.locator("#plan")).to_have_attribute("aria-busy", "false", timeout=60_000)
+    for part in ("#plan", "#choices"):
+        expect(page.locator(part)).to_have_attribute("aria-busy", "false", timeout=60_000)
 
 
 def screen(page: Page, x: float, y: float) -> tuple[float, float]:

@@ -99,9 +99,10 @@ def still(browser, address) -> Iterator[Page]:
 
 
 def settled(page: Page) -> None:
-    """Wait until the page shows what is wrong with what it shows."""
+    """Wait until the page shows what is wrong with what it shows, and no other choices are being found."""
     expect(page.locator("body")).to_have_attribute("data-state", "idle")
     expect(page.locator("#plan")).to_have_attribute("aria-busy", "false")
+    expect(page.locator("#choices")).to_have_attribute("aria-busy", "false")
 
 
 def room_of(page: Page) -> dict[str, Any]:
@@ -688,6 +689,48 @@ def test_furnish_plays_moves_offers_choices_and_skips(page):
     assert room_of(page)["furniture"] == first
 
 
+def test_the_page_is_used_while_other_choices_are_found(still):
+    first, held, choices = [], [], still.locator("#choices").get_by_role("button")
+
+    def hold(route: Any) -> None:
+        if "choices" in route.request.post_data_json:
+            first.append(route)
+            route.continue_()
+        else:
+            held.append(route)  # others
+
+    def furnished() -> None:
+        while not held:
+            still.evaluate("0")  # lets it be asked
+        expect(still.locator("body")).to_have_attribute("data-state", "idle")
+        expect(choices).to_have_count(1)
+        expect(still.locator("#choices")).to_have_attribute("aria-busy", "true")
+
+    still.route("**/api/furnish", hold)
+    still.locator("#furnish").click()
+    furnished()
+    still.locator("#furniture [data-row='1']").click()
+    still.locator("#lock").click()
+    expect(still.locator("#plan .item.locked")).to_have_count(1)
+    held.pop().continue_()
+    settled(still)
+    assert 2 <= choices.count() <= 3
+    expect(still.locator("#plan .item.locked")).to_have_count(1)
+    still.locator("#furnish").click()
+    furnished()
+    still.locator("#furnish").click()
+    expect(still.locator("body")).to_have_attribute("data-state", "asking")
+    still.evaluate("0")
+    assert len(first) == 2  # the third is not asked before the others are known
+    held.pop().continue_()
+    furnished()
+    still.locator("#undo").click()
+    expect(choices).to_have_count(0)
+    held.pop().continue_()
+    settled(still)
+    expect(choices).to_have_count(0)  # they are of another room
+
+
 @pytest.mark.parametrize("kind", ["door", "window"])
 def test_furnishing_ends_that_doors_or_windows_are_put_in(page, kind):
     page.locator("#building summary").click()
@@ -697,7 +740,7 @@ def test_furnishing_ends_that_doors_or_windows_are_put_in(page, kind):
     page.locator("#furnish").click()
     expect(page.locator("body")).to_have_attribute("data-state", "playing")
     page.mouse.click(*corner(page, 0, 2.5))
-    page.locator("#skip").click()
+    page.locator("#skip").dispatch_event("click")  # or it is done already
     settled(page)
     expect(page.locator(f"#plan .{kind}")).to_have_count(count)
     expect(page.locator("#verdict")).not_to_contain_text("Looking")

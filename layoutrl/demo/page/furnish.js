@@ -10,6 +10,7 @@ const CHOICES = 3;
 const STEP = 0.15; // metres between the places of a heat map
 let asked = 0; // how often: each time others may be found
 let skip = null;
+let more = null; // what the server says last of other choices: it furnishes one room after the other
 
 async function furnish(chosen) {
   const focus = document.activeElement;
@@ -22,17 +23,15 @@ async function furnish(chosen) {
   render();
   say("Looking for places …", false);
   try {
+    await more; // who waits there, and not here, may be told to ask again
     const about = { room: structuredClone(state.room), movable, seed: asked++ };
     const { lines, choices } = await ask("furnish", { ...about, choices: 1 });
     Object.assign(state, { lines, choices });
     if (choices.length) {
-      const more = ask("furnish", about).catch(() => ({ choices: [] })); // found while the first is played
+      more = ask("furnish", about).catch(() => ({ choices: [] }));
+      offerMore(choices);
       say("Placing …", false);
       await play(0, movable);
-      say("Looking for other choices …", false);
-      const first = JSON.stringify(choices[0].furniture);
-      const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
-      state.choices = [choices[0], ...others].slice(0, CHOICES);
     } else state.notice = "No place was found.";
   } catch (error) {
     Object.assign(state, { notice: error.message, ...outdated });
@@ -42,6 +41,17 @@ async function furnish(chosen) {
   if (state.choices.length) await changed();
   think();
   focus.focus({ preventScroll: true });
+}
+
+// Offer other choices beside the first. They are found while that is played and looked at; by then, they may be outdated.
+async function offerMore(choices) {
+  $("choices").setAttribute("aria-busy", "true");
+  const first = JSON.stringify(choices[0].furniture);
+  const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
+  $("choices").setAttribute("aria-busy", "false");
+  if (state.choices !== choices) return;
+  choices.push(...others.slice(0, CHOICES - 1));
+  render();
 }
 
 // Show how a choice came to be, move by move; its end is what it is.
