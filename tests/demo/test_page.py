@@ -864,6 +864,33 @@ def test_what_the_agent_thinks_is_a_map_and_arrows(page):
     expect(page.locator("#verdict")).to_contain_text("nobody places a rug in a study")
 
 
+def test_values_are_asked_for_one_after_the_other(page):
+    """The server furnishes none the later for those that are outdated."""
+    held = []
+    page.route("**/api/values", lambda route: held.append(route))
+
+    def asked(times: int) -> None:
+        while len(held) < times:
+            page.evaluate("0")
+
+    item(page, "bed").focus()
+    page.locator("#heat").check()
+    asked(1)
+    page.locator("#plan [data-item='0']").focus()
+    for _ in range(3):
+        page.keyboard.press("ArrowLeft")
+        settled(page)
+    assert len(held) == 1
+    held[0].continue_()
+    asked(2)
+    expect(page.locator("#plan .value")).to_have_count(0)  # the first are outdated
+    centers = [route.request.post_data_json["room"]["furniture"][0]["center"] for route in held]
+    assert centers[1][0] == pytest.approx(centers[0][0] - 0.15)
+    held[1].continue_()
+    expect(page.locator("#plan .value").nth(50)).to_be_attached()
+    assert len(held) == 2
+
+
 def corner(page: Page, x: float, y: float) -> tuple[float, float]:
     """Where a point in metres is on the screen."""
     page.locator("#plan").evaluate("plan => plan.scrollIntoView({ block: 'center' })")

@@ -1,7 +1,7 @@
 // Furnishing: the moves as they were made, the choices, and what the agent thinks of an item.
 
 import { ask } from "./api.js";
-import { $, become, changed, element, judged, plan, render, say } from "./page.js";
+import { $, become, changed, element, judged, latest, plan, render, say } from "./page.js";
 import { item, outdated, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
@@ -113,19 +113,23 @@ document.addEventListener("take", async ({ detail }) => {
 });
 
 // What the agent thinks of the chosen item.
-async function think() {
-  const chosen = item();
+function think() {
   $("scale").hidden = true;
   $("moves").replaceChildren();
   state.thoughts = null;
+  return thinking();
+}
+
+const thinking = latest(async (stale) => {
+  const chosen = item();
   const [heat, arrows] = [$("heat").checked, $("arrows").checked];
   if (chosen?.center && (heat || arrows)) {
     const about = { room: structuredClone(state.room), item: state.selected.index };
     plan.dataset.thinking = "true";
     try {
       const values = heat ? await ask("values", { ...about, step: STEP }) : null;
-      const moves = arrows ? (await ask("moves", about)).moves : [];
-      if (item() !== chosen) return;
+      const moves = arrows && !stale() ? (await ask("moves", about)).moves : [];
+      if (stale() || item() !== chosen) return;
       state.thoughts = { values, moves, step: STEP };
       if (values?.values.length) {
         $("scale").hidden = false;
@@ -140,7 +144,7 @@ async function think() {
     }
   }
   render();
-}
+});
 
 document.addEventListener("choose", think);
 $("heat").onchange = think;

@@ -28,37 +28,52 @@ export function become(name) {
   for (const part of document.querySelectorAll("nav, aside")) part.inert = name !== "idle";
 }
 
-// Ask what is wrong now. At most one question is on its way; what changes meanwhile is asked after it.
-let running = null;
-let stale = false;
-
-export function look() {
-  stale = true;
-  plan.setAttribute("aria-busy", "true");
-  running ??= looking().finally(() => {
-    running = null;
-    plan.setAttribute("aria-busy", "false");
-  });
-  return running;
-}
-
-async function looking() {
-  while (stale) {
-    stale = false;
-    const { selected, room } = state;
-    const chosen = item()?.center ? selected.index : null;
-    try {
-      const said = await ask("look", { room, item: chosen });
-      if (state.room === room) {
-        Object.assign(state, { look: said, problem: "" });
-        document.dispatchEvent(new Event("looked"));
-      }
-    } catch (error) {
-      state.problem = error.message;
+// What asks the server, so that at most one question is on its way: what changes meanwhile is asked after it. `asking` may
+// learn whether it has.
+export function latest(asking) {
+  let running = null;
+  let stale = false;
+  const all = async () => {
+    while (stale) {
+      stale = false;
+      await asking(() => stale);
     }
-    if (document.body.dataset.state !== "playing") render();
-  }
+  };
+  return () => {
+    stale = true;
+    running ??= all().finally(() => { running = null; });
+    return running;
+  };
 }
+
+let awaited = 0; // answers that the plan waits for
+
+function busy(answer) {
+  awaited += 1;
+  plan.setAttribute("aria-busy", true);
+  return answer.finally(() => {
+    awaited -= 1;
+    plan.setAttribute("aria-busy", awaited > 0);
+  });
+}
+
+// Ask what is wrong now.
+const looking = latest(async () => {
+  const { selected, room } = state;
+  const chosen = item()?.center ? selected.index : null;
+  try {
+    const said = await ask("look", { room, item: chosen });
+    if (state.room === room) {
+      Object.assign(state, { look: said, problem: "" });
+      document.dispatchEvent(new Event("looked"));
+    }
+  } catch (error) {
+    state.problem = error.message;
+  }
+  if (document.body.dataset.state !== "playing") render();
+});
+
+export const look = () => busy(looking());
 
 // Each change by hand waits for what the server says of the one before; what else alters the room, for all of them.
 let last = Promise.resolve();
@@ -74,14 +89,7 @@ export const waits = () => waiting > 0;
 export const judged = () => last;
 
 // A question whose answer the plan waits for.
-export async function answered(question, body) {
-  plan.setAttribute("aria-busy", "true");
-  try {
-    return await ask(question, body);
-  } finally {
-    if (!running) plan.setAttribute("aria-busy", "false");
-  }
-}
+export const answered = (question, body) => busy(ask(question, body));
 
 // Take another room. It is shown as soon as the server has read it.
 export async function open(room, locked = [], source = sourceOf()) {
