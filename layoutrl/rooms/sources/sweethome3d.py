@@ -222,18 +222,23 @@ def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collecti
 def _storeys(
     elements: list[Element], name: str, names: Names
 ) -> tuple[dict[str | None, Storey[HomePiece]], list[tuple[str | None, HomePiece]]]:
-    """By the id of its level, None where the home has none, each storey with all that stands in its rooms; and (level,
-    piece) outside all rooms.
+    """By the id of its first level, None where the home has none, each storey with all that stands in its rooms; and
+    (level, piece) outside all rooms.
 
-    Raises RoomError for a number that is none.
+    Levels of one elevation are layers of one storey. Raises RoomError for a number that is none.
     """
     named = {e.attributes.get("id"): e for e in elements if e.tag == "level"}
+    first: dict[float | str | None, str | None] = {}  # of an elevation
+    joined: dict[str | None, str | None] = {}  # the first level of the elevation of each
+    for level, element in named.items():
+        joined[level] = first.setdefault(
+            element.number("elevation") if "elevation" in element.attributes else level, level
+        )
     storeys: dict[str | None, Storey[HomePiece]] = {}
     taken: set[str] = set()  # prefixes
     level_of: dict[int, str | None] = {}  # an element, by where it begins
     for element in elements:
-        level = element.attributes.get("level")
-        level = level if level in named else None
+        level = joined.get(element.attributes.get("level"))
         if level not in storeys:
             called = "" if level is None else f"/{_label(named[level].attributes.get('name') or level)}"
             storeys[level] = Storey(unused(name + called, taken), [])

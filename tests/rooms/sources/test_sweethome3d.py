@@ -199,13 +199,30 @@ def test_levels_are_kept_apart(tmp_path: Path) -> None:
     assert [(room.id, len(room.furniture)) for room in rooms] == [("flat/Ground/Room", 1), ("flat/Upper/Room", 2)]
 
 
+def test_levels_of_one_elevation_are_layers_of_one_storey(tmp_path: Path) -> None:
+    levels = "".join(
+        tag("level", id=k, name=name, elevation=up)
+        for k, name, up in (("a", "Ground", "0"), ("b", "Furniture", "0.0"), ("c", "Upper", "262.0"))
+    )
+    upper = piece("bed", 100, 100, 150, 200, level="c") + room_tag(0, 0, 400, 300, name="Room", level="c")
+    body = piece("bed", 100, 104, 158, 208, level="b") + wall(-5, -5, 405, -5, level="b")
+    body += room_tag(0, 0, 400, 300, name="Bedroom", level="a") + piece("desk", 900, 100, 100, 60, level="b", id="desk")
+    home = flat(tmp_path, levels + upper + body)
+    assert [room.id for room in home.rooms] == ["flat/Upper/Room", "flat/Ground/Bedroom"]
+    bedroom = home.rooms[1]
+    assert [(item.category, item.center) for item in bedroom.furniture] == [("bed", (1.0, -1.04)), ("desk", None)]
+    desk = replace(bedroom.furniture[1], center=(3, -1.5), rotation=0)
+    home.write([replace(bedroom, furniture=(bedroom.furniture[0], desk))], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["desk"])  # it stays on its layer
+
+
 def test_rooms_and_levels_have_names_of_their_own_whatever_they_are_called(tmp_path: Path) -> None:
     bed = piece("bed", 150, 150, 140, 200)
     called = [room_tag(k * 500, 0, k * 500 + 400, 300, name=name) for k, name in enumerate(("A", "A", "A (2)"))]
     beds = [piece("bed", k * 500 + 150, 150, 140, 200) for k in range(3)]
     home = flat(tmp_path, "".join([*called, *beds]), move="")
     assert sorted(room.id for room in home.rooms) == ["flat/A", "flat/A (2)", "flat/A (2) (2)"]
-    levels = "".join(tag("level", id=k, name="Floor", elevation=0, height=250) for k in "ab")
+    levels = "".join(tag("level", id=k, name="Floor", elevation=up, height=250) for k, up in (("a", 0), ("b", 262)))
     rooms = "".join(room_tag(0, 0, 400, 300, name="A", level=k) for k in "ab")
     pieces = bed.replace("/>", " level='a'/>") + bed.replace("/>", " level='b'/>")
     path = home_file(tmp_path / "flat (1).sh3d", levels + rooms + pieces)
