@@ -136,6 +136,21 @@ class Storey(Generic[P]):
             min(inside, key=lambda room: room.floor.distance(center)).pieces.append(piece)
         return bool(inside)
 
+    @cached_property
+    def building(self) -> shapely.Geometry:
+        """All rooms and walls, and what walls enclose. Rooms are there before."""
+        enclosed = [Polygon(part.exterior) for part in shapely.get_parts(self._bodies)]
+        return shapely.union_all([*enclosed, *(room.traced for room in self.rooms)])
+
+    def leave(self, piece: P) -> None:
+        """Leave a piece that stands in no room where it is: in the way of the room that it reaches into most."""
+        shape = piece.item.footprint
+        beside = [self.rooms[k] for k in self._traced.query(shape, predicate="intersects")]
+        shared = {k: room.floor.intersection(shape).area for k, room in enumerate(beside)}
+        most = max(shared, key=shared.__getitem__, default=None)
+        if most is not None and shared[most] > LEAST:
+            beside[most].pieces.append(replace(piece, known=False))
+
     def finished(
         self,
         names: Names,

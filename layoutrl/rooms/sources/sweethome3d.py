@@ -155,7 +155,7 @@ def _home(
     xml = xml_of(path)
     try:
         elements = elements_of(xml)
-        storeys, outside = _storeys(elements, name, names)
+        storeys, outside, walled = _storeys(elements, name, names)
     except RoomError as error:
         raise InputError(f"{path}: {HOME}: {error}") from None
     except expat.ExpatError as error:
@@ -177,6 +177,9 @@ def _home(
         still = [piece for _, piece in outside if piece.known and not _moves(piece, moved, True)]
         said = "outside all rooms stays there: the home does not let it move"
         home.collection.notes += [f"the {piece.item.category} {said}" for piece in still]
+    if stay := sorted({piece.item.category for piece in walled if _moves(piece, moved, True)}):
+        said = "stays where it is, at or within walls but in no drawn room"
+        home.collection.notes.append(f"{said}: {', '.join(stay)} (draw its room, or park it away from all walls)")
     _park(home, levels, parked, into, alone)
     if not any(element.tag == "room" for element in elements):
         home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
@@ -221,9 +224,9 @@ def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collecti
 
 def _storeys(
     elements: list[Element], name: str, names: Names
-) -> tuple[dict[str | None, Storey[HomePiece]], list[tuple[str | None, HomePiece]]]:
-    """By the id of its first level, None where the home has none, each storey with all that stands in its rooms; and
-    (level, piece) outside all rooms.
+) -> tuple[dict[str | None, Storey[HomePiece]], list[tuple[str | None, HomePiece]], list[HomePiece]]:
+    """By the id of its first level, None where the home has none, each storey with all that stands in its rooms;
+    (level, piece) outside all rooms; and what is in no room, but stands in the building.
 
     Levels of one elevation are layers of one storey. Raises RoomError for a number that is none.
     """
@@ -255,12 +258,19 @@ def _storeys(
     for number, element in enumerate(rooms, 1):
         called = (element.attributes.get("name") or "").strip()
         storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
-    outside = []
+    outside, walled = [], []
     for element in elements:
         level = level_of[element.start]
-        if element.tag in (*PIECES, GROUP) and (piece := _piece(element, names)) and not storeys[level].put(piece):
+        storey = storeys[level]
+        if element.tag not in (*PIECES, GROUP) or not (piece := _piece(element, names)) or storey.put(piece):
+            continue
+        if storey.building.intersects(piece.item.footprint):
+            if piece.known:  # else it is as a rail or a gutter, of the building
+                storey.leave(piece)
+            walled.append(piece)
+        else:
             outside.append((level, piece))
-    return storeys, outside
+    return storeys, outside, walled
 
 
 def _label(name: str) -> str:
@@ -392,6 +402,10 @@ def _park(
         free[chosen] -= item.area
         stays = levels[chosen] == level
         home.pieces[chosen].append(piece if stays else replace(piece, level=levels[chosen] or ""))
+    for chosen, parts in given.items():
+        called = ", ".join(sorted({item.category for item in parts}))
+        said = "from outside all rooms; what is part of the base plan stays there"
+        home.collection.notes.append(f"{chosen}: gets {called} {said}")
     for k, room in enumerate(home.rooms):
         items = (*room.furniture, *given[room.id])
         home.rooms[k] = replace(room, furniture=lifted(items, range(len(room.furniture), len(items))))

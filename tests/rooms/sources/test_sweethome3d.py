@@ -328,7 +328,7 @@ def test_a_home_of_a_folder_is_read_as_it_is_alone(move: str | None, tmp_path: P
     notes = [note.removesuffix(" (into=<id>)") for note in alone.collection.notes]  # which is of one home
     assert folder.collection.notes == [note if note.startswith("a/") else f"a: {note}" for note in notes]
     if move is None:
-        assert [note[:20] for note in notes] == ["a/room 2: stays as a", "the cooktop outside "]
+        assert [note[:20] for note in notes] == ["a/room 2: stays as a", "the cooktop outside ", "a/Bedroom: gets ward"]
     assert all(item.center for room in read(tmp_path / "homes", names_of()).rooms for item in room.furniture)
 
 
@@ -347,6 +347,32 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
     assert len(bathroom.furniture) == 4
     with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
         flat(tmp_path, FLAT + parked, into="kitchen")
+
+
+@pytest.mark.parametrize("move", [None, "all", "toilet, wardrobe"])
+def test_what_stands_in_the_building_but_in_no_drawn_room_is_not_parked(move: str | None, tmp_path: Path) -> None:
+    """A second bathroom without a room; a wardrobe in a niche of the bedroom, which it leaves by 10 cm."""
+    second = piece("toiletUnit", 540, 40, 40, 80) + room_tag(700, 0, 900, 300, name="Bathroom")
+    niche = piece("wardrobe", 200, 320, 100, 60) + wall(145, 305, 145, 360) + wall(255, 305, 255, 360)
+    bedroom = room_tag(0, 0, 400, 300, name="Bedroom")
+    home = flat(tmp_path, WALLS + wall(145, 360, 255, 360) + bedroom + second + niche, move=move)
+    assert [[(item.category, item.center is None) for item in room.furniture] for room in home.rooms] == [
+        [("obstacle", False)],
+        [],
+    ]
+    assert home.rooms[0].furniture[0].footprint.bounds == pytest.approx((1.5, -3, 2.5, -2.9))
+    said = (
+        "stays where it is, at or within walls but in no drawn room: toilet, wardrobe (draw its room, or park it away"
+    )
+    assert any(note.startswith(said) for note in home.collection.notes)
+
+
+def test_what_is_taken_from_outside_is_said(tmp_path: Path) -> None:
+    bench, chair = piece("bench", 1100, 20, 150, 45), piece("chair", 1100, 300, 40, 40)
+    body = FLAT + bench + chair + room_tag(700, 0, 850, 300, name="Dining room")
+    said = "flat/Dining room: gets bench from outside all rooms; what is part of the base plan stays there"
+    assert said in flat(tmp_path, body.replace(chair, "")).collection.notes
+    assert said.replace("bench", "bench, chair") in flat(tmp_path, body, into="flat/Dining room").collection.notes
 
 
 def test_what_stands_outside_goes_to_a_room_of_its_level_before_one_of_a_level_whose_name_begins_alike(
