@@ -116,10 +116,14 @@ class Names:
         found = self._furniture.get(self._known([name]) or "")
         return None if found in (OBSTACLE, DECOR) else found
 
+    def kind(self, *names: str | None) -> str | None:
+        """The category that a name is of, if any."""
+        found = self._furniture.get(self._known([name for name in names if name]) or "")
+        return None if found in (OBSTACLE, *NOTHING) else found
+
     def knows(self, *names: str | None) -> bool:
         """Whether a name is that of a category."""
-        part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] not in (OBSTACLE, *NOTHING)
+        return self.kind(*names) is not None
 
     def is_decor(self, *names: str | None) -> bool:
         """Whether a name is that of decor, or of a rug."""

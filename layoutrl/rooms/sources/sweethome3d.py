@@ -42,6 +42,9 @@ from layoutrl.rooms.sources.home_xml import (
 )
 
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
+HUNG = 1.2  # metres: what bathrooms have on their walls begins lower
+FLAT = ("bathtub", "shower")  # however low
+TOP = 0.02  # metres by which what stands on a piece may be off its top
 MOST_PAIRS = 15_000  # of a room and a wall
 ARC_STEP = math.radians(15)  # of round walls
 WINDOWS = (  # in the languages of the names of furniture, wherever they stand in a name
@@ -258,11 +261,13 @@ def _storeys(
     for number, element in enumerate(rooms, 1):
         called = (element.attributes.get("name") or "").strip()
         storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
+    furniture = [element for element in elements if element.tag in (*PIECES, GROUP) and element.flag("visible", True)]
+    held = {k for level in storeys for k in _held([e for e in furniture if level_of[e.start] == level])}
     outside, walled = [], []
-    for element in elements:
+    for element in furniture:
         level = level_of[element.start]
         storey = storeys[level]
-        if element.tag not in (*PIECES, GROUP) or not (piece := _piece(element, names)) or storey.put(piece):
+        if not (piece := _piece(element, names, element.start in held)) or storey.put(piece):
             continue
         if storey.building.intersects(piece.item.footprint):
             if piece.known:  # else it is as a rail or a gutter, of the building
@@ -336,11 +341,29 @@ def _gaps(element: Element) -> list[DrawnOpening]:
     return [DrawnOpening("window" if window or high else "door", shape, axis)]
 
 
-def _piece(element: Element, names: Names) -> HomePiece | None:
-    """A piece that stands on the floor, or None: of groups the box, called as its largest part that is known."""
+def _held(elements: list[Element]) -> set[int]:
+    """Which of these pieces another that begins lower reaches up to and is under, by where their tags begin."""
+    shapes = [_oblong(element) for element in elements]
+    low = np.array([element.number("elevation", 0.0) for element in elements]) / 100
+    high = low + np.array([element.number("height", 100.0) for element in elements]) / 100
+    above, below = shapely.STRtree(shapes).query(shapely.centroid(shapes), predicate="intersects")
+    held = (low[below] < low[above]) & (high[below] > low[above] - TOP)
+    return {elements[k].start for k in above[held]}
+
+
+def _oblong(element: Element) -> Polygon:
+    sides = element.number("width") / 100, element.number("depth") / 100
+    angle = -math.degrees(element.number("angle", 0.0))
+    return oblong(element.number("x") / 100, -element.number("y") / 100, *sides, angle)
+
+
+def _piece(element: Element, names: Names, held: bool) -> HomePiece | None:
+    """A piece that stands on the floor, or None: of groups the box, called as its largest part that is known.
+
+    What hangs over the floor of bathrooms is in the way there, if it is not `held` by another piece; a shower tray is
+    no rug.
+    """
     elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 100.0) / 100
-    if not element.flag("visible", True) or elevation > HIGHEST or height < FLATTEST:
-        return None
     inner = [e for e in within(element) if e.tag in PIECES]
     if element.tag == GROUP and not inner:  # of doors and windows
         return None
@@ -350,6 +373,10 @@ def _piece(element: Element, names: Names) -> HomePiece | None:
         return None
     parts = sorted(inner, key=lambda e: -e.number("width") * e.number("depth"))
     called = next((part for part in (element, *parts) if names.knows(*part.names)), element)
+    kind = names.kind(*called.names)
+    highest = HUNG if kind in DESIGNED["bathroom"] and height >= FLATTEST and not held else HIGHEST
+    if elevation > highest or (height < FLATTEST and kind not in FLAT):
+        return None
     found = names.category(*called.names)
     if found is None:
         return None

@@ -256,6 +256,29 @@ def test_groups_carpets_and_what_hangs(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("name", "attributes", "seen"),
+    [
+        ("Washbasin", {"elevation": 65, "height": 20}, True),
+        ("Washbasin", {"elevation": 130, "height": 20}, False),
+        ("Bookcase", {"elevation": 65, "height": 20}, False),
+        ("Shower tray", {"height": 8}, True),
+        ("Shower tray", {"elevation": 50, "height": 8}, False),
+    ],
+)
+def test_what_hangs_in_a_bathroom_and_flat_trays_are_in_the_way(
+    name: str, attributes: dict[str, int], seen: bool, tmp_path: Path
+) -> None:
+    bathroom = room_tag(0, 0, 400, 300, name="Bathroom")
+    hung = piece("none", 200, 20, 60, 40, catalogId="", name=name, **attributes)
+    (room,) = flat(tmp_path, bathroom + hung).rooms
+    assert (len(room.furniture) == 1) == seen
+    if name == "Washbasin":  # it stands on a cabinet
+        cabinet = piece("box", 200, 20, 80, 40, height=65)
+        (room,) = flat(tmp_path, bathroom + hung + cabinet).rooms
+        assert [item.category for item in room.furniture] == ["box"]
+
+
 def test_a_room_of_which_nothing_tells_the_type_is_left_out_or_is_what_the_user_says(tmp_path: Path) -> None:
     body = WALLS + room_tag(0, 0, 400, 300) + room_tag(410, 0, 610, 300, name="Corridor")
     home = flat(tmp_path, body)
