@@ -11,7 +11,7 @@ import math
 import re
 import shutil
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -55,10 +55,11 @@ ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆(?!角)")  # in t
 
 @dataclass(frozen=True)
 class HomePiece(Piece):
-    """A piece of furniture, its element in the file, and the level that it goes to, "" for none; None: it stays on its
-    own."""
+    """A piece of furniture, its element in the file, what stands on it and goes with it, and the level that it goes to,
+    "" for none; None: it stays on its own."""
 
     element: Element
+    on: tuple[Element, ...] = ()
     level: str | None = None
 
     @property
@@ -262,12 +263,19 @@ def _storeys(
         called = (element.attributes.get("name") or "").strip()
         storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
     furniture = [element for element in elements if element.tag in (*PIECES, GROUP) and element.flag("visible", True)]
-    held = {k for level in storeys for k in _held([e for e in furniture if level_of[e.start] == level])}
+    held: set[int] = set()
+    on: dict[int, list[Element]] = {}
+    for level in storeys:
+        _stack([element for element in furniture if level_of[element.start] == level], held, on)
+    resting = {each.start for those in on.values() for each in those}
+    seen = {e.start: piece for e in furniture if (piece := _piece(e, names, e.start in held))}
+    pieces = {k: piece for k, piece in seen.items() if piece.known or k not in resting}  # a bed may rest on a platform
     outside, walled = [], []
-    for element in furniture:
-        level = level_of[element.start]
+    for start, piece in pieces.items():
+        level = level_of[start]
         storey = storeys[level]
-        if not (piece := _piece(element, names, element.start in held)) or storey.put(piece):
+        piece = replace(piece, on=tuple(e for e in _aboard(start, on) if e.start not in pieces))
+        if storey.put(piece):
             continue
         if storey.building.intersects(piece.item.footprint):
             if piece.known:  # else it is as a rail or a gutter, of the building
@@ -341,14 +349,32 @@ def _gaps(element: Element) -> list[DrawnOpening]:
     return [DrawnOpening("window" if window or high else "door", shape, axis)]
 
 
-def _held(elements: list[Element]) -> set[int]:
-    """Which of these pieces another that begins lower reaches up to and is under, by where their tags begin."""
+def _stack(elements: list[Element], held: set[int], on: dict[int, list[Element]]) -> None:
+    """Tell of pieces, by where their tags begin, which are `held`: another that begins lower reaches up to them; and
+    what is `on` each: at its top, or where it has things put down."""
     shapes = [_oblong(element) for element in elements]
     low = np.array([element.number("elevation", 0.0) for element in elements]) / 100
     high = low + np.array([element.number("height", 100.0) for element in elements]) / 100
+    share = np.array([element.number("dropOnTopElevation", 1.0) for element in elements])
+    top = np.where((share > 0) & (share < 1), low + share * (high - low), high)
     above, below = shapely.STRtree(shapes).query(shapely.centroid(shapes), predicate="intersects")
-    held = (low[below] < low[above]) & (high[below] > low[above] - TOP)
-    return {elements[k].start for k in above[held]}
+    reached = (low[below] < low[above]) & (high[below] > low[above] - TOP)
+    held |= {elements[k].start for k in above[reached]}
+    rests = reached & (low[above] > np.maximum(top[below] - TOP, FLATTEST)) & (low[above] < high[below] + TOP)
+    for k, host in zip(above[rests], below[rests], strict=True):
+        if elements[k].flag("movable", True):
+            on.setdefault(elements[host].start, []).append(elements[k])
+
+
+def _aboard(start: int, on: Mapping[int, list[Element]]) -> Iterable[Element]:
+    """What stands on a piece, and on that."""
+    found: dict[int, Element] = {}
+    reached = [start]
+    for each in reached:
+        new = {element.start: element for element in on.get(each, []) if element.start not in found}
+        found |= new
+        reached += new
+    return found.values()
 
 
 def _oblong(element: Element) -> Polygon:
@@ -439,17 +465,18 @@ def _park(
 
 
 def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:
-    """Which x, y, angle and level of an element, and of all in it, are others with its item where it is now, by where
-    their tags begin. Heights are those above the level, and stay."""
+    """Which x, y, angle and level of an element, and of all in it and on it, are others with its item where it is now,
+    by where their tags begin. Heights are those above the level, and stay."""
     assert item.center is not None
     element = piece.element
     old = complex(element.number("x"), element.number("y"))
     new = complex(item.center[0], -item.center[1]) * 100
     stays = item.rotation is None or item.form == "circle"
     turn = 0.0 if stays else math.radians(270 - item.degrees) - element.number("angle", 0.0)
-    inner = [e for e in within(element) if e.tag in (*PIECES, OPENING, GROUP)]
+    together = (element, *piece.on)
+    inner = [e for whole in together for e in within(whole) if e.tag in (*PIECES, OPENING, GROUP)]
     changes: dict[int, dict[str, float | str]] = {}
-    for each in (element, *inner):
+    for each in (*together, *inner):
         place = new + (complex(each.number("x"), each.number("y")) - old) * cmath.rect(1, turn)
         angle = (each.number("angle", 0.0) + turn) % math.tau
         values = {"x": place.real, "y": place.imag, "angle": angle}

@@ -574,6 +574,26 @@ def test_an_angle_that_was_left_out_is_added_and_a_group_moves_as_one(tmp_path: 
     assert found["b"] == pytest.approx([200, 240, 1 + math.pi / 2], abs=1e-3)
 
 
+def test_what_stands_on_a_piece_moves_with_it(tmp_path: Path) -> None:
+    """A TV on its unit and a lamp on that, but no picture above, no radiator behind, and nothing on the next piece."""
+    body = (
+        piece("tvUnit", 100, 20, 100, 40, id="unit", height=50, dropOnTopElevation=0.8)
+        + piece("flatTV", 130, 20, 60, 10, id="tv", elevation=40, height=60)
+        + piece("lamp", 130, 20, 10, 10, id="lamp", elevation=100, height=20, tag="light")
+        + piece("picture", 100, 20, 60, 10, id="picture", elevation=120)
+        + piece("electricRadiator", 100, 20, 60, 10, id="radiator", elevation=20, height=20)
+        + piece("flatTV", 100, 60, 60, 10, id="aside", elevation=40)
+        + piece("flatTV", 80, 20, 10, 10, id="fixed", elevation=50, movable="false")
+    )
+    home = flat(tmp_path, body + WALLS + room_tag(0, 0, 400, 300, name="Salon"), move="tv_unit")
+    room = home.rooms[0]
+    placed = [i if i.center else replace(i, center=(2, -2), rotation=180) for i in room.furniture]
+    home.write([replace(room, furniture=tuple(placed))], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["unit", "tv", "lamp"])
+    found = {e.get("id"): [float(e.get(key, 0)) for key in ("x", "y", "angle")] for e in xml_of(tmp_path / "out.sh3d")}
+    assert found["tv"] == found["lamp"] == pytest.approx([200, 230, math.pi / 2], abs=1e-3)
+
+
 UPSTAIRS = '<up> & "é"'
 STOREYS = tag("level", id="down", name="Ground") + tag("level", id=escape(UPSTAIRS), name="Upper")
 STOREYS += room_tag(0, 0, 400, 300, name="Bathroom", level="down")
