@@ -121,7 +121,8 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
         for child in room["children"]:
             try:
                 given = furniture.get(child["ref"])
-                piece = given and _piece(child, given, models, names, house.unsized)
+                valid = given and given.get("valid") is not False  # the data set says so of what is broken
+                piece = _piece(child, given, models, names, house.unsized) if valid else None
             except RoomError as error:
                 house.notes.append(f"{house.prefix}: a piece is left out: {error}")
                 continue

@@ -76,6 +76,14 @@ def test_a_house_is_its_rooms(tmp_path: Path) -> None:
     assert window.shape.symmetric_difference(box(1, 0, 2, 0.2)).area < 1e-3
 
 
+def test_what_the_data_set_says_is_not_valid_is_not_read(tmp_path: Path) -> None:
+    document = house()
+    document["furniture"][0]["valid"], document["furniture"][2]["valid"] = False, True
+    write(tmp_path, document)
+    (room,) = read(tmp_path, names_of()).rooms
+    assert [item.category for item in room.furniture] == ["desk"]
+
+
 def test_sizes_and_categories_are_looked_up_where_the_house_has_none(tmp_path: Path) -> None:
     pieces = [{"uid": "bed", "jid": "a"}, {"uid": "desk", "jid": "b"}, {"uid": "lamp", "jid": "none"}]
     pieces[1]["sourceCategoryId"] = "2dd2368f-a3eb-43c2-8a6b-d585cd19d9a6"
