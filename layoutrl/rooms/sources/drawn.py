@@ -129,11 +129,16 @@ class Storey(Generic[P]):
         return shapely.STRtree([room.traced for room in self.rooms])
 
     def put(self, piece: P) -> bool:
-        """Put a piece into the room that it stands in; whether there is one. Rooms are there before."""
+        """Put a piece into the room that it stands in; whether there is one. Rooms are there before.
+
+        Of rooms in each other it is one with a name, then the smallest: people draw slabs and ceilings as rooms, too.
+        """
         center = shapely.Point(piece.item.center)
         inside = [self.rooms[k] for k in self._traced.query(center, predicate="intersects")]
         if inside:
-            min(inside, key=lambda room: room.floor.distance(center)).pieces.append(piece)
+            min(inside, key=lambda room: (room.floor.distance(center), not room.name, room.traced.area)).pieces.append(
+                piece
+            )
         return bool(inside)
 
     @cached_property

@@ -189,6 +189,19 @@ def test_a_floor_that_goes_on_behind_a_wall_is_two_rooms(tmp_path: Path) -> None
     assert [(room.id, round(room.indoor.area, 3)) for room in rooms] == [("flat/Bedroom", 12), ("flat/Bedroom (2)", 6)]
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_of_rooms_in_each_other_one_with_a_name_then_the_smallest_holds_what_stands_there(
+    first: bool, tmp_path: Path
+) -> None:
+    """A slab below both rooms, and the ceiling of a corner, which has no name."""
+    more = room_tag(-10, -10, 620, 310) + room_tag(0, 0, 200, 220)
+    rooms = flat(tmp_path, BED + TOILET + WALLS + (more + ROOMS if first else ROOMS + more)).rooms
+    assert sorted((room.room_type, *(item.category for item in room.furniture)) for room in rooms) == [
+        ("bathroom", "toilet"),
+        ("bedroom", "bed"),
+    ]
+
+
 def test_levels_are_kept_apart(tmp_path: Path) -> None:
     levels = tag("level", id="l0", name="Ground") + tag("level", id="l1", name="Upper")
     floors = "".join(
