@@ -254,7 +254,7 @@ def _storeys(
         if element.tag == "wall" and storey.walls is not None:
             storey.walls += _walls(element)
         for each in (element, *within(element)):
-            storey.gaps += _gaps(each) if each.tag == OPENING else []
+            storey.gaps += _gaps(each) if _opens(each) else []
     rooms = [element for element in elements if element.tag == "room"]
     walls = sum(element.tag == "wall" for element in elements)
     if len(rooms) * walls > MOST_PAIRS:
@@ -262,7 +262,7 @@ def _storeys(
     for number, element in enumerate(rooms, 1):
         called = (element.attributes.get("name") or "").strip()
         storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
-    furniture = [element for element in elements if element.tag in (*PIECES, GROUP) and element.flag("visible", True)]
+    furniture = [e for e in elements if e.tag in (*PIECES, GROUP) and not _opens(e) and e.flag("visible", True)]
     held: set[int] = set()
     on: dict[int, list[Element]] = {}
     for level in storeys:
@@ -324,6 +324,11 @@ def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
     x, y = start - center
     turned = np.array((x * np.cos(turns) - y * np.sin(turns), x * np.sin(turns) + y * np.cos(turns)))
     return list(center + turned.T)
+
+
+def _opens(element: Element) -> bool:
+    """Whether it is a door or window: imported ones may be pieces that say so."""
+    return element.tag == OPENING or element.flag("doorOrWindow", False)
 
 
 def _gaps(element: Element) -> list[DrawnOpening]:
@@ -390,7 +395,7 @@ def _piece(element: Element, names: Names, held: bool) -> HomePiece | None:
     no rug.
     """
     elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 100.0) / 100
-    inner = [e for e in within(element) if e.tag in PIECES]
+    inner = [e for e in within(element) if e.tag in PIECES and not _opens(e)]
     if element.tag == GROUP and not inner:  # of doors and windows
         return None
     width = element.number("widthInPlan", element.number("width")) / 100

@@ -156,6 +156,15 @@ def test_windows_are_told_from_doors_by_their_names_and_by_how_high_they_lie(tmp
     assert [opening.kind for opening in room.openings] == ["door", "window", "window"]
 
 
+def test_a_piece_that_says_that_it_is_a_door_is_one(tmp_path: Path) -> None:
+    imported = piece("x", 100, -5, 90, 10, doorOrWindow="true", name="Imported")
+    group = piece("none", 300, -5, 90, 10, tag="furnitureGroup", inside=imported.replace("'100'", "'300'"), name="Two")
+    for body in (imported, group):
+        (room, *_) = flat(tmp_path, body + BED + WALLS + ROOMS).rooms
+        assert [opening.kind for opening in room.openings] == ["door"]
+        assert [item.category for item in room.furniture] == ["bed"]
+
+
 @pytest.mark.parametrize("name", ["Fenster", "Fenêtre", "ventana", "Doppia finestra", "Janela", "raam", "窗户"])
 def test_a_window_is_one_in_every_language_of_furniture(name: str, tmp_path: Path) -> None:
     low = piece("imported", 100, -5, 126, 10, tag="doorOrWindow", elevation=30, name=name)
