@@ -44,6 +44,7 @@ from layoutrl.rooms.sources.home_xml import (
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
 HUNG = 1.2  # metres: what bathrooms have on their walls begins lower
 FLAT = ("bathtub", "shower")  # however low
+STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins lower and is as high is walked through
 TOP = 0.02  # metres by which what stands on a piece may be off its top
 MOST_PAIRS = 15_000  # of a room and a wall
 ARC_STEP = math.radians(15)  # of round walls
@@ -346,8 +347,9 @@ def _gaps(element: Element) -> list[DrawnOpening]:
     x = element.number("x") / 100 + across * math.cos(angle) - back * math.sin(angle)
     y = element.number("y") / 100 + across * math.sin(angle) + back * math.cos(angle)
     words = " ".join(filter(None, element.names)).casefold().replace("ê", "e")
-    window = any(word in words for word in WINDOWS)
-    high = element.number("elevation", 0.0) / 100 > HIGHEST
+    elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 0.0) / 100
+    window = any(word in words for word in WINDOWS) and not (elevation < STEP and height >= HEADROOM)
+    high = elevation > HIGHEST
     shape = oblong(x, -y, width * wide, depth * deep, -math.degrees(angle))
     middle, to_side = np.array((x, -y)), width * wide / 2 * np.array((math.cos(angle), -math.sin(angle)))
     axis = LineString((middle - to_side, middle + to_side))

@@ -156,6 +156,15 @@ def test_windows_are_told_from_doors_by_their_names_and_by_how_high_they_lie(tmp
     assert [opening.kind for opening in room.openings] == ["door", "window", "window"]
 
 
+@pytest.mark.parametrize(
+    ("elevation", "height", "kind"), [(5, 200, "door"), (0, 180, "door"), (10, 200, "window"), (5, 150, "window")]
+)
+def test_a_window_that_one_can_walk_through_is_a_door(elevation: int, height: int, kind: str, tmp_path: Path) -> None:
+    french = piece("doubleFrenchWindow", 200, -5, 126, 10, tag="doorOrWindow", elevation=elevation, height=height)
+    (room, *_) = flat(tmp_path, french + BED + WALLS + ROOMS).rooms
+    assert [opening.kind for opening in room.openings] == [kind]
+
+
 def test_a_piece_that_says_that_it_is_a_door_is_one(tmp_path: Path) -> None:
     imported = piece("x", 100, -5, 90, 10, doorOrWindow="true", name="Imported")
     group = piece("none", 300, -5, 90, 10, tag="furnitureGroup", inside=imported.replace("'100'", "'300'"), name="Two")
