@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
+LISTED = 20  # rooms, where none is the one that is asked for
 LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
@@ -155,6 +156,7 @@ class Work:
         self._units = {"m", config.unit}  # that need not be told
         self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
         self._unmet = {*config.only_rooms}  # of these, those that no room was called so far
+        self._ids: list[str] = []  # of the first rooms
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
@@ -184,12 +186,18 @@ class Work:
             return f"no room of {rooms} could be read, as is said above; expected one or more"
         if not self.tally.entries:
             return f"{rooms} is empty; expected one room or more"
-        if self._unmet and self._unmet == self.config.only_rooms:
-            return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one"
+        if self._none_meant:
+            known = ", ".join(self._ids) + ", ..." * (len(self._ids) == LISTED)
+            return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one: {known}"
         named = item or move or ALL
         what = "an item" if ALL in names_in(named) else f"a {named.replace(',', ' or a ')}"
         anew = "furniture without a center, or what is to be placed anew, as move=wardrobe or move=all"
         return f"{rooms} has no room with {what} to place; expected {'one or more' if move else anew}"
+
+    @property
+    def _none_meant(self) -> bool:
+        """Whether no room so far was one of the only ones to furnish."""
+        return bool(self._unmet) and self._unmet == self.config.only_rooms
 
     def write_each(self, file: Path | None) -> None:
         """Write the rooms as they are done, to a new file or one that is gone on with, or to standard output."""
@@ -223,7 +231,7 @@ class Work:
         named = names_in(self.config.move)
         if locked := [f"{name} ({n})" for name, n in self.tally.locked.items()]:
             self.say(f"move: what is locked stays: {', '.join(locked)}")
-        if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)):
+        if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)) and not self._none_meant:
             self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
         if self.tally.rooms and self._seen is not None and self._unmet:
             self.say(f"only: no room that was read is called {' or '.join(sorted(self._unmet))}")
@@ -264,7 +272,8 @@ class Work:
                     self.tally.entries += 1
                     self._objects += bool(entry.document)
                     if entry.room:
-                        self._unmet -= called(entry.room)
+                        self._unmet -= matched(self.config.only, entry.room)
+                        self._ids += [entry.room.id] if len(self._ids) < LISTED else []
                     meant = entry.room is not None and self._meant(entry.room)
                     for name in (item.category for item in entry.stood if item.locked and meant):
                         if name in named or ALL in named:
@@ -322,7 +331,7 @@ class Work:
 
     def _meant(self, room: Room) -> bool:
         """Whether a room is to be furnished: all are, or the `only` ones."""
-        return not self.config.only or not self.config.only_rooms.isdisjoint(called(room))
+        return not self.config.only or bool(matched(self.config.only, room))
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:
@@ -345,10 +354,20 @@ class Work:
                 draw(layout, wrong, file)
 
 
-def called(room: Room) -> set[str]:
-    """What `only` may call a room: its id, or what follows a slash in it."""
+def matched(only: str | None, room: Room) -> set[str]:
+    """Of the names with commas between them those that call a room: by its id, or what follows a slash in it.
+
+    Upper case does not matter, a slash may be the dash that stands for it in an id, and a name may have commas itself.
+    """
+
+    def folded(names: Sequence[str]) -> str:
+        return ",".join(name.strip() for name in names).casefold().replace("/", "-")
+
     parts = room.id.split("/")
-    return {"/".join(parts[first:]) for first in range(len(parts))}
+    calls = {folded("/".join(parts[first:]).split(",")) for first in range(len(parts))}
+    said = [name.strip() for name in only.split(",")] if only else []
+    runs = [said[k:n] for k in range(len(said)) for n in range(k + 1, len(said) + 1)]
+    return {name for run in runs if folded(run) in calls for name in run}
 
 
 def check_who(config: PlaceConfig) -> None:

@@ -1002,6 +1002,34 @@ def test_the_only_rooms_to_furnish_are_named_and_others_stay_as_they_were(
     assert not (tmp_path / "out.jsonl").exists()
 
 
+@pytest.mark.parametrize(
+    ("only", "furnished"),
+    [
+        ("BEDROOM/office", ["a/Bedroom-Office"]),
+        ("a/bedroom-office", ["a/Bedroom-Office"]),
+        ("Kitchen,dining", ["a/Kitchen, Dining"]),
+        ("Salon, Kitchen, Dining", ["a/Kitchen, Dining", "a/Salon"]),
+    ],
+)
+def test_a_room_is_named_as_people_name_it(only: str, furnished: list[str], middle: Middle, tmp_path: Path) -> None:
+    names = ("a/Bedroom-Office", "a/Kitchen, Dining", "a/Salon", "a/Dining-Salon")
+    documents = [furnished_room(id=name) for name in names]
+    rooms = run(PlaceConfig(by="search", rooms=str(written(tmp_path, documents)), move="bed", only=only))
+    moved = [room["id"] for room, document in zip(rooms, documents, strict=True) if room != document]
+    assert moved == furnished
+
+
+def test_where_no_room_is_the_one_that_is_asked_for_those_that_are_there_are_named(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, [furnished_room(id=f"flat/Bedroom #{k}") for k in range(25)])
+    config = PlaceConfig(by="search", rooms=str(file), move="bed", only="bedroom")
+    named = ", ".join(f"flat/Bedroom #{k}" for k in range(20))
+    with pytest.raises(InputError, match=rf"has no room called bedroom; expected the id of one: {named}, \.\.\.$"):
+        run(config)
+    assert "has a bed" not in capsys.readouterr().out
+
+
 def test_of_the_only_room_it_is_said_why_it_cannot_be_read_and_of_others_no_lock(
     middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
