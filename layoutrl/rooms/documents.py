@@ -19,7 +19,8 @@ another: of one that stands it is false; of a chair to be placed it is true wher
 once, and `group`.
 What is called a `rug`, a `carpet` or a `mat` is floor: furniture may stand on it.
 Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
-that is spelled much like a field of ours is refused.
+that is spelled much like a field of ours is refused, and so is an item's `position`, `x`, `y` or `angle` in the place
+of its `center` or `rotation`.
 What is wrong is answered with the field and what is expected there.
 """
 
@@ -58,6 +59,7 @@ SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by 
 MOST = 1000  # corners of a polygon, and entries of any other list
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
+ELSEWHERE = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}  # in other files
 EXPECTED = {  # of each field that must be there
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
@@ -68,6 +70,8 @@ EXPECTED = {  # of each field that must be there
     "polygon": "its corners, in metres",
     "category": "a name, as bed",
     "size": "depth and width, in metres",
+    "center": "center, as [1.8, 2.1] in metres",
+    "rotation": "rotation, in degrees",
 }
 FAULTS_FIELD = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
 ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
@@ -272,6 +276,9 @@ def _furniture(entries: list[Any]) -> tuple[Item, ...]:
 
 def _item(entry: Any, field: str) -> Item:
     _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
+    for name, ours in ELSEWHERE.items():  # else an item that stands would count as one to be placed
+        if name in entry and ours not in entry:
+            raise RoomError(f"{field}.{name}", f"unknown field; expected {EXPECTED[ours]}")
     depth, width = _pair(entry["size"], f"{field}.size")
     if depth <= 0 or width <= 0:
         raise RoomError(f"{field}.size", f"expected two lengths above zero, in metres; got {_show(entry['size'])}")
@@ -290,7 +297,7 @@ def _item(entry: Any, field: str) -> Item:
         category=_text(entry["category"], f"{field}.category"),
         size=(depth, width),
         center=None if center is None else _pair(center, f"{field}.center"),
-        rotation=None if rotation is None else _number(rotation, f"{field}.rotation"),
+        rotation=None if rotation is None else _number(rotation, f"{field}.rotation", "degrees"),
         form=form,
         tucked=tucked,
         locked=locked,
@@ -340,9 +347,9 @@ def _pair(value: Any, field: str) -> tuple[float, float]:
     return (_number(value[0], field), _number(value[1], field))
 
 
-def _number(value: Any, field: str) -> float:
+def _number(value: Any, field: str, unit: str = "metres") -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
-        raise RoomError(field, f"expected a finite number of at most {LARGEST:g} (metres); got {_show(value)}")
+        raise RoomError(field, f"expected a finite number of at most {LARGEST:g} ({unit}); got {_show(value)}")
     return float(value) if abs(value) > SMALLEST else 0.0
 
 

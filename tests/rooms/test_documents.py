@@ -260,3 +260,25 @@ def test_a_locked_item_survives_and_stands_somewhere() -> None:
     document["furniture"][0]["locked"] = True
     with pytest.raises(RoomError, match=r"furniture\[0\].locked: expected a center"):
         room_from_dict(document)
+
+
+@pytest.mark.parametrize(
+    ("named", "ours"),
+    [("position", "center"), ("pos", "center"), ("x", "center"), ("y", "center"), ("angle", "rotation")],
+)
+def test_where_an_item_stands_is_not_overlooked_under_another_name(named: str, ours: str) -> None:
+    item: dict[str, Any] = {"category": "bed", "size": [2.1, 1.5], named: 1.0}
+    document = room_to_dict(rectangular_room()) | {"furniture": [item]}
+    with pytest.raises(RoomError, match=rf"^furniture\[0\]\.{named}: unknown field; expected {ours}, "):
+        room_from_dict(document)
+    both = item | {"center": [1.5, 1.5], "rotation": 0}
+    assert room_from_dict(document | {"furniture": [both]}).furniture[0].center == (1.5, 1.5)
+
+
+def test_the_unit_of_a_number_is_said() -> None:
+    item = {"category": "bed", "size": [2.1, 1.5], "center": [1, 1], "rotation": "east"}
+    document = room_to_dict(rectangular_room())
+    with pytest.raises(RoomError, match=r"rotation: expected a finite number of at most 1000 \(degrees\)"):
+        room_from_dict(document | {"furniture": [item]})
+    with pytest.raises(RoomError, match=r"size: expected a finite number of at most 1000 \(metres\)"):
+        room_from_dict(document | {"furniture": [item | {"size": ["east", 1]}]})
