@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from layoutrl.runs.furnishers import Hired
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
-PATIENCE = 10  # lines of standard input: where none is a JSON object, it is no file of rooms
+PATIENCE = 10  # first lines: where none is a JSON object, it is no file of rooms
 LISTED = 20  # rooms, where none is the one that is asked for
 LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
@@ -208,7 +208,8 @@ class Work:
         with grown as sheet:
             self.tally = sheet.tally
             for block in self.answers():
-                sheet.add(document for answer in block for document in answer.documents())
+                if block:  # of a file of which nothing can be read, nothing is left to go on with
+                    sheet.add(document for answer in block for document in answer.documents())
                 self.drawn.clear()
             sheet.wanted = self.asked
 
@@ -239,7 +240,7 @@ class Work:
     def answers(self) -> Iterator[list[Answered]]:
         """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then.
 
-        Raises InputError where the first PATIENCE lines of the standard input are no rooms.
+        Raises InputError where the first PATIENCE lines are no rooms.
         """
         shard, shards = self.config.shard_of
         done = self.tally.entries
@@ -283,9 +284,11 @@ class Work:
                     if entry.room is None:
                         self.tally.left_out += 1
                         self.say(f"{entry.where}: left out: {entry.problem}")
-                        if self.config.rooms == STANDARD and self.tally.entries == PATIENCE and not self._objects:
+                        by_line = self.config.rooms == STANDARD or self.config.rooms.lower().endswith(JSON)
+                        if by_line and not done and self.tally.entries == PATIENCE and not self._objects:
                             raise InputError(
-                                f"rooms: expected one room a line, in JSON; none of the first {PATIENCE} lines is one"
+                                f"rooms: expected one room a line, in JSON; none of the first {PATIENCE} lines is one "
+                                "(a room over several lines is a .json file)"
                             )
                         continue
                     if entry.unit not in self._units:

@@ -817,6 +817,19 @@ def test_a_document_of_many_lines_on_standard_input_is_refused_after_ten(
     assert place(PlaceConfig(by="search", rooms="-")).tally.rooms == 1
 
 
+def test_a_jsonl_file_of_one_room_over_many_lines_is_refused_after_ten_and_leaves_nothing(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "rooms.jsonl"
+    file.write_text(json.dumps(DOCUMENTS[0], indent=1))
+    with pytest.raises(
+        InputError, match=r"none of the first 10 lines is one \(a room over several lines is a \.json file"
+    ):
+        place(PlaceConfig(by="search", rooms=str(file)))
+    assert capsys.readouterr().out.count(": left out: ") == 10
+    assert [path.name for path in tmp_path.iterdir()] == ["rooms.jsonl"]
+
+
 def test_nothing_of_the_users_is_overwritten(middle: Middle, tmp_path: Path) -> None:
     file, _ = many(tmp_path)
     (tmp_path / "pictures").mkdir()

@@ -141,6 +141,8 @@ def parsed(text: str | bytes) -> Any:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
+        if not error.doc.strip():
+            return RoomError("file", "is empty; expected a room, or a list of them")
         several = "\n" in error.doc.rstrip()  # lines: a file, and no line of one
         if error.pos < len(error.doc.rstrip()):
             line = f"line {error.lineno}, " * several
@@ -167,6 +169,8 @@ def room_from_dict(document: Any) -> Room:
     """
     if isinstance(document, RoomError):
         raise document
+    if isinstance(document, dict) and "outline" not in document and isinstance(document.get("rooms"), list):
+        raise RoomError("rooms", "unknown field; expected a room, or a list of them by itself")
     _check_fields(document, "room", REQUIRED, OPTIONAL)
     room_id = _text(document["id"], "id")
     room_type = _text(document["room_type"], "room_type")

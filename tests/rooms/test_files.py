@@ -253,6 +253,19 @@ def test_a_mistake_in_a_file_of_several_lines_is_named_by_its_line(tmp_path: Pat
     assert re.match(said, reason)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "file: is empty; expected a room, or a list of them"),
+        (" \n", "file: is empty; expected a room, or a list of them"),
+        ('{"rooms": []}', "rooms: unknown field; expected a room, or a list of them by itself"),
+    ],
+)
+def test_a_file_that_holds_no_room_is_answered_by_what_it_holds(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "rooms.json").write_text(text)
+    assert [reason for _, reason in read_rooms(tmp_path / "rooms.json").left_out] == [said]
+
+
 @pytest.mark.parametrize("fault", list(UNREADABLE))
 def test_a_line_that_is_no_room_is_named_by_file_and_line(fault: str, tmp_path: Path) -> None:
     text, expected = UNREADABLE[fault]
