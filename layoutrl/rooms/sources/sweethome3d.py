@@ -11,7 +11,7 @@ import math
 import re
 import shutil
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -254,7 +254,7 @@ def _storeys(
         storey = storeys[level]
         if element.tag == "wall" and storey.walls is not None:
             storey.walls += _walls(element)
-        for each in (element, *within(element)):
+        for each in _shown(element):
             storey.gaps += _gaps(each) if _opens(each) else []
     rooms = [element for element in elements if element.tag == "room"]
     walls = sum(element.tag == "wall" for element in elements)
@@ -302,7 +302,9 @@ def _walls(element: Element) -> list[Wall]:
     end = np.array((element.number("xEnd"), -element.number("yEnd"))) / 100
     thickness = element.number("thickness") / 100
     length = float(np.hypot(*(end - start)))
-    if min(thickness, length) < FILM:
+    height = element.number("height", 100.0)
+    height = max(height, element.number("heightAtEnd", height)) / 100
+    if min(thickness, length) < FILM or height < FLATTEST:  # thresholds are drawn as walls, too
         return []
     arc = -element.number("arcExtent", 0.0)  # y is up here
     points = [start, end] if abs(arc) < 1e-3 else _arc(start, end, arc)
@@ -327,6 +329,14 @@ def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
     return list(center + turned.T)
 
 
+def _shown(element: Element) -> Iterator[Element]:
+    """An element and what stands in it, as far as they are visible."""
+    if element.flag("visible", True):
+        yield element
+        for inner in element.inside:
+            yield from _shown(inner)
+
+
 def _opens(element: Element) -> bool:
     """Whether it is a door or window: imported ones may be pieces that say so."""
     return element.tag == OPENING or element.flag("doorOrWindow", False)
@@ -334,8 +344,6 @@ def _opens(element: Element) -> bool:
 
 def _gaps(element: Element) -> list[DrawnOpening]:
     """The part of a door or window that lies in its wall: the model has its leaf open, or a sill."""
-    if not element.flag("visible", True):
-        return []
     width, depth = element.number("width") / 100, element.number("depth") / 100
     wide, deep = element.number("wallWidth", 1.0), element.number("wallThickness", 1.0)
     if min(width * wide, depth * deep) < TOLERANCE:

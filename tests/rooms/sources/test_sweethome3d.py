@@ -165,6 +165,23 @@ def test_a_window_that_one_can_walk_through_is_a_door(elevation: int, height: in
     assert [opening.kind for opening in room.openings] == [kind]
 
 
+def test_doors_of_a_group_that_is_not_visible_are_not_there(tmp_path: Path) -> None:
+    inner = piece("none", 100, -5, 90, 10, tag="furnitureGroup", inside=door(100, -5), name="Inner", visible="false")
+    for visible, inside, doors in (("true", door(100, -5), 1), ("false", door(100, -5), 0), ("true", inner, 0)):
+        group = piece("none", 100, -5, 90, 10, tag="furnitureGroup", inside=inside, name="Old", visible=visible)
+        (room, *_) = flat(tmp_path, group + BED + WALLS + ROOMS).rooms
+        assert len(room.openings) == doors
+
+
+@pytest.mark.parametrize(
+    ("heights", "rooms"), [({"height": 5}, 1), ({"height": 5, "heightAtEnd": 100}, 2), ({"height": 15}, 2), ({}, 2)]
+)
+def test_a_wall_as_low_as_a_threshold_parts_no_room(heights: dict[str, int], rooms: int, tmp_path: Path) -> None:
+    low = wall(200, -5, 200, 305, **heights)
+    home = flat(tmp_path, low + WALLS + room_tag(0, 0, 400, 300, name="Bedroom"))
+    assert len(home.rooms) == rooms
+
+
 def test_a_piece_that_says_that_it_is_a_door_is_one(tmp_path: Path) -> None:
     imported = piece("x", 100, -5, 90, 10, doorOrWindow="true", name="Imported")
     group = piece("none", 300, -5, 90, 10, tag="furnitureGroup", inside=imported.replace("'100'", "'300'"), name="Two")
