@@ -5,6 +5,7 @@ Nothing but these values changes: every other byte of Home.xml, and every other 
 
 from __future__ import annotations
 
+import cmath
 import math
 import re
 import zipfile
@@ -29,6 +30,7 @@ DEEPEST = 100  # elements in each other
 LARGEST = 1e5  # centimetres, of any length
 OPENING, GROUP = "doorOrWindow", "furnitureGroup"
 PIECES = ("pieceOfFurniture", "light", "shelfUnit")
+BOX = {"x", "y", "width", "depth", "elevation", "height"}
 SAME_PLACE, SAME_ANGLE = 0.02, 1e-5  # centimetres and radians: what is read is rounded
 ATTRIBUTE = re.compile(rb"\s+([^\s=>/]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 
@@ -104,12 +106,15 @@ def elements_of(xml: bytes) -> list[Element]:
     """The elements right below the home. Raises RoomError, or ExpatError for what is no XML."""
     home: list[Element] = []
     stack: list[list[Element]] = []
+    tags: list[str] = []  # of those that are open
     number: Counter[str] = Counter()
     kinds = {**dict.fromkeys((*PIECES, GROUP), "piece"), OPENING: "opening"}
     parser = expat.ParserCreate()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         kind = kinds.get(tag, tag)
+        if kind == "point" and tags[-1:] != ["room"]:  # polylines have points without end
+            kind = "other"
         most = MOST.get(kind, MOST_ELEMENTS)
         number[kind] += 1
         if number[kind] > most:
@@ -122,9 +127,11 @@ def elements_of(xml: bytes) -> list[Element]:
         if len(stack) > 0:
             stack[-1].append(element)
         stack.append(element.inside if stack else home)
+        tags.append(tag)
 
     def end(_: str) -> None:
         stack.pop()
+        tags.pop()
 
     def refused(*_: object) -> None:
         raise RoomError("DOCTYPE", "expected none: a home needs no entities")
@@ -138,7 +145,32 @@ def elements_of(xml: bytes) -> list[Element]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler, parser.XmlDeclHandler = refused, declared
     parser.Parse(xml, True)
+    for element in home:
+        _box(element)
     return home
+
+
+def _box(element: Element) -> None:
+    """Tell of a group where it is and how large, as its parts do, where the file does not: it need not."""
+    parts = [inner for inner in element.inside if inner.tag in (*PIECES, OPENING, GROUP)]
+    for part in parts:
+        _box(part)
+    if element.tag != GROUP or not parts or element.attributes.keys() >= BOX:
+        return
+    turn = cmath.rect(1, element.number("angle", 0.0))
+    corners = []  # as the group is turned
+    for part in parts:
+        across, along = part.number("width") / 2, part.number("depth") / 2
+        middle, turned = complex(part.number("x"), part.number("y")), cmath.rect(1, part.number("angle", 0.0))
+        sides = (complex(x, y) for x in (-across, across) for y in (-along, along))
+        corners += [(middle + side * turned) / turn for side in sides]
+    (left, right), (back, front) = ((min(c), max(c)) for c in zip(*((c.real, c.imag) for c in corners), strict=True))
+    middle = complex(left + right, back + front) / 2 * turn
+    low = min(part.number("elevation", 0.0) for part in parts)
+    high = max(part.number("elevation", 0.0) + part.number("height", 0.0) for part in parts)
+    box = {"x": middle.real, "y": middle.imag, "width": right - left, "depth": front - back}
+    for name, value in (box | {"elevation": low, "height": high - low}).items():
+        element.attributes.setdefault(name, repr(value))
 
 
 def within(element: Element) -> Iterator[Element]:
@@ -163,8 +195,7 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float | str]]) -> byt
             if attribute := found.get(name):
                 edits.append((attribute.start(2) + 1, attribute.end(2) - 1, text))
             else:
-                after = found["y"].end()
-                edits.append((after, after, b" " + name.encode() + b"='" + text + b"'"))
+                edits.append((at, at, b" " + name.encode() + b"='" + text + b"'"))
         for first, last, text in sorted(edits):
             parts += [xml[done:first], text]
             done = last

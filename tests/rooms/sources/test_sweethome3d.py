@@ -642,6 +642,30 @@ def test_what_stands_on_a_piece_moves_with_it(tmp_path: Path) -> None:
     assert found["tv"] == found["lamp"] == pytest.approx([200, 230, math.pi / 2], abs=1e-3)
 
 
+@pytest.mark.parametrize("angle", [None, math.pi / 2])
+def test_a_group_that_does_not_say_where_it_is_is_where_its_parts_are(angle: float | None, tmp_path: Path) -> None:
+    inside = piece("bed", 100, 100, 90, 200, id="a", angle=angle or 0)
+    table = piece("bedsideTable", 180, 100, 30, 40, id="b", angle=math.pi / 2)
+    turned = {} if angle is None else {"angle": angle}
+    deeper = tag("furnitureGroup", tag("furnitureGroup", inside + table, name="Inner", id="i"), id="g", **turned)
+    home = flat(tmp_path, deeper + WALLS + ROOMS, move="bed")
+    room = home.rooms[0]
+    (bed,) = room.furniture
+    x0, x1, y0, y1 = (0.55, 2.0, 0.0, 2.0) if angle is None else (0.0, 2.0, 0.55, 1.45)
+    assert home.stood[0][0].footprint.bounds == pytest.approx((x0, -y1, x1, -y0))
+    assert bed.category == "bed"
+    layout = replace(room, furniture=(replace(bed, center=(2.0, -1.5), rotation=home.stood[0][0].rotation),))
+    home.write([layout], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["a", "b", "g", "i"])
+    found = {e.get("id"): [float(e.get(key, 0)) for key in ("x", "y")] for e in xml_of(tmp_path / "out.sh3d")}
+    assert found["a"] == pytest.approx([300 - (x0 + x1) * 50, 250 - (y0 + y1) * 50])
+
+
+def test_points_of_lines_are_not_those_of_rooms(tmp_path: Path) -> None:
+    line = tag("polyline", tag("point", x=1, y=1) * 4000)
+    assert len(flat(tmp_path, FLAT + line).rooms) == 2
+
+
 UPSTAIRS = '<up> & "é"'
 STOREYS = tag("level", id="down", name="Ground") + tag("level", id=escape(UPSTAIRS), name="Upper")
 STOREYS += room_tag(0, 0, 400, 300, name="Bathroom", level="down")
