@@ -14,8 +14,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, get_type_hints
 
 import hydra
@@ -34,7 +32,6 @@ BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
 ALIKE = 0.6  # 0 to 1: names that are less so are no hint
 OF_MEMORY = "can't allocate memory", "out of memory", "ALLOC_FAILED"  # as torch says it of the CPU, GPUs and cuBLAS
 AGAIN = "make the same sweep again to go on with it"
-PRIVATE = "hydra._internal.hydra"  # a module of Hydra's
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
 
 
@@ -92,8 +89,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
                 raise InputError("--cfg: it shows the options of one run; expected no -m beside it")
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
-                with composed_once(sys.argv[1:], sweeps=sweeps):
-                    job()
+                job()
             except HydraException as error:
                 raise InputError(explained(error, schema, known)) from None
 
@@ -174,25 +170,6 @@ def raised_errors() -> Iterator[None]:
             del os.environ[FULL_ERROR]
         else:
             os.environ[FULL_ERROR] = before
-
-
-@contextmanager
-def composed_once(arguments: list[str], *, sweeps: bool) -> Iterator[None]:
-    """Spare Hydra composing all that is asked a first time, which it does only to read hydra.mode: that is null.
-
-    It may be set by the file of a command that `sweeps`, by an option of Hydra's own, or by a file of another folder:
-    with these it is read.
-    """
-    others = any("hydra" in argument or argument.startswith(("-c", "--c")) for argument in arguments)
-    private: Any = import_module(PRIVATE).Hydra if find_spec(PRIVATE) else None  # another Hydra may have none
-    if sweeps or others or not hasattr(private, "get_mode"):
-        yield
-        return
-    before, private.get_mode = private.get_mode, lambda *_, **__: None
-    try:
-        yield
-    finally:
-        private.get_mode = before
 
 
 def in_a_line(error: Exception) -> str:

@@ -7,24 +7,19 @@ import re
 import signal
 import subprocess
 import sys
-import warnings
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra._internal.hydra import Hydra
 from hydra.core.global_hydra import GlobalHydra
-from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
-from hydra.types import RunMode
 from hypothesis import example, given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from layoutrl import InputError, __version__
-from layoutrl.runs.commands import Stopped, as_written, command, composed_once, explained
+from layoutrl.runs.commands import Stopped, as_written, command, explained
 from layoutrl.runs.config import (
     BenchConfig,
     EvaluateConfig,
@@ -237,50 +232,9 @@ def test_a_job_that_is_wrong_costs_a_sweep_no_other(ask, tmp_path: Path, monkeyp
     assert [path.name for path in tmp_path.iterdir()] == ["here"]  # no multirun.yaml beside it
 
 
-@pytest.mark.parametrize(
-    ("arguments", "composed"),
-    [
-        ((), 1),
-        (("seed=2",), 1),
-        (("seed=1,2",), 1),  # it is answered that -m is missing
-        (("-m", "seed=1,2"), 1),
-        (("hydra.mode=MULTIRUN", "seed=1,2"), 2),
-        (("-m", "hydra.mode=RUN"), 2),
-    ],
-)
-def test_what_is_composed_once_goes_on_as_what_hydra_composes_twice(
-    ask, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], composed: int
-) -> None:
-    def answered() -> tuple[Answer, list[tuple[RunMode, Any]]]:
-        ran: list[tuple[RunMode, Any]] = []
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Hydra's, of -m beside RUN
-            answer = ask("watch", WatchConfig, "run=x", *arguments, run=lambda c: ran.append((hydra_mode(), c)))
-        return answer, ran
-
-    def hydra_mode() -> RunMode:
-        return HydraConfig.get().mode
-
-    whole, compose = [], Hydra.compose_config
-
-    def counted(*given: Any, **named: Any) -> Any:
-        whole.append(given)
-        return compose(*given, **named)
-
-    monkeypatch.setattr(Hydra, "compose_config", counted)
-    once = answered()
-    assert len(whole) == composed
-    monkeypatch.setattr("layoutrl.runs.commands.composed_once", lambda *_, **__: nullcontext())
-    assert answered() == once
-    assert len(whole) == composed + 2
-
-
 def test_only_a_command_that_sweeps_says_so_in_its_file() -> None:
     files = config_directory().glob("*.yaml")
     assert [file.stem for file in files if OmegaConf.select(OmegaConf.load(file), "hydra.mode")] == ["cell"]
-    before = Hydra.get_mode
-    with composed_once([], sweeps=True):
-        assert Hydra.get_mode is before
 
 
 def test_what_goes_wrong_in_a_run_is_answered_and_a_mistake_of_ours_is_raised(ask) -> None:
