@@ -26,7 +26,7 @@ from layoutrl.rooms.sources.parts import whole_parts
 from layoutrl.runs import pretrained
 from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, part
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.monitor import FINAL_OF_ROOMS
+from layoutrl.runs.monitor import FINAL
 from layoutrl.runs.trained import trained_network, trained_run
 from layoutrl.train import run as train
 from layoutrl.watch import run as watch
@@ -51,7 +51,9 @@ def test_a_run_says_what_its_layouts_are_worth_beside_the_designers(trained: Pat
     found = json.loads((trained / "evaluation.json").read_text())
     assert found["rows"]["designer"]["faultless"] == found["rows"]["designer"]["mean_iou"] == 1
     assert {*found["rows"]} == {"agent", "designer", "random", "nearest room"}
-    assert all(name in found["rows"]["agent"] for name in FINAL_OF_ROOMS)
+    final = ("mean_iou", "facing", "faultless", "overlap", "outside", "blocked", "reached", "fronts")
+    assert all(name in found["rows"]["agent"] for name in final)
+    assert {*final} < {*FINAL}
     assert [len(layout["items"]) for layout in found["layouts"]] == [4, 4]
 
 

@@ -35,8 +35,9 @@ BAR = {  # what the progress bar says, beside losses
 Probed = TypeVar("Probed")  # what a probe is run with: of one item a policy, of whole rooms Furnisher
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 LONGEST = 10_000  # characters in a line of metrics.csv
-FINAL = ("mean_iou", "median_iou", "share_090", "overlap", "outside", "blocked")  # of evaluation.json
-FINAL_OF_ROOMS = ("mean_iou", "facing", "faultless", "overlap", "outside", "blocked", "reached", "fronts")
+FINAL = (  # of evaluation.json: of one item, of whole rooms, or of both
+    "mean_iou", "median_iou", "share_090", "facing", "faultless", "overlap", "outside", "blocked", "reached", "fronts",
+)  # fmt: skip
 # Curves that are read together: charts of TensorBoard's tab of custom scalars.
 LAYOUT = {
     "learning": {
@@ -210,7 +211,7 @@ def kept_lines(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[i
 def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any], updates: int) -> None:
     """Show a run's evaluation beside its settings, so that TensorBoard's table of hyper-parameters compares runs."""
     rows = result["rows"]["agent"]
-    final = {f"final/{name}": float(rows[name]) for name in (*FINAL, *FINAL_OF_ROOMS) if rows.get(name) is not None}
+    final = {f"final/{name}": float(rows[name]) for name in FINAL if rows.get(name) is not None}
     others = [name for name in ("lattice_ceiling", "moves", "ms_a_room") if name in result]
     final |= {f"final/{name}": float(result[name]) for name in others}
     shown = {name: value for name, value in flat(settings).items() if isinstance(value, bool | int | float | str)}
