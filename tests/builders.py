@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate
 from shapely.geometry import Polygon, box
 
-from layoutrl.agents.gains import WIDENED, shown
+from layoutrl.agents.gains import WIDENED, rescaled
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.measures import Measures, measured
@@ -190,7 +190,7 @@ def small_rooms() -> list[Room]:
 
 def learned_gains(q: torch.Tensor, legal: torch.Tensor) -> torch.Tensor:
     """What a network has learned that knows what each move gains (B, A): on its scale, the gap to the best widened."""
-    scaled = shown(q)
+    scaled = rescaled(q)
     best = scaled.masked_fill(~legal, -torch.inf).amax(1, keepdim=True)
     return best - (best - scaled) / (1 - WIDENED)
 

@@ -14,7 +14,7 @@ from layoutrl.env.batch import BatchSimulator
 UNIT = 0.01  # of rewards / 100: smaller values are learned as they are, larger ones by their logarithm
 LARGEST = 12.0  # on that scale: more than any value has, whatever a network says
 WIDENED = 0.9  # share of the gap between the best move and another: it is learned 1 / (1 - WIDENED) times as large
-LOSS = 1e-4  # of rewards / 100: what gains less than -LOSS loses
+MAY_LOSE = 1e-4  # of rewards / 100: what a repeated move may lose, and still goes on
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class EveryMove:
             goes, length = goes[can], length[can]
             there = simulator.moved(room[goes], after[goes], action[goes], length)
             worth = self._worth(room[goes], there)
-            keeps = worth - stands[goes] >= (-LOSS if made else -torch.inf)
+            keeps = worth - stands[goes] >= (-MAY_LOSE if made else -torch.inf)
             goes, there, worth = goes[keeps], there[keeps], worth[keeps]
             gained[goes] += discounts[goes] * (worth - stands[goes])
             discounts[goes] *= discount
@@ -83,26 +83,26 @@ class EveryMove:
         self, network: nn.Module, legal: Tensor, moves: Transitions, observation: Tensor, next_observation: Tensor
     ) -> Tensor:
         """h(gain + discount max Q(s', a')) - WIDENED (max h(Q(s)) - h(Q(s, a))) of all moves, by the target: (B, A)."""
-        following = value_of(_best(network(next_observation), moves.next_legal).squeeze(1))
+        following = unscaled(_best(network(next_observation), moves.next_legal).squeeze(1))
         following = following.where(moves.next_legal.any(1), 0.0)
         learned = network(observation)
         wider = WIDENED * (_best(learned, legal) - learned)
-        return shown(moves.reward + moves.discount * following).view_as(legal) - wider
+        return rescaled(moves.reward + moves.discount * following).view_as(legal) - wider
 
 
 def gains(learned: Tensor, legal: Tensor) -> Tensor:
     """Q of what moves gain, in rewards / 100, of what a network has learned: (B, A) each."""
     best = _best(learned, legal)
-    return value_of(best - (1 - WIDENED) * (best - learned))
+    return unscaled(best - (1 - WIDENED) * (best - learned))
 
 
-def shown(value: Tensor) -> Tensor:
+def rescaled(value: Tensor) -> Tensor:
     """Values on the scale on which they are learned."""
     return (value / UNIT).asinh()
 
 
-def value_of(scaled: Tensor) -> Tensor:
-    """The values that are shown so."""
+def unscaled(scaled: Tensor) -> Tensor:
+    """Values back from that scale."""
     return UNIT * scaled.clamp(-LARGEST, LARGEST).sinh()
 
 

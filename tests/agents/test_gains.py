@@ -10,7 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutrl.agents.gains import LOSS, UNIT, WIDENED, EveryMove, gains, shown, value_of
+from layoutrl.agents.gains import MAY_LOSE, UNIT, WIDENED, EveryMove, gains, rescaled, unscaled
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import Reward
@@ -60,7 +60,7 @@ def test_a_move_is_repeated_as_often_as_is_drawn_while_it_is_legal_and_loses_not
             if not legal[0, action]:
                 why = "illegal"
                 break
-            if made and gain < -LOSS:
+            if made and gain < -MAY_LOSE:
                 why = "loses"
                 break
             here, gained, made = there, gained + discount**made * gain, made + 1
@@ -78,8 +78,8 @@ def test_the_horizon_rises_over_the_first_half():
 
 def test_values_far_below_the_unit_are_shown_in_it_and_tenths_of_larger_ones_at_equal_distances():
     small = torch.tensor([-1e-5, 0.0, 1e-5])
-    torch.testing.assert_close(shown(small), small / UNIT, rtol=1e-3, atol=0)
-    falling = shown(0.9 ** torch.arange(20.0))
+    torch.testing.assert_close(rescaled(small), small / UNIT, rtol=1e-3, atol=0)
+    falling = rescaled(0.9 ** torch.arange(20.0))
     torch.testing.assert_close(-falling.diff(), torch.full((19,), 0.1054), rtol=1e-2, atol=0)
 
 
@@ -93,12 +93,12 @@ def test_what_is_learned_says_what_moves_gain_and_keeps_their_order(seed):
     learned = learned_gains(q, legal)
     torch.testing.assert_close(gains(learned, legal), q, rtol=1e-6, atol=1e-12)
     assert torch.equal(gains(learned, legal).argsort(1), learned.argsort(1))
-    best = shown(q).masked_fill(~legal, -torch.inf).amax(1, keepdim=True)
-    torch.testing.assert_close((best - learned) * (1 - WIDENED), best - shown(q))
+    best = rescaled(q).masked_fill(~legal, -torch.inf).amax(1, keepdim=True)
+    torch.testing.assert_close((best - learned) * (1 - WIDENED), best - rescaled(q))
 
 
 def test_whatever_a_network_says_is_a_finite_value():
-    assert value_of(torch.tensor([-1e9, 1e9])).isfinite().all()
+    assert unscaled(torch.tensor([-1e9, 1e9])).isfinite().all()
 
 
 def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be():
@@ -128,4 +128,4 @@ def test_where_no_move_is_legal_nothing_follows():
     found = found._replace(next_legal=torch.zeros_like(found.next_legal))
     network = lambda seen: torch.zeros(len(seen), legal.shape[1])  # noqa: E731
     target = learns.target(network, legal, found, torch.zeros(1), torch.zeros(len(found.reward)))
-    torch.testing.assert_close(target.flatten(), shown(found.reward))
+    torch.testing.assert_close(target.flatten(), rescaled(found.reward))
