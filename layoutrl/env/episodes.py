@@ -59,8 +59,8 @@ class Episodes:
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
-    def exploring(self, epsilon: float) -> float | Tensor:
-        """The probability of a drawn action, the same in all episodes."""
+    def explore_by(self, epsilon: float) -> float | Tensor:
+        """Explore so much from now on: the probability of a drawn action, the same in all episodes."""
         return epsilon
 
     def step(self, action: Tensor) -> Step:

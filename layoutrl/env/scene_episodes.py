@@ -58,7 +58,7 @@ class SceneEpisodes(Episodes):
         self._own = torch.zeros(len(ages), dtype=torch.bool, device=device)
         super().__init__(scenes, ages, max_moves, generator)
 
-    def exploring(self, epsilon: float) -> Tensor:
+    def explore_by(self, epsilon: float) -> Tensor:
         """Explore so much from now on: the probability of a drawn action in each room, none in the last moves of an
         item. The less it is, the more of the rooms that begin keep the agent's mistakes."""
         self._keeps = 1 - epsilon
