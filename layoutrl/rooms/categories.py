@@ -27,10 +27,12 @@ LONGEST = 200  # letters of a name that are read: a file may hold any text, and 
 SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
 WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room has, too
 UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
-ENSUITE = {"ensuite", "en suite"}  # a bathroom where no other word says what a room is
+FAINT = {"ensuite", "en suite", "master", "kids", "guest", "bed", "family"}  # say it where no other word of a room does
+BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
 SIZES = {  # words that may follow an English name, with numbers or without
     *("cm", "mm", "m", "inch", "inches", "ft", "feet", "wide", "high", "deep", "long"),
     *("seats", "seater", "sitzer", "persons", "personen", "people", "places", "plazas", "posti"),
+    *("left", "right", "links", "rechts", "gauche", "droite", "round", "rund", "rond", "ronde"),
     *("small", "medium", "large", "big", "xl", "xxl", "king", "queen", "twin", "single", "double", "size", "sized"),
 }
 ALL = "all"  # of `move`: whatever who places can place
@@ -86,7 +88,7 @@ class Names:
             starred = {plain(name) for name in theirs if name.endswith("*")}
             (self._winning if rooms else self._first).update(starred)
         order = [*dict.fromkeys(chain(*tables))]
-        by_type = sorted(self._rooms.items(), key=lambda entry: (entry[0] in ENSUITE, order.index(entry[1])))
+        by_type = sorted(self._rooms.items(), key=lambda entry: (entry[0] in FAINT, order.index(entry[1])))
         self._rooms = dict(by_type)
         self.unknown: Counter[tuple[str, str]] = Counter()  # (name, what it is called as an obstacle), how often
 
@@ -232,6 +234,7 @@ def _holds(part: str, named: str) -> bool:
 
 def _parts(name: str) -> list[str]:
     """A name, and its parts at slashes without what follows a dash, the last first: "table/coffee table - round"."""
+    name = BRACKETS.sub(" ", name[:LONGEST]).strip() or name
     parts = [part.partition(" - ")[0] for part in reversed(name[:LONGEST].split("/"))]
     return [plain(part) for part in (name, *parts)]
 

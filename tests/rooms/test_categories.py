@@ -58,6 +58,11 @@ ROOMS_PAGE = Path(__file__).parents[2] / "docs" / "rooms.md"
         ("实木衣柜 200cm", "wardrobe"),
         ("沙发 XL", "sofa"),
         ("宜家 sofa", "sofa"),
+        ("Sofa left", "sofa"),
+        ("Nachttisch links", "nightstand"),
+        ("Table round", "table"),
+        ("Bed (guest)", "bed"),
+        ("(bed)", "bed"),
     ],
 )
 def test_names_of_other_programs_are_known(name: str, category: str) -> None:
@@ -98,6 +103,9 @@ def test_obstacles_are_called_as_they_are_and_decor_is_nothing() -> None:
         assert not names.knows(name)
         assert names.category(name) is not None
     assert names.category("Shower curtain") is None
+    assert names.category("Dish washer") == ("dish_washer", False)
+    assert names.category("Lamp (bed)") == ("lamp", False)
+    assert names.category("Rug round") is None
     assert names.category("Vanity table") == ("vanity_table", False)  # as a dressing table, and no dining table
     assert names.category("Lampe de bureau") == ("lampe_de_bureau", False)
     assert names.category("Window seat") == ("window_seat", False)
@@ -172,6 +180,10 @@ def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
         ("bedroom", "Bedroom with closet, Bedroom + closet, Bedroom and closet, Bedroom with ensuite, Ensuite bedroom"),
         ("bedroom", "Bedroom ensuite, Bedroom + ensuite, Schlafzimmer mit Bad"),
         ("bathroom", "Quarto de banho, Water closet, Ensuite bathroom"),
+        ("bathroom", "Salle de douche, Master bath, Kids bathroom, Guest WC"),
+        ("bedroom", "Master, Kids, Guest, Bed 1, Family bedroom"),
+        ("living_room", "Family, Pièce de vie"),
+        ("no_room", "Master closet, Master dressing, Guest entrance"),
         (NO_ROOM, "Living room closet, Dining room closet, Library closet, Children's room closet, Master bath closet"),
         (NO_ROOM, "Bedroom walk-in wardrobe, Master bath walk-in closet, Kitchen walk-in pantry"),
         (NO_ROOM, "Bedroom Closet, Bedroom 2 closet, Walk-in closet, Master closet, Pantry, Kitchen pantry, Laundry"),
