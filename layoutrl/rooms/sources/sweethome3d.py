@@ -177,6 +177,8 @@ def _home(
             levels[read.id] = level
         home.collection.left_out += storey.left_out
         home.collection.notes += storey.notes
+    if not any(element.tag == "room" for element in elements):
+        home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
     parked = [(level, piece) for level, piece in outside if _moves(piece, moved, True)]
     if moved is None or ALL in moved:
         still = [piece for _, piece in outside if piece.known and not _moves(piece, moved, True)]
@@ -186,8 +188,6 @@ def _home(
         said = "stays where it is, at or within walls but in no drawn room"
         home.collection.notes.append(f"{said}: {', '.join(stay)} (draw its room, or park it away from all walls)")
     _park(home, levels, parked, into, alone)
-    if not any(element.tag == "room" for element in elements):
-        home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
     return home
 
 
@@ -446,8 +446,9 @@ def _park(
     type knows it and that has the floor for it. First come those of its level, then those in which it is usual, so that
     there is who places it, then those without such a piece, with the most floor free."""
     if into is not None and into not in home.pieces:
-        known = ", ".join(home.pieces)
-        raise InputError(f"into: {home.path} has no room {into!r} to furnish; expected one of {known}")
+        why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
+        said = f"expected one of {', '.join(home.pieces)}" if home.pieces else f"none could be read: {why}"
+        raise InputError(f"into: {home.path} has no room {into!r} to furnish; {said}")
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}

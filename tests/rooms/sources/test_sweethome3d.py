@@ -418,6 +418,9 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
     assert len(bathroom.furniture) == 4
     with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
         flat(tmp_path, FLAT + parked, into="kitchen")
+    for body, why in ((BED, "no room is drawn in it"), (room_tag(0, 0, 400, 300, name="Hall"), "nobody furnishes")):
+        with pytest.raises(InputError, match=f"'kitchen' to furnish; none could be read: {why}"):
+            flat(tmp_path, body, into="kitchen")
 
 
 @pytest.mark.parametrize("move", [None, "all", "toilet, wardrobe"])
