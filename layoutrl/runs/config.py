@@ -103,7 +103,6 @@ class LearningConfig:
         check_data(self.data)
         if not self.learns_from_designs:
             self.data = replace(self.data, disturbed=0.0)  # rooms of files are as they are
-        one_of("data.labels", self.data.labels, "snapped", "raw")
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)
             within(f"budget.{name}", value, value >= 1, "1 or more")

@@ -11,6 +11,7 @@ from layoutrl.agents.method import MOST_ACTIONS, Method
 from layoutrl.rivals.rooms.annealer import MOVES, Annealing
 from layoutrl.rivals.rooms.cost import PREFERENCES, RULES
 from layoutrl.rivals.rooms.search import Searching
+from layoutrl.rooms.sources import FILES
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
 
@@ -108,7 +109,11 @@ def _named_numbers(name: str, values: dict[str, float], allowed: Sequence[str], 
 
 
 def check_data(data: Data) -> None:
-    """Raises InputError for what is out of range."""
+    """Raises InputError for what is out of range; None is not given."""
+    if data.source is not None:
+        one_of("data.source", data.source, "designer", *FILES)
+    if data.labels is not None:
+        one_of("data.labels", data.labels, "snapped", "raw")
     for name, lowest in (("train_rooms", 1), ("test_rooms", 1), ("seed", 0)):
         value = getattr(data, name)
         within(f"data.{name}", value, value is None or value >= lowest, f"{lowest} or more")
