@@ -79,7 +79,7 @@ class BudgetConfig:
 
     name: str = MISSING
     reports: int = 50  # lines in metrics.csv
-    evaluations: int = 10  # while training
+    evaluations: int = 10  # while training, about; each is at a report, so that there are no more than reports
     evaluation_rooms: int = 64  # training and held-out rooms in each of these, at most
     random_starts: int = 2000  # of the paper's Table 2
 

@@ -90,7 +90,7 @@ def reported(
     evaluations: int,
     layout: dict[str, Any] | None = None,
 ) -> Iterator[float]:
-    """Train and show every report; `evaluations` times in `updates`, and after the last, evaluate and yield iou/train.
+    """Train and show every report; at about `evaluations` of them in `updates`, and the last, yield iou/train.
 
     A training that ends at another update, as one of seconds does, is not evaluated for that. `curves` are the tags of
     a report's numbers. `look` evaluates: it returns numbers by tag, iou/train and iou/held_out among them, and may show
