@@ -121,6 +121,9 @@ def trained_run(config: RunConfig) -> TrainedRun:
     if not chosen:
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
+    unknown = [{item.category for item in room.furniture}.difference(kept.categories) for room in chosen]
+    if names := sorted(set().union(*unknown)):
+        print(f"{sum(map(bool, unknown))} of them have furniture that the agent does not know: {', '.join(names)}")
     return TrainedRun(
         kept.network,
         method,

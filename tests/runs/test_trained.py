@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,21 @@ def test_rooms_that_changed_since_the_training_are_told(
     changed(copy, root, f"  root: {file}")
     trained_run(RunConfig(str(copy)))
     assert f"{copy} was trained on other rooms than there are now" in capsys.readouterr().out
+
+
+def test_furniture_that_the_agent_never_saw_is_told(
+    tatami: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rooms = [room_to_dict(room) for room in design_rooms("tatami", "test", 0, 4).rooms]
+    file = tmp_path / "strange.jsonl"
+    told = "of them have furniture that the agent does not know"
+    for strange, said in ((0, None), (2, f"2 {told}: waterbed")):
+        for room in rooms[:strange]:
+            next(item for item in room["furniture"] if item["category"] != "platform")["category"] = "waterbed"
+        file.write_text("\n".join(map(json.dumps, rooms)))
+        trained_run(RunConfig(str(tatami), data=replace(AS_IN_THE_RUN, source="json", root=str(file)), part="all"))
+        out = capsys.readouterr().out
+        assert said in out if said else told not in out
 
 
 def test_what_is_given_counts_though_it_be_the_usual() -> None:
