@@ -1547,6 +1547,26 @@ def test_a_link_holds_the_room_and_what_is_locked(page, browser):
     assert next(pages, None) is None
 
 
+def test_a_link_and_a_file_are_opened_when_the_page_has_furnished(still):
+    link = link_of(still)
+    linked, held = room_of(still), []
+    still.evaluate("history.replaceState(null, '', '#')")
+    still.route("**/api/furnish", lambda route: held.append(route))
+    for opens, what, room in (("link => { location.href = link }", link, linked), (DROP, json.dumps(SQUARE), SQUARE)):
+        take(still, "bathroom")
+        still.locator("#furnish").click()
+        expect(still.locator("body")).to_have_attribute("data-state", "asking")
+        with still.expect_request("**/api/look"):
+            still.evaluate(opens, what)
+        while not held:
+            still.evaluate("0")  # lets it be asked
+        expect(still.locator("#title")).to_contain_text("bathroom")
+        held.pop().fulfill(status=400, body='{"error": "busy"}')
+        expect(still.locator("#title")).to_have_attribute("data-room", room["id"])
+        settled(still)
+        assert room_of(still)["furniture"][0]["center"] == room["furniture"][0]["center"]
+
+
 def test_a_room_of_a_link_is_kept_in_the_strip(page, browser):
     other = next(pages := visited(browser, link_of(page)))
     dragged(other, item(other, "wardrobe"), -0.2, -0.3)

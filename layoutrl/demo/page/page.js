@@ -26,6 +26,7 @@ export function say(text, bad = true) {
 export function become(name) {
   document.body.dataset.state = name;
   for (const part of document.querySelectorAll("nav, aside")) part.inert = name !== "idle";
+  if (name === "idle") document.dispatchEvent(new Event("idle"));
 }
 
 // What asks the server, so that at most one question is on its way: what changes meanwhile is asked after it. `asking` may
@@ -91,12 +92,20 @@ export const judged = () => last;
 // A question whose answer the plan waits for.
 export const answered = (question, body) => busy(ask(question, body));
 
-// Take another room. It is shown as soon as the server has read it.
-export async function open(room, locked = [], source = sourceOf()) {
+// Wait until no room is being furnished, and all changes are judged.
+async function untilIdle() {
   await judged();
-  if (!["idle", "loading"].includes(document.body.dataset.state)) return false;
+  while (["asking", "playing"].includes(document.body.dataset.state)) {
+    await new Promise((resolve) => { document.addEventListener("idle", resolve, { once: true }); });
+    await judged();
+  }
+}
+
+// Take another room. It is shown as soon as the server has read it, and no other is being furnished.
+export async function open(room, locked = [], source = sourceOf()) {
   try {
     const said = await answered("look", { room });
+    await untilIdle();
     Object.assign(state, { room: said.room, source, look: said, problem: "", notice: "", mode: "edit" });
     Object.assign(state, { selected: null, thoughts: null, ...outdated });
     state.locked = said.room.furniture.map((_, k) => locked[k] || false);
