@@ -367,35 +367,34 @@ def _gaps(element: Element) -> list[DrawnOpening]:
 def _stack(elements: list[Element], held: set[int], on: dict[int, list[Element]]) -> None:
     """Tell of pieces, by where their tags begin, which are `held`: another that begins lower reaches up to them; and
     what is `on` each: at its top, or where it has things put down."""
-    shapes = [_oblong(element) for element in elements]
-    low = np.array([element.number("elevation", 0.0) for element in elements]) / 100
-    high = low + np.array([element.number("height", 100.0) for element in elements]) / 100
-    share = np.array([element.number("dropOnTopElevation", 1.0) for element in elements])
+
+    def all_of(name: str, otherwise: float | None = None) -> np.ndarray:
+        return np.array([element.number(name, otherwise) for element in elements])
+
+    width, depth, middle = all_of("width"), all_of("depth"), all_of("x") + 1j * all_of("y")
+    turn = np.exp(-1j * all_of("angle", 0.0))
+    low = all_of("elevation", 0.0) / 100
+    high, share = low + all_of("height", 100.0) / 100, all_of("dropOnTopElevation", 1.0)
     top = np.where((share > 0) & (share < 1), low + share * (high - low), high)
-    above, below = shapely.STRtree(shapes).query(shapely.centroid(shapes), predicate="intersects")
-    reached = (low[below] < low[above]) & (high[below] > low[above] - TOP)
-    held |= {elements[k].start for k in above[reached]}
-    rests = reached & (low[above] > np.maximum(top[below] - TOP, FLATTEST)) & (low[above] < high[below] + TOP)
-    for k, host in zip(above[rests], below[rests], strict=True):
-        if elements[k].flag("movable", True):
-            on.setdefault(elements[host].start, []).append(elements[k])
+    host, hung = np.full(len(elements), -1), np.zeros(len(elements), bool)
+    for k in np.argsort(width * depth, kind="stable"):  # the largest last: a piece rests on one alone
+        off = (middle - middle[k]) * turn[k]
+        over = (abs(off.real) <= width[k] / 2) & (abs(off.imag) <= depth[k] / 2)
+        reached = over & (low > low[k]) & (low < high[k] + TOP)
+        hung |= reached
+        host[reached & (low > max(top[k] - TOP, FLATTEST))] = k
+    held |= {elements[k].start for k in np.flatnonzero(hung)}
+    for element, k in zip(elements, host, strict=True):
+        if k >= 0 and element.flag("movable", True):
+            on.setdefault(elements[k].start, []).append(element)
 
 
-def _aboard(start: int, on: Mapping[int, list[Element]]) -> Iterable[Element]:
+def _aboard(start: int, on: Mapping[int, list[Element]]) -> list[Element]:
     """What stands on a piece, and on that."""
-    found: dict[int, Element] = {}
-    reached = [start]
-    for each in reached:
-        new = {element.start: element for element in on.get(each, []) if element.start not in found}
-        found |= new
-        reached += new
-    return found.values()
-
-
-def _oblong(element: Element) -> Polygon:
-    sides = element.number("width") / 100, element.number("depth") / 100
-    angle = -math.degrees(element.number("angle", 0.0))
-    return oblong(element.number("x") / 100, -element.number("y") / 100, *sides, angle)
+    found = [*on.get(start, ())]
+    for each in found:  # and on what is added here
+        found += on.get(each.start, ())
+    return found
 
 
 def _piece(element: Element, names: Names, held: bool) -> HomePiece | None:
