@@ -103,7 +103,7 @@ def main() -> None:
     if "knew_better" not in cell:
         raise InputError(f"{options.cell}: expected the cell of an agent; got {cell['config']['fill']}")
     # Of its configuration what an agent has: what cells have beside it grew while they were filled.
-    trained = {part.name: cell["config"][part.name] for part in fields(TrainConfig)}
+    trained = {part.name: cell["config"][part.name] for part in fields(TrainConfig)} | {"runs": TrainConfig.runs}
     config: TrainConfig = OmegaConf.to_object(OmegaConf.merge(TrainConfig, trained))  # type: ignore[assignment]
     config.data.root = options.root
     rooms = two_parts(config.room.type, config.room.item, config.data, config.fold)[1]
