@@ -33,7 +33,7 @@ CHROMIUM = shutil.which("chromium-headless-shell") or browser_of()  # which take
 if CHROMIUM is None:
     pytest.skip("no Chromium: the page is not tried in a browser", allow_module_level=True)
 expect = playwright.expect
-expect.set_options(timeout=15_000)
+expect.set_options(timeout=60_000)
 Page = Any
 OWN = room_to_dict(design_rooms("study", "test", 8, 1).rooms[0]) | {"id": "my own study"}
 SQUARE = {
@@ -74,7 +74,7 @@ def browser() -> Iterator[Any]:
 def visited(browser: Any, address: str, **looks: Any) -> Iterator[Page]:
     """The page, as it is first shown; it may say nothing in the browser's console, and ask nobody else."""
     context = browser.new_context(**{"viewport": {"width": 1200, "height": 900}} | looks)
-    context.set_default_timeout(15_000)
+    context.set_default_timeout(60_000)
     page, said, asked = context.new_page(), [], []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
