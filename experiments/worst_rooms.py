@@ -102,7 +102,8 @@ def main() -> None:
     cell: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     if "knew_better" not in cell:
         raise InputError(f"{options.cell}: expected the cell of an agent; got {cell['config']['fill']}")
-    # Of its configuration what an agent has: what cells have beside it grew while they were filled.
+    # Of its configuration what an agent has: what cells have beside it grew while they were filled, and where runs lie
+    # they leave out.
     trained = {part.name: cell["config"][part.name] for part in fields(TrainConfig)} | {"runs": TrainConfig.runs}
     config: TrainConfig = OmegaConf.to_object(OmegaConf.merge(TrainConfig, trained))  # type: ignore[assignment]
     config.data.root = options.root

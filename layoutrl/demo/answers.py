@@ -24,7 +24,7 @@ from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
-from layoutrl.rooms.documents import parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.documents import BEYOND, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, Fault, faults
 from layoutrl.rooms.files import read_rooms
 from layoutrl.rooms.formats import RoomsSource, Source, format_of, opened
@@ -35,6 +35,7 @@ from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answerable import Answerable, answerable
+from layoutrl.runs.answered import numbered
 from layoutrl.runs.asked import asked_of, said_to_stay
 from layoutrl.runs.streams import Entry
 
@@ -76,8 +77,7 @@ WORDS = {
     IN_SWING: "stands where a door opens",
 }
 
-# What is said of an item that no longer stands in its room.
-BEYOND = re.compile(r"furniture\[(\d+)\]\.center: expected the .* to lie within the room's outer walls")
+CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field of which it is said that an item is BEYOND
 
 Answer = dict[str, Any]
 
@@ -352,18 +352,16 @@ def limited(room: Room) -> Room:
 
 def in_words(error: RoomError, document: Any) -> str:
     """What is wrong with a room that somebody edits; of what was moved out of it, without the fields of JSON."""
-    found = BEYOND.fullmatch(str(error))
-    if found is None:
+    found = CENTER.fullmatch(error.field)
+    if found is None or not error.problem.endswith(BEYOND):
         return str(error)
     categories = [item["category"] for item in document["furniture"]]
     return f"The {named(categories, int(found[1]))} would reach beyond the walls"
 
 
 def named(categories: Sequence[str], item: int) -> str:
-    """The category of an item in words, and which of its kind it is, as `place` numbers them."""
-    alike = [k for k, other in enumerate(categories) if other == categories[item]]
-    which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
-    return f"{categories[item].replace('_', ' ')}{which}"
+    """An item in words, numbered as `place` does."""
+    return numbered(categories, item).replace("_", " ")
 
 
 def item_in(asked: Any, room: Room) -> int:

@@ -74,6 +74,7 @@ EXPECTED = {  # of each field that must be there
     "rotation": "rotation, in degrees",
 }
 FAULTS_FIELD = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
+BEYOND = "lie within the room's outer walls"  # what is expected of an item that stands elsewhere
 ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
 
 
@@ -225,9 +226,7 @@ def _check_places(room: Room, with_walls: bool) -> None:
             raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
     for k, item in enumerate(room.furniture):
         if item.center is not None and not room.holds(item):
-            raise RoomError(
-                f"furniture[{k}].center", f"expected the {item.category} to lie within the room's outer walls"
-            )
+            raise RoomError(f"furniture[{k}].center", f"expected the {item.category} to {BEYOND}")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any] | RoomError:

@@ -57,11 +57,12 @@ class Answered:
         nothing was to be placed."""
         if not self.asked.wanted:
             return
+        categories = [item.category for item in self.asked.can.asked.furniture]
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
             said = [
-                f"the {self._name(k)}: {self._words(k, [fault for _, fault in some])}"
+                f"the {numbered(categories, k)}: {self._words(k, [fault for _, fault in some])}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.asked.can.lines
@@ -71,16 +72,16 @@ class Answered:
             stays = f"; {said_to_stay(layout, self.asked.stays)}" if self.asked.stays else ""
             yield f"{name}: {placed}; {found}{stays}"
 
-    def _name(self, item: int) -> str:
-        """The category of an item, and which of its kind it is, in the order of the file."""
-        furniture = self.asked.can.asked.furniture
-        alike = [k for k, other in enumerate(furniture) if other.category == furniture[item].category]
-        which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
-        return f"{furniture[item].category}{which}"
-
     def _words(self, item: int, faults: Sequence[str]) -> str:
         there = ", ".join(fault for fault in faults if fault != MISSING)
         if MISSING not in faults:
             return there
         stays = f", and stays where it stood{there and f' ({there})'}"
         return CROWDED_OUT + stays * (item in self.asked.stood)
+
+
+def numbered(categories: Sequence[str], item: int) -> str:
+    """The category of an item, and which of its kind it is, in the order of the file."""
+    alike = [k for k, other in enumerate(categories) if other == categories[item]]
+    which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
+    return f"{categories[item]}{which}"
