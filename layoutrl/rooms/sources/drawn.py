@@ -40,7 +40,7 @@ from layoutrl.rooms.room import (
 NARROW = 0.18  # metres: what is narrower of a floor is none
 JOG = 0.04  # metres: jogs of a floor's border that are smaller are slips of the hand
 LEAN = 1.0  # degrees by which a side of a floor may lean from the axes by a slip
-ROOM = 1.0  # square metres, of the further parts of a floor that a wall cuts: smaller ones are no rooms
+ROOM = 1.0  # square metres, of a part of a floor that walls cut, or of what they enclose: smaller ones are no rooms
 LINING = 0.06  # metres, of the wall where a side has none: rooms that are open to each other
 NEAR = 0.1  # metres from a floor to a wall that is its own
 ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
@@ -116,6 +116,15 @@ class Storey(Generic[P]):
     def _bodies(self) -> shapely.Geometry | None:
         return shapely.union_all([wall.body for wall in self.walls]) if self.walls else None
 
+    @property
+    def enclosed(self) -> list[Polygon]:
+        """The floors that walls enclose, the largest first, as `tidy` has floors: no slit leads out of them."""
+        if self._bodies is None:
+            return []
+        closed = self._bodies.buffer(NARROW / 2, join_style="mitre").buffer(-NARROW / 2, join_style="mitre")
+        floors = shapely.get_parts(_filled(closed).difference(closed))
+        return sorted((part for part in floors if part.area > ROOM), key=lambda part: -part.area)
+
     def draw(self, name: str | None, label: str, floor: Callable[[], Polygon]) -> None:
         """Add a room, or several where walls cut its floor; or the reason to leave it out. Walls are there before."""
         try:
@@ -144,8 +153,7 @@ class Storey(Generic[P]):
     @cached_property
     def building(self) -> shapely.Geometry:
         """All rooms and walls, and what walls enclose. Rooms are there before."""
-        enclosed = [Polygon(part.exterior) for part in shapely.get_parts(self._bodies)]
-        return shapely.union_all([*enclosed, *(room.traced for room in self.rooms)])
+        return shapely.union_all([_filled(self._bodies), *(room.traced for room in self.rooms)])
 
     def leave(self, piece: P) -> None:
         """Leave a piece that stands in no room where it is: in the way of the room that it reaches into most."""
@@ -205,6 +213,11 @@ class Storey(Generic[P]):
                 if item is not items[k]:
                     pieces[k] = replace(pieces[k], item=item, known=False)
             yield room, [pieces[k] for k in held]
+
+
+def _filled(walls: shapely.Geometry | None) -> shapely.Geometry:
+    """Walls, and all that they enclose."""
+    return shapely.union_all([Polygon(part.exterior) for part in shapely.get_parts(walls)])
 
 
 def unused(name: str, taken: set[str]) -> str:

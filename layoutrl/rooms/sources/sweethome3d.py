@@ -177,8 +177,9 @@ def _home(
             levels[read.id] = level
         home.collection.left_out += storey.left_out
         home.collection.notes += storey.notes
-    if not any(element.tag == "room" for element in elements):
-        home.collection.left_out.append((str(path), "no room is drawn in it; expected some, drawn by Create rooms"))
+    if not any(element.tag == "room" for element in elements) and not any(s.rooms for s in storeys.values()):
+        why = "no room is drawn in it, and walls enclose none; expected some, drawn by Create rooms"
+        home.collection.left_out.append((str(path), why))
     parked = [(level, piece) for level, piece in outside if _moves(piece, moved, True)]
     if moved is None or ALL in moved:
         still = [piece for _, piece in outside if piece.known and not _moves(piece, moved, True)]
@@ -256,13 +257,7 @@ def _storeys(
             storey.walls += _walls(element)
         for each in _shown(element):
             storey.gaps += _gaps(each) if _opens(each) else []
-    rooms = [element for element in elements if element.tag == "room"]
-    walls = sum(element.tag == "wall" for element in elements)
-    if len(rooms) * walls > MOST_PAIRS:
-        raise RoomError("room", f"expected at most {MOST_PAIRS // walls} rooms beside {walls} walls; got {len(rooms)}")
-    for number, element in enumerate(rooms, 1):
-        called = (element.attributes.get("name") or "").strip()
-        storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
+    _draw_rooms(elements, storeys, level_of)
     furniture = [e for e in elements if e.tag in (*PIECES, GROUP) and not _opens(e) and e.flag("visible", True)]
     held: set[int] = set()
     on: dict[int, list[Element]] = {}
@@ -285,6 +280,32 @@ def _storeys(
         else:
             outside.append((level, piece))
     return storeys, outside, walled
+
+
+def _draw_rooms(
+    elements: list[Element], storeys: dict[str | None, Storey[HomePiece]], level_of: dict[int, str | None]
+) -> None:
+    """Draw the rooms of each storey; where it has none, what its walls enclose, as many people draw walls alone.
+
+    Raises RoomError where there are too many.
+    """
+    rooms = [element for element in elements if element.tag == "room"]
+    walls = sum(element.tag == "wall" for element in elements)
+    drawn = {level_of[element.start] for element in rooms}
+    enclosed = {level: storey.enclosed for level, storey in storeys.items() if level not in drawn}
+    count = len(rooms) + sum(map(len, enclosed.values()))
+    if count * walls > MOST_PAIRS:
+        raise RoomError("room", f"expected at most {MOST_PAIRS // walls} rooms beside {walls} walls; got {count}")
+    for number, element in enumerate(rooms, 1):
+        called = (element.attributes.get("name") or "").strip()
+        storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(_traced, element))
+    for level, floors in enclosed.items():
+        storey = storeys[level]
+        for number, floor in enumerate(floors, 1):
+            storey.draw("", f"room {number}", partial(Polygon, floor))
+        if floors:
+            said = "no room is drawn; what walls enclose is taken for one (Create rooms draws them, with names)"
+            storey.notes.append(f"{storey.prefix}: {said}")
 
 
 def _label(name: str) -> str:

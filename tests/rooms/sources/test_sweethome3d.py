@@ -403,6 +403,56 @@ def test_a_home_of_a_folder_is_read_as_it_is_alone(move: str | None, tmp_path: P
     assert all(item.center for room in read(tmp_path / "homes", names_of()).rooms for item in room.furniture)
 
 
+@pytest.mark.parametrize("apart", [0, 17, 19])
+def test_where_no_room_is_drawn_what_walls_enclose_is_taken_for_rooms(apart: float, tmp_path: Path) -> None:
+    """The flat without its rooms, with a column. A wall of the bedroom ends some centimetres before the next."""
+    column = wall(290, 260, 310, 260, thickness=20)
+    walls = WALLS.replace(wall(-5, 305, -5, -5), wall(-5, 305, -5, 5 + apart))
+    drawn = flat(tmp_path, FLAT + column)
+    home = flat(tmp_path, FLAT.replace(ROOMS, "").replace(WALLS, walls) + column)
+    enclosed = drawn.rooms if apart < 18 else drawn.rooms[1:]
+    assert [room.id for room in home.rooms] == ["flat/room 1", "flat/room 2"][: len(enclosed)]  # the largest first
+    for room, traced in zip(home.rooms, enclosed, strict=True):
+        assert (room.room_type, room.furniture) == (traced.room_type, traced.furniture)
+        assert room.indoor.symmetric_difference(traced.indoor).area < 1e-6
+        assert [opening.kind for opening in room.openings] == ["door"]
+    said = [note for note in home.collection.notes if "no room is drawn; what walls enclose is taken for one" in note]
+    assert len(said) == 1
+    assert drawn.collection.notes == []
+
+
+def test_a_home_of_walls_alone_is_furnished_and_written_back(tmp_path: Path) -> None:
+    body = FLAT.replace(ROOMS, "") + piece("wardrobe", 900, 100, 100, 54, id="w")
+    home = flat(tmp_path, body)
+    bedroom = home.rooms[0]
+    _, wardrobe = bedroom.furniture
+    placed = replace(wardrobe, center=(3.5, -2.4), rotation=180.0)
+    home.write([replace(bedroom, furniture=(bedroom.furniture[0], placed))], tmp_path / "new.sh3d")
+    found = read_home(tmp_path / "new.sh3d").rooms[0]
+    assert [(item.category, item.center) for item in found.furniture] == [
+        ("bed", bedroom.furniture[0].center),
+        ("wardrobe", (3.5, -2.4)),
+    ]
+
+
+def test_storeys_without_rooms_and_with_them_are_told_apart(tmp_path: Path) -> None:
+    levels = tag("level", id="a", name="Ground", elevation=0) + tag("level", id="b", name="Attic", elevation=280)
+    ring = ((700, 0, 1000, 0), (1000, 0, 1000, 300), (1000, 300, 700, 300), (700, 300, 700, 0))
+    hut = "".join(wall(*ends, level="b") for ends in ring) + piece("bed140x190", 850, 150, 158, 208, id="c", level="b")
+    shed = "".join(wall(*ends, level="a") for ends in ring) + room_tag(0, 0, 400, 300, name="Bedroom", level="a")
+    home = flat(tmp_path, levels + shed + hut)
+    assert [(room.id, len(room.furniture)) for room in home.rooms] == [
+        ("flat/Ground/Bedroom", 0),  # beside it what walls enclose is none: somebody has drawn what is
+        ("flat/Attic/room 1", 1),
+    ]
+
+
+def test_more_rooms_than_are_worked_out_soon_are_refused_though_none_is_drawn(tmp_path: Path) -> None:
+    cells = "".join(wall(x, 0, x, 4000) + wall(0, x, 4000, x) for x in range(0, 4001, 200))
+    with pytest.raises(InputError, match=r"room: expected at most 357 rooms beside 42 walls; got 400"):
+        flat(tmp_path, cells)
+
+
 def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path) -> None:
     parked = (
         piece("wardrobe", 900, 100, 100, 54, id="w")
@@ -418,7 +468,8 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
     assert len(bathroom.furniture) == 4
     with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
         flat(tmp_path, FLAT + parked, into="kitchen")
-    for body, why in ((BED, "no room is drawn in it"), (room_tag(0, 0, 400, 300, name="Hall"), "nobody furnishes")):
+    nothing = "no room is drawn in it, and walls enclose none"
+    for body, why in ((BED, nothing), (room_tag(0, 0, 400, 300, name="Hall"), "nobody furnishes")):
         with pytest.raises(InputError, match=f"'kitchen' to furnish; none could be read: {why}"):
             flat(tmp_path, body, into="kitchen")
 
