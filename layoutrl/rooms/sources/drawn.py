@@ -19,10 +19,11 @@ from shapely.geometry.polygon import orient
 
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import NO_ROOM, NOTED, OBSTACLE, Names
-from layoutrl.rooms.clearances import HOSTS
+from layoutrl.rooms.clearances import HOSTS, PASSAGE
 from layoutrl.rooms.collection import NOBODYS
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
+    FILM,
     TOLERANCE,
     WALL_THICKNESS,
     Item,
@@ -164,6 +165,22 @@ class Storey(Generic[P]):
         if most is not None and shared[most] > LEAST:
             beside[most].pieces.append(replace(piece, known=False))
 
+    def _passages(self, room: DrawnRoom[P], gaps: Sequence[DrawnOpening]) -> list[DrawnOpening]:
+        """Where a floor goes on into another room's with no wall between: ways through, as doors are.
+
+        Each lies along one side, and begins a little beyond its ends.
+        """
+        if not self.walls:
+            return []
+        near = [self.rooms[k] for k in sorted(self._traced.query(room.floor.buffer(NEAR), predicate="intersects"))]
+        floors = [other.floor for other in near if other is not room]
+        beside = [floor for floor in floors if floor.intersection(room.floor).area < ROOM]  # no slabs, nor ceilings
+        solid = [self._bodies, *(gap.shape for gap in gaps)]
+        border = room.floor.exterior.intersection(shapely.union_all(beside).buffer(NEAR))
+        ends = shapely.MultiPoint(room.floor.exterior.coords)
+        ways = shapely.get_parts(border.difference(shapely.union_all([*solid, ends]).buffer(NEAR)))
+        return [DrawnOpening("door", way.buffer(FILM, cap_style="flat"), way) for way in ways if way.length >= PASSAGE]
+
     def finished(
         self,
         names: Names,
@@ -197,6 +214,7 @@ class Storey(Generic[P]):
             items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
             gaps = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))[:MOST_OPENINGS]]
+            gaps += self._passages(drawn, gaps)
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
             try:
                 room, held = room_of(room_id, kind, drawn.floor, walls, gaps, items, group)

@@ -234,15 +234,16 @@ def _storeys(
     """By the id of its first level, None where the home has none, each storey with all that stands in its rooms;
     (level, piece) outside all rooms; and what is in no room, but stands in the building.
 
-    Levels of one elevation are layers of one storey. Raises RoomError for a number that is none.
+    Levels of one elevation are layers of one storey, but for those that are hidden beside one that is not: how it was
+    before, or may be. Raises RoomError for a number that is none.
     """
     named = {e.attributes.get("id"): e for e in elements if e.tag == "level"}
+    heights = {k: e.number("elevation") if "elevation" in e.attributes else k for k, e in named.items()}
+    shown = {heights[level] for level, element in named.items() if element.flag("viewable", True)}
+    hidden = [k for k, e in named.items() if not e.flag("viewable", True) and heights[k] in shown]
+    elements = [element for element in elements if element.attributes.get("level") not in hidden]
     first: dict[float | str | None, str | None] = {}  # of an elevation
-    joined: dict[str | None, str | None] = {}  # the first level of the elevation of each
-    for level, element in named.items():
-        joined[level] = first.setdefault(
-            element.number("elevation") if "elevation" in element.attributes else level, level
-        )
+    joined = {level: first.setdefault(heights[level], level) for level in named if level not in hidden}
     storeys: dict[str | None, Storey[HomePiece]] = {}
     taken: set[str] = set()  # prefixes
     level_of: dict[int, str | None] = {}  # an element, by where it begins
@@ -257,6 +258,10 @@ def _storeys(
             storey.walls += _walls(element)
         for each in _shown(element):
             storey.gaps += _gaps(each) if _opens(each) else []
+    for level in hidden:
+        if beside := storeys.get(first[heights[level]]):
+            name = named[level].attributes.get("name") or str(level)
+            beside.notes.append(f"{beside.prefix}: the level {name!r} of its elevation is hidden, and is not read")
     _draw_rooms(elements, storeys, level_of)
     furniture = [e for e in elements if e.tag in (*PIECES, GROUP) and not _opens(e) and e.flag("visible", True)]
     held: set[int] = set()

@@ -421,6 +421,24 @@ def test_where_no_room_is_drawn_what_walls_enclose_is_taken_for_rooms(apart: flo
     assert drawn.collection.notes == []
 
 
+@pytest.mark.parametrize(("low", "high"), [(0, 300), (0, 79), (100, 300), (100, 181)])
+def test_where_no_wall_parts_two_rooms_the_way_is_kept_free_as_a_door(low: float, high: float, tmp_path: Path) -> None:
+    """A living room, and a kitchen on its right, a wall between them but from `low` to `high`; a slab below both."""
+    stubs = "".join(wall(400, y0, 400, y1) for y0, y1 in ((0, low - 5), (high + 5, 300)) if y1 - y0 > 10)
+    slab = room_tag(-10, -10, 620, 310)
+    rooms = room_tag(0, 0, 400, 300, name="Living room") + room_tag(400, 0, 610, 300, name="Kitchen")
+    outside = WALLS.replace(wall(405, -5, 405, 305), "")
+    living_room, kitchen = flat(tmp_path, outside + stubs + slab + rooms).rooms
+    for room in (living_room, kitchen):
+        if high - low < 80:
+            assert room.doors == ()
+            continue
+        (way,) = room.doors
+        _, y0, _, y1 = way.shape.bounds
+        assert (y0, y1) == pytest.approx((-high / 100 + 0.1, -low / 100 - 0.1), abs=0.003)  # beside the walls
+        assert room.envelope.buffer(1e-6).covers(way.shape)
+
+
 def test_a_home_of_walls_alone_is_furnished_and_written_back(tmp_path: Path) -> None:
     body = FLAT.replace(ROOMS, "") + piece("wardrobe", 900, 100, 100, 54, id="w")
     home = flat(tmp_path, body)
@@ -445,6 +463,19 @@ def test_storeys_without_rooms_and_with_them_are_told_apart(tmp_path: Path) -> N
         ("flat/Ground/Bedroom", 0),  # beside it what walls enclose is none: somebody has drawn what is
         ("flat/Attic/room 1", 1),
     ]
+
+
+@pytest.mark.parametrize("height", [0, 280])
+def test_a_hidden_level_is_read_unless_it_is_another_plan_of_one_that_is_shown(height: int, tmp_path: Path) -> None:
+    now = tag("level", id="a", name="Now", elevation=0)
+    before = tag("level", id="b", name="Before", elevation=height, viewable="false")
+    plans = (re.sub("<(room|wall|pieceOfFurniture|doorOrWindow)", rf"<\1 level='{k}'", FLAT) for k in "ab")
+    home = flat(tmp_path, now + before + "".join(plans))
+    storeys = ["flat/Now", "flat/Before"] if height else ["flat/Now"]
+    assert sorted({room.id.rpartition("/")[0] for room in home.rooms}) == sorted(storeys)
+    assert all(len(room.furniture) == 1 for room in home.rooms)
+    said = "flat/Now: the level 'Before' of its elevation is hidden, and is not read"
+    assert (said in home.collection.notes) == (height == 0)
 
 
 def test_more_rooms_than_are_worked_out_soon_are_refused_though_none_is_drawn(tmp_path: Path) -> None:
