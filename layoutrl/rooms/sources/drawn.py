@@ -165,17 +165,15 @@ class Storey(Generic[P]):
         if most is not None and shared[most] > LEAST:
             beside[most].pieces.append(replace(piece, known=False))
 
-    def _passages(self, room: DrawnRoom[P], gaps: Sequence[DrawnOpening]) -> list[DrawnOpening]:
-        """Where a floor goes on into another room's with no wall between: ways through, as doors are.
+    def _passages(self, room: DrawnRoom[P], walls: Sequence[Wall], gaps: Sequence[DrawnOpening]) -> list[DrawnOpening]:
+        """Where a floor goes on into another room's with none of the walls between: ways through, as doors are.
 
         Each lies along one side, and begins a little beyond its ends.
         """
-        if not self.walls:
-            return []
         near = [self.rooms[k] for k in sorted(self._traced.query(room.floor.buffer(NEAR), predicate="intersects"))]
         floors = [other.floor for other in near if other is not room]
         beside = [floor for floor in floors if floor.intersection(room.floor).area < ROOM]  # no slabs, nor ceilings
-        solid = [self._bodies, *(gap.shape for gap in gaps)]
+        solid = [*(wall.body for wall in walls), *(gap.shape for gap in gaps)]
         border = room.floor.exterior.intersection(shapely.union_all(beside).buffer(NEAR))
         ends = shapely.MultiPoint(room.floor.exterior.coords)
         ways = shapely.get_parts(border.difference(shapely.union_all([*solid, ends]).buffer(NEAR)))
@@ -214,8 +212,9 @@ class Storey(Generic[P]):
             items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
             gaps = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))[:MOST_OPENINGS]]
-            gaps += self._passages(drawn, gaps)
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
+            if walls:
+                gaps += self._passages(drawn, walls, gaps)
             try:
                 room, held = room_of(room_id, kind, drawn.floor, walls, gaps, items, group)
             except RoomError as error:
