@@ -83,7 +83,8 @@ def furnish(
 
     `stood` is the furniture of each room as it stood, if it is lifted already (`Source.stood`); the options are those
     of conf/place.yaml. What nobody can place stays where it stood, or has no center. Items have categories; `move` may
-    have everyday names. Raises InputError for an option of another kind, and for a `run` that is no training run.
+    have everyday names, with commas between. Raises InputError for what an option may not be, and for a `run` that is
+    no training run.
     """
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
