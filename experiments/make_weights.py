@@ -22,7 +22,7 @@ import hashlib
 import io
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -56,7 +56,6 @@ WORST = 0.8  # IoU below which an agent is said to be bad at an item
 SAME = 0.01  # mean difference of the IoU of rooms, below which they were furnished alike
 ACROSS = 4  # agents in a table
 FEW = 10  # items of a category, of which nothing is said
-SETTINGS = {"dining_room": {"data.disturbed": "0.0"}}  # of a type's own: there they cost more than they brought
 MEASURES = {
     "iou": "IoU",
     "facing": "facing",
@@ -90,7 +89,7 @@ def main(arguments: list[str]) -> int:
         raise InputError(f"{others[0]}: expected none with scores=, which are of the networks in the package")
     status = 0
     if scores is None and "runs" not in chosen:
-        status = max([multirun("table3", sweep) for sweep in sweeps(types, chosen)])
+        status = multirun("table3", {"column": COLUMN} | chosen | {"room": ",".join(types)})
     folder.mkdir(parents=True, exist_ok=True)
     about: dict[str, Any] = {"version": 1, "licence": LICENCE, "agents": {}}
     if (file := folder / ABOUT).exists():
@@ -114,14 +113,6 @@ def main(arguments: list[str]) -> int:
         page.write_text(page_of(about), encoding="utf-8")
         print(f"{room_type}: IoU {card['measures']['iou']:.3f}, {card['bytes']} bytes", flush=True)
     return status
-
-
-def sweeps(types: Sequence[str], chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """Trainings of agents of these types: of those without SETTINGS, and of each of the others."""
-    usual = [[room_type for room_type in types if room_type not in SETTINGS]]
-    groups = usual + [[room_type] for room_type in types if room_type in SETTINGS]
-    settings = [{"room": ",".join(some)} | SETTINGS.get(some[0], {}) for some in groups if some]
-    return [{"column": COLUMN} | those | dict(chosen) for those in settings]
 
 
 def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[str, Any] | None) -> dict[str, Any]:

@@ -70,6 +70,7 @@ class RoomConfig:
     item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
     updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
     whole_updates: int = 0  # the same with scope=room, which runs of before do not say
+    disturbed: float = 0.5  # share of designed rooms to learn from, with scope=room, that are disturbed as flats are
     mirrors_alike: bool = True  # a mirrored room is mostly furnished as the mirror image, and scope=room learns from it
 
 
