@@ -14,26 +14,24 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
-from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
-from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING
 from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, name_of
 from layoutrl.rooms.formats import Source, format_of, opened, other_formats, to_place
-from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
 from layoutrl.runs.answered import Answered
-from layoutrl.runs.asked import Asked, asked_of, put_back
+from layoutrl.runs.answering import Answering, matched
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
@@ -49,9 +47,6 @@ from layoutrl.runs.streams import (
     json_entries,
     source_entries,
 )
-
-if TYPE_CHECKING:
-    from layoutrl.runs.furnishers import Hired
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # first lines: where none is a JSON object, it is no file of rooms
@@ -95,7 +90,7 @@ def furnish(
         Entry(room.id, to_place(room, config.move), room_to_dict(room), stood=tuple(items))
         for room, items in zip(rooms, stood or [room.furniture for room in rooms], strict=True)
     ]
-    return Work(config, None, None, None).answered(entries)
+    return Answering(config).answer(entries)
 
 
 @cache
@@ -152,6 +147,7 @@ class Work:
 
     def __init__(self, config: PlaceConfig, source: Source | None, total: int | None, says: IO[str] | None):
         self.config, self.source, self.total = config, source, total
+        self.answering = Answering(config)
         self.tally = Tally()
         self._says = says
         self._units = {"m", config.unit}  # that need not be told
@@ -160,13 +156,6 @@ class Work:
         self._ids: list[str] = []  # of the first rooms
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
-
-    @cached_property
-    def who(self) -> Hired:
-        """Who furnishes."""
-        from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: what is wrong is said before
-
-        return hired(self.config)
 
     def say(self, line: str) -> None:
         """Print it, above the bar of progress; a name in it cannot command the terminal."""
@@ -246,7 +235,6 @@ class Work:
         shard, shards = self.config.shard_of
         done = self.tally.entries
         first = shard + done * shards
-        named = names_in(self.config.move)
         folder = picture_folder(self.config, new=not done)
         if done:
             self.say(f"goes on after {done} rooms")
@@ -268,74 +256,45 @@ class Work:
         nobody = True if sys.stderr is None else None  # None: where it is no terminal
         with tqdm(None, "furnishing", length, initial=done, unit="room", disable=nobody) as bar:
             for block in blocks(entries):
-                answers = iter(self.answered([entry for entry in block if entry.room]))
-                answered = []
+                readable = iter(self.answering.answer([entry for entry in block if entry.room]))
+                answers = []
                 for entry in block:
                     self.tally.entries += 1
                     self._objects += bool(entry.document)
-                    if entry.room:
-                        self._unmet -= matched(self.config.only, entry.room)
-                        self._ids += [entry.room.id] if len(self._ids) < LISTED else []
-                    meant = entry.room is not None and self._meant(entry.room)
-                    for name in (item.category for item in entry.stood if item.locked and meant):
-                        if name in named or ALL in named:
-                            self.tally.locked[name] = self.tally.locked.get(name, 0) + 1
-                    if self._seen is not None and meant:
-                        self._seen |= {item.category for item in entry.stood}
                     if entry.room is None:
-                        self.tally.left_out += 1
-                        self.say(f"{entry.where}: left out: {entry.problem}")
-                        by_line = self.config.rooms == STANDARD or self.config.rooms.lower().endswith(JSON)
-                        if by_line and not done and self.tally.entries == PATIENCE and not self._objects:
-                            raise InputError(
-                                f"rooms: expected one room a line, in JSON; none of the first {PATIENCE} lines is one "
-                                "(a room over several lines is a .json file)"
-                            )
+                        self._left_out(entry, new=not done)
                         continue
-                    if entry.unit not in self._units:
-                        self._units.add(entry.unit)
-                        self.say(unit_line(entry.unit, [entry.document]))
-                    answered.append(answer := next(answers))
+                    self._met(entry, entry.room)
+                    answers.append(answer := next(readable))
                     self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
-                yield answered
+                yield answers
                 bar.update(len(block))
 
-    def answered(self, entries: Sequence[Entry]) -> list[Answered]:
-        """Rooms that can be read, furnished together."""
-        asked = [self._asked(entry) for entry in entries]
-        briefs = [what.can.brief for what in asked if missing(what.can.brief)]
-        layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
-        answers, before = [], list[Room]()
-        for entry, what in zip(entries, asked, strict=True):
-            found = next(layouts) if missing(what.can.brief) else []
-            rooms = [what.can.answer(each.layout) for each in found] or [what.can.asked]
-            unplaced = [[k for k in what.wanted if room.furniture[k].center is None] for room in rooms]
-            stays = [what.stood.intersection(those) for those in unplaced]
-            written = [put_back(room, entry, those) for room, those in zip(rooms, stays, strict=True)]
-            before += [put_back(what.can.asked, entry, those) for those in stays]
-            answers.append(Answered(entry, what, written, [each.by for each in found] or [""], unplaced, []))
-        was = iter(faults_of_all(before))
-        now = iter(faults_of_all([layout for answer in answers for layout in answer.layouts]))
-        for answer in answers:
-            for layout, those in zip(answer.layouts, answer.unplaced, strict=True):
-                staying = answer.asked.stood.intersection(those)
-                odd = oddities(layout, {*answer.asked.wanted}.difference(staying))
-                answer.wrong.append([(k, MISSING) for k in sorted(staying)] + new_faults(next(now), next(was)) + odd)
-        return answers
+    def _left_out(self, entry: Entry, new: bool) -> None:
+        """Say what is wrong with a room. Raises InputError where no line of a new run so far is one."""
+        self.tally.left_out += 1
+        self.say(f"{entry.where}: left out: {entry.problem}")
+        by_line = self.config.rooms == STANDARD or self.config.rooms.lower().endswith(JSON)
+        if by_line and new and self.tally.entries == PATIENCE and not self._objects:
+            raise InputError(
+                f"rooms: expected one room a line, in JSON; none of the first {PATIENCE} lines is one "
+                "(a room over several lines is a .json file)"
+            )
 
-    def _asked(self, entry: Entry) -> Asked:
-        """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
-        assert entry.room is not None
-        moves_all = ALL in names_in(self.config.move)
-        furniture = entry.room.furniture if self._meant(entry.room) else ()
-        meant = [k for k, item in enumerate(furniture) if self.config.item in (None, item.category)]
-        if not missing(entry.room):
-            return asked_of(entry, meant, moves_all, ())
-        return asked_of(entry, meant, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
-
-    def _meant(self, room: Room) -> bool:
-        """Whether a room is to be furnished: all are, or the `only` ones."""
-        return not self.config.only or bool(matched(self.config.only, room))
+    def _met(self, entry: Entry, room: Room) -> None:
+        """Keep what is said of all rooms at the end, and say a unit that was not met before."""
+        named = names_in(self.config.move)
+        self._unmet -= matched(self.config.only, room)
+        self._ids += [room.id] if len(self._ids) < LISTED else []
+        if self.answering.means(room):
+            for name in (item.category for item in entry.stood if item.locked):
+                if name in named or ALL in named:
+                    self.tally.locked[name] = self.tally.locked.get(name, 0) + 1
+            if self._seen is not None:
+                self._seen |= {item.category for item in entry.stood}
+        if entry.unit not in self._units:
+            self._units.add(entry.unit)
+            self.say(unit_line(entry.unit, [entry.document]))
 
     def _told(self, answer: Answered, picture: Path | None) -> None:
         if not answer.asked.wanted:
@@ -348,30 +307,17 @@ class Work:
         for line in answer.lines():
             self.say(line)
         if picture:
-            from layoutrl.figures.drawing import draw  # matplotlib, which takes a second
+            self._draw(answer, picture)
 
-            for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):
-                room_id = re.sub(r"[^\w.-]+", "_", layout.id).encode()[:LONGEST].decode(errors="ignore")
-                choice = f"-{n}" if n > 1 else ""
-                file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
-                self.drawn.append(file)
-                draw(layout, wrong, file)
+    def _draw(self, answer: Answered, picture: Path) -> None:
+        from layoutrl.figures.drawing import draw  # matplotlib, which takes a second
 
-
-def matched(only: str | None, room: Room) -> set[str]:
-    """Of the names with commas between them those that call a room: by its id, or what follows a slash in it.
-
-    Upper case does not matter, a slash may be the dash that stands for it in an id, and a name may have commas itself.
-    """
-
-    def folded(names: Sequence[str]) -> str:
-        return ",".join(name.strip() for name in names).casefold().replace("/", "-")
-
-    parts = room.id.split("/")
-    calls = {folded("/".join(parts[first:]).split(",")) for first in range(len(parts))}
-    said = [name.strip() for name in only.split(",")] if only else []
-    runs = [said[k:n] for k in range(len(said)) for n in range(k + 1, len(said) + 1)]
-    return {name for run in runs if folded(run) in calls for name in run}
+        for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):
+            room_id = re.sub(r"[^\w.-]+", "_", layout.id).encode()[:LONGEST].decode(errors="ignore")
+            choice = f"-{n}" if n > 1 else ""
+            file = picture.with_name(f"{picture.name}-{room_id}{choice}.{self.config.drawing}")
+            self.drawn.append(file)
+            draw(layout, wrong, file)
 
 
 def check_who(config: PlaceConfig) -> None:
