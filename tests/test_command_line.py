@@ -23,13 +23,14 @@ from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import spread
+from layoutrl.evaluation.moving import STARTS
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
+from layoutrl.rooms.furnished import dice
 from layoutrl.runs.checkpoints import checkpoints
 from layoutrl.runs.config import TrainConfig, config_directory
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.furnishers import STARTS, dice
 from layoutrl.runs.trained import trained_network
 from tests.commands import PROJECT, fresh, layoutrl
 

@@ -23,6 +23,7 @@ import layoutrl.place
 import layoutrl.rooms.sources.sweethome3d
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.moving import STARTS
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.evaluation.rollout import Rollout
 from layoutrl.place import furnish
@@ -38,7 +39,7 @@ from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
-from layoutrl.runs.furnishers import STARTS, Helped, Hired, hired
+from layoutrl.runs.furnishers import Helped, Hired, hired
 from layoutrl.train import run as train
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece, room_tag
 from tests.runs.test_resume import SHORT
@@ -141,7 +142,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
                 return found
 
         monkeypatch.setattr(
-            layoutrl.runs.furnishers, "greedy", lambda network, method: Best(**vars(greedy(network, method)))
+            layoutrl.evaluation.moving, "greedy", lambda network, method: Best(**vars(greedy(network, method)))
         )
         out = tmp_path / f"{facing}.jsonl"
         rooms = run(PlaceConfig(run=str(agent), rooms=str(tmp_path / "rooms.jsonl"), out=str(out), device="cpu"))

@@ -11,26 +11,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import shapely
-import torch
-from torch import nn
-
 from layoutrl import InputError
-from layoutrl.agents.method import Method
-from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import observation_of
-from layoutrl.env.reward import Reward
-from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.furnishing import Furnisher, one_thread, spread
-from layoutrl.evaluation.policy import greedy
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.moving import Mover
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import Rival
 from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.brief import largest_first, missing, ways, with_poses
+from layoutrl.rooms.brief import missing
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
-from layoutrl.rooms.fitting import fitting_positions
-from layoutrl.rooms.furnished import Furnished, Furnishes, dice, laid_out, same, several
+from layoutrl.rooms.furnished import Furnished, Furnishes, same
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
@@ -46,7 +35,6 @@ from layoutrl.runs.trained import trained_network
 # machines would differ.
 RESTARTS = (8, 64)
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
-STARTS = 4  # places for each way to face from which a Mover's item moves, evenly spread: little hangs on the seed
 
 
 @dataclass(frozen=True)
@@ -148,72 +136,6 @@ def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -
             lacks.append((names.count(MISSING), len(names) - names.count(MISSING), odd))
         counted.append(lacks)
     return counted
-
-
-class Mover:
-    """A trained agent that moves one item. Of several it moves the largest first, each among what stands by then."""
-
-    def __init__(self, network: nn.Module, method: Method, reward: Reward, categories: list[str], device: torch.device):
-        self.network, self.method, self.reward = network, method, reward
-        self.categories, self.device = categories, device
-
-    @one_thread()
-    @torch.inference_mode()
-    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. The value is the mean of what the agent thinks of each item's place."""
-        return several(self._layouts, briefs, choices, seed)
-
-    def _layouts(self, briefs: Sequence[Room], seeds: Sequence[int]) -> list[Furnished]:
-        layouts, values = list(briefs), [np.zeros(0) for _ in briefs]
-        rngs = [dice(brief, seeds) for brief in briefs]
-        orders = [largest_first(brief) for brief in briefs]
-        for turn in range(max(map(len, orders))):
-            asked = [(k, order[turn]) for k, order in enumerate(orders) if turn < len(order)]
-            turned = [(k, facing) for k, item in asked for facing in facing_all_ways(layouts[k], item)]
-            turned = [entry for entry, fits in zip(turned, fitting([room for _, room in turned]), strict=True) if fits]
-            rooms = [room for _, room in turned]
-            place, value = self._moved(rooms, [rngs[k] for k, _ in turned])
-            for k, item in asked:
-                ends = [n for n, (of, _) in enumerate(turned) if of == k]
-                best = max(ends, key=lambda n: value[n])
-                center = (round(float(place[best][0]), 4), round(float(place[best][1]), 4))
-                layouts[k] = with_poses(layouts[k], {item: (center, rooms[best].moving.degrees)})
-                values[k] = np.append(values[k], value[best])
-        made = zip(briefs, layouts, values, strict=True)
-        return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
-
-    def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
-        """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of STARTS."""
-        method, index = self.method, np.arange(len(rooms)).repeat(STARTS)
-        simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), self.device)
-        moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS, 1)
-        numbers = torch.as_tensor((np.tile(spread(0, STARTS), len(rooms)) + moved_on) % 1, device=self.device)
-        run = greedy(self.network, method).rollout(
-            simulator,
-            observation_of(method.observation, rooms, self.device, self.categories),
-            index,
-            simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
-        )
-        value = run.promise.reshape(-1, STARTS)
-        best = np.arange(len(rooms)), value.argmax(1)
-        return run.final.reshape(-1, STARTS, 2)[best], value[best]
-
-
-def facing_all_ways(room: Room, item: int) -> list[Room]:
-    """The room once for each way in which an item, its target, may face.
-
-    The simulator is for rooms whose answer is known. Here it is none: any place will do, and nothing looks at it.
-    """
-    return [
-        replace(with_poses(room, {item: (room.outline[0], degrees)}), target=item)
-        for degrees in ways(room, room.furniture[item])
-    ]
-
-
-def fitting(rooms: Sequence[Room]) -> np.ndarray:
-    """Which rooms their targets fit into, indoors, as they face: (B,)."""
-    indoor, templates = (np.array(each) for each in zip(*[(r.indoor, r.moving.template) for r in rooms], strict=True))
-    return ~shapely.is_empty(fitting_positions(indoor, templates))
 
 
 def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) -> str:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from layoutrl.agents.learner import q_network
 from layoutrl.env.observation import categories_of
 from layoutrl.evaluation.furnishing import Furnisher, one_thread
+from layoutrl.evaluation.moving import Mover
 from layoutrl.rooms.brief import brief_of, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
@@ -23,7 +24,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import HALL, Helped, Mover, best_apart, hired, shortcomings
+from layoutrl.runs.furnishers import HALL, Helped, best_apart, hired, shortcomings
 from layoutrl.runs.pretrained import Agents
 from tests.builders import rectangular_room
 
