@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from pathlib import Path
 from textwrap import dedent
 from typing import Any
@@ -12,6 +13,7 @@ import ablation
 import pytest
 
 from layoutrl.runs.config import composed
+from layoutrl.runs.pretrained import cards
 from tests.commands import layoutrl
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -65,10 +67,18 @@ def test_the_rooms_commands_work_one_after_the_other(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
 def test_the_commands_options_exist(entry_point: str, options: str) -> None:
-    given = [option.replace("<name>", "name") for option in options.partition("#")[0].split()]
+    given = [option.replace("<name>", "name") for option in shlex.split(options.partition("#")[0])]
     if "-m" in given:  # a sweep: its first run
         given = [option.split(",")[0] for option in given if option != "-m"]
     assert composed(entry_point.removesuffix(".train"), *given)
+
+
+def test_the_furniture_that_is_placed_is_told() -> None:
+    _, section = PLACE.split("### Which furniture in which room")
+    told = re.findall(r"^\| `(\w+)` \| (.+) \|$", section.partition("\n## ")[0], re.MULTILINE)
+    assert {room_type: categories.split(", ") for room_type, categories in told} == {
+        room_type: card["categories"] for room_type, card in cards().items()
+    }
 
 
 def test_the_scripts_and_pages_that_are_named_are_there() -> None:
