@@ -368,14 +368,13 @@ def source_of(config: PlaceConfig) -> Source | None:
     if config.rooms == STANDARD or format_of(path) == "json":
         check_unsaid(config.rooms, into=config.into, room_type=config.room_type, categories=config.categories)
         return None
-    if config.unit != "auto":
-        raise InputError(f"unit: {config.rooms} says itself how long a metre is; expected no unit=")
     return opened(
         path,
         move=config.move,
         into=config.into,
         room_type=config.room_type,
         categories=Path(config.categories) if config.categories else None,
+        unit=config.unit,
     )
 
 

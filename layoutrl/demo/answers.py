@@ -26,8 +26,7 @@ from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, Fault, faults
-from layoutrl.rooms.files import read_rooms
-from layoutrl.rooms.formats import RoomsSource, Source, format_of, opened
+from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
@@ -322,10 +321,7 @@ def source_of(path: Path, unit: str) -> Source:
             f"{path}: houses of ProcTHOR are read by `place`, beside their asset database; expected rooms in JSON, "
             "a home of Sweet Home 3D or a house of 3D-FRONT"
         )
-    if kind != "json":
-        return opened(path)
-    collection = read_rooms(path, unit=unit)
-    return RoomsSource(collection, [room.furniture for room in collection.rooms])
+    return opened(path, unit=unit if kind == "json" else "auto")
 
 
 def in_words_of_the_page(line: str, path: Path, name: str = "file") -> str:

@@ -104,6 +104,7 @@ def opened(
     into: str | None = None,
     room_type: str | None = None,
     categories: Path | str | None = None,
+    unit: str = "auto",
 ) -> Source:
     """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read, and for
     what is said of rooms that is not of their format.
@@ -118,11 +119,14 @@ def opened(
     - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
       left out.
     - `categories`: a YAML file with names of furniture, beside those that are known; of all but rooms in JSON.
+    - `unit`: of lengths of rooms in JSON, as `layoutrl.rooms.files.read_rooms` has it. Layouts are written in metres.
     """
     path = Path(path)
     kind = format_of(path)
     if kind == "json":
         check_unsaid(path, into=into, room_type=room_type, categories=categories)
+    elif unit != "auto":
+        raise InputError(f"unit: {path} says itself how long a metre is; expected no unit=")
     if kind == "sweethome3d" and path.is_file():
         return read_home(path, move=move, into=into, room_type=room_type, names=names_of(categories))
     for name, value in (("into", into), ("room_type", room_type)):
@@ -131,7 +135,7 @@ def opened(
     if kind == "sweethome3d":
         collection, stood = read_folder(path, names_of(categories), move=move)
     else:
-        collection = read_homes(kind, path, categories)
+        collection = read_homes(kind, path, categories, unit=unit)
         stood = [read.furniture for read in collection.rooms]
         collection.rooms = [to_place(read, move) for read in collection.rooms]
     collection.notes += other_formats(path, kind)

@@ -94,6 +94,19 @@ def test_a_path_may_be_a_text(tmp_path: Path) -> None:
         assert opened(kind(tmp_path)).collection.rooms == [rectangular_room()]
 
 
+def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "rooms.jsonl"
+    room = {"id": "a", "room_type": "study", "outline": [[0, 0], [144, 0], [144, 120], [0, 120]], "windows": []}
+    path.write_text(json.dumps(room | {"doors": [], "furniture": []}) + "\n")
+    for unit, metres in (("auto", 1.44), ("cm", 1.44), ("in", 3.6576)):
+        (read,) = opened(path, unit=unit).collection.rooms
+        assert read.outline[1] == pytest.approx((metres, 0))
+    with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm, in, ft; got inch"):
+        opened(path, unit="inch")
+    with pytest.raises(InputError, match="unit: .*says itself how long a metre is"):
+        opened(home_file(tmp_path / "a.sh3d"), unit="cm")
+
+
 @pytest.mark.parametrize("field", ["jid", "floorPolygon", "mesh", "scene"])
 @pytest.mark.parametrize("lacks", [None, "room_type"])
 def test_rooms_with_fields_of_other_formats_are_rooms_in_json(field: str, lacks: str | None, tmp_path: Path) -> None:
