@@ -18,7 +18,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.demo.furnisher import Staff
-from layoutrl.demo.home import NAME, fixed, new_home, written_back
+from layoutrl.demo.home import NAME, TAKEN_FOR, fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import lifted, missing
@@ -57,7 +57,6 @@ STEPS = (0.05, 1.0)  # metres between the places of a heat map
 OPTIONS = {
     " (categories=<file> names it)": "",
     " (into=<id>)": "",
-    ", or room_type=<type>": "",
     "(unit=m if they are)": "(choose unit m if they are)",
     "(unit=in if lengths are inches)": "(choose unit in if lengths are inches)",
 }
@@ -314,14 +313,14 @@ def check_home(content: bytes) -> None:
 def source_of(path: Path, unit: str) -> Source:
     """The rooms of a file, lengths in JSON in a unit. Raises InputError where it cannot be read."""
     if path.suffix == ".sh3d":
-        return read_home(path)
+        return read_home(path, room_type=TAKEN_FOR)
     kind = format_of(path)
     if kind == "procthor":  # a house names its furniture, and another file says how large that is
         raise InputError(
             f"{path}: houses of ProcTHOR are read by `place`, beside their asset database; expected rooms in JSON, "
             "a home of Sweet Home 3D or a house of 3D-FRONT"
         )
-    return opened(path, unit=unit if kind == "json" else "auto")
+    return opened(path, unit=unit) if kind == "json" else opened(path, room_type=TAKEN_FOR)
 
 
 def in_words_of_the_page(line: str, path: Path, name: str = "file") -> str:

@@ -62,6 +62,7 @@ HEIGHTS = {  # centimetres, of furniture
 }
 HEIGHT = 75.0  # centimetres, of what is not named, such as tables, desks and toilets
 APART = 0.3  # metres, of what stands beside a room
+TAKEN_FOR = "bedroom"  # a room of a home of which nothing tells the type
 NAME = "file.sh3d"  # of a home that is read, where nobody says another: it begins the ids of its rooms
 
 
@@ -82,7 +83,7 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: 
         path, out = Path(folder) / name, Path(folder) / f"out-{name}"
         path.write_bytes(content)
         try:
-            home = read_home(path)
+            home = read_home(path, room_type=TAKEN_FOR)
         except InputError as error:  # which names the file, of which the page knows nothing
             raise InputError(str(error).replace(str(path), name)) from None
         before = {room.id: room for room in home.rooms}

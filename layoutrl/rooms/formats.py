@@ -116,8 +116,8 @@ def opened(
       items without a center; in a home, what stands outside all rooms.
     - `into`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
       room whose type knows it and that has floor for it.
-    - `room_type`: of a home, the type of rooms that neither their name nor their furniture tells; without it they are
-      left out.
+    - `room_type`: of homes and houses, the type of rooms that neither their name nor their furniture tells; without it
+      they are left out.
     - `categories`: a YAML file with names of furniture, beside those that are known; of all but rooms in JSON.
     - `unit`: of lengths of rooms in JSON, as `layoutrl.rooms.files.read_rooms` has it. Layouts are written in metres.
     """
@@ -129,13 +129,12 @@ def opened(
         raise InputError(f"unit: {path} says itself how long a metre is; expected no unit=")
     if kind == "sweethome3d" and path.is_file():
         return read_home(path, move=move, into=into, room_type=room_type, names=names_of(categories))
-    for name, value in (("into", into), ("room_type", room_type)):
-        if value is not None:
-            raise InputError(f"{name}: it is said of one home of Sweet Home 3D alone; got it for {path}")
+    if into is not None:
+        raise InputError(f"into: it is said of one home of Sweet Home 3D alone; got it for {path}")
     if kind == "sweethome3d":
-        collection, stood = read_folder(path, names_of(categories), move=move)
+        collection, stood = read_folder(path, names_of(categories), move=move, room_type=room_type)
     else:
-        collection = read_homes(kind, path, categories, unit=unit)
+        collection = read_homes(kind, path, categories, unit=unit, room_type=room_type)
         stood = [read.furniture for read in collection.rooms]
         collection.rooms = [to_place(read, move) for read in collection.rooms]
     collection.notes += other_formats(path, kind)

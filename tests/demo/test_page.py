@@ -1458,6 +1458,66 @@ def test_a_home_is_saved_with_all_its_rooms_as_they_are_now(page, tmp_path):
     expect(page.locator("#plan .item.locked")).to_have_count(1)
 
 
+def test_a_room_of_which_nothing_tells_the_type_is_a_bedroom_until_another_is_chosen(still, tmp_path, browser):
+    untold = FLAT.replace("Bedroom", "Xyz").replace("bed140x190", "whatsit")
+    openly(still, content := home_file(tmp_path / "home.sh3d", untold).read_bytes(), "file/Xyz")
+    note = "file/Xyz: nothing tells its type; it is taken for a bedroom"
+    for _ in range(2):
+        expect(still.locator("#lines li").filter(has_text=note)).to_have_count(1)
+        expect(still.locator("#type")).to_have_value("bedroom")
+        take(still, "bathroom")
+        expect(still.locator("#lines li")).to_have_count(0)
+        still.locator("#gallery").get_by_title("file/Xyz").click()
+        expect(still.locator("#title")).to_have_attribute("data-room", "file/Xyz")
+    before = room_of(still)
+    still.locator("#type").select_option("dining_room")
+    settled(still)
+    expect(still.locator("#title")).to_contain_text("dining room")
+    expect(still.locator("#gallery").get_by_title("file/Xyz")).to_contain_text("dining room")
+    expect(still.locator("#lines li")).to_have_count(0)
+    assert not is_left(still)
+    assert room_of(still) == before | {"room_type": "dining_room"}
+    still.locator("#undo").click()
+    settled(still)
+    assert room_of(still) == before
+    still.locator("#redo").click()
+    settled(still)
+    assert saved(still, "sh3d") == content  # in which nothing moved
+    still.locator("#adding summary").click()
+    still.locator("#palette").get_by_role("button", name="sideboard").first.click()
+    settled(still)
+    with still.expect_request("**/api/furnish") as asked:
+        still.locator("#furnish").click()
+    assert asked.value.post_data_json["room"]["room_type"] == "dining_room"
+    settled(still)
+    still.locator("#saving").evaluate("node => { node.open = true }")
+    still.locator("#share").click()
+    expect(still.locator("#link")).not_to_have_value("")
+    other = next(pages := visited(browser, still.locator("#link").input_value()))
+    expect(other.locator("#type")).to_have_value("dining_room")
+    assert next(pages, None) is None
+
+
+def test_the_type_is_chosen_in_turn_and_put_back_where_the_server_does_not_answer(page):
+    shown(page, SQUARE)
+    item(page, "stool").focus()
+    settled(page)
+    choose = "document.querySelector('#type').value = 'kitchen'; document.querySelector('#type').onchange()"
+    page.evaluate(f"keys => {{ ({PRESS})(keys); {choose} }}", ["ArrowRight"])
+    settled(page)
+    page.locator("#undo").click()
+    settled(page)
+    room = room_of(page)
+    assert (room["furniture"][0]["center"], room["room_type"]) == ([1.55, 1.5], "study")
+    page.route("**/api/look", lambda route: route.fulfill(status=400, body='{"error": "gone"}'))
+    page.locator("#type").select_option("kitchen")
+    expect(page.locator("#verdict")).to_have_text("gone")
+    settled(page)
+    expect(page.locator("#type")).to_have_value("study")
+    page.unroute("**/api/look")
+    assert room_of(page) == room
+
+
 def test_rooms_of_a_home_are_called_as_its_file_and_saved_into_it(page, tmp_path):
     content, ids = home_file(tmp_path / "home.sh3d").read_bytes(), []
     for called in ("my flat", "the: other one"):

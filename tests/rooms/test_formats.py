@@ -18,6 +18,7 @@ from layoutrl.rooms.formats import format_of, opened, to_place
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
 from tests.builders import rectangular_room, rooms
+from tests.rooms.sources.test_front3d import house
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 
 
@@ -103,7 +104,7 @@ def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_said(tmp_path: Path) -
         assert read.outline[1] == pytest.approx((metres, 0))
     with pytest.raises(InputError, match="unit: expected one of auto, m, cm, mm, in, ft; got inch"):
         opened(path, unit="inch")
-    with pytest.raises(InputError, match="unit: .*says itself how long a metre is"):
+    with pytest.raises(InputError, match=r"unit: .*says itself how long a metre is"):
         opened(home_file(tmp_path / "a.sh3d"), unit="cm")
 
 
@@ -165,6 +166,20 @@ def test_files_of_other_formats_in_a_folder_are_said(tmp_path: Path) -> None:
     (tmp_path / "c.sh3d").unlink()
     assert opened(tmp_path).collection.notes[0].startswith("1 file of other formats is not read, such as ")
     assert opened(tmp_path / "a.jsonl").collection.notes == []
+
+
+def test_rooms_of_which_nothing_tells_the_type_are_what_is_said_of_houses_and_folders_too(tmp_path: Path) -> None:
+    bare = house(furniture=[{"uid": "lamp", "jid": "a"}])
+    bare["scene"]["room"][0] |= {"type": "none", "children": bare["scene"]["room"][0]["children"][:4]}
+    for name in ("house", "homes"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "house" / "a.json").write_text(json.dumps(bare))
+    home_file(tmp_path / "homes" / "a.sh3d", FLAT.replace("Bedroom", "Xyz").replace("bed140x190", "whatsit"))
+    for path in (tmp_path / "house", tmp_path / "house" / "a.json", tmp_path / "homes"):
+        read, taken = opened(path).collection, opened(path, room_type="study").collection
+        assert "study" not in {room.room_type for room in read.rooms}
+        assert taken.rooms[0].room_type == "study"
+        assert f"{taken.rooms[0].id}: nothing tells its type; it is taken for a study" in taken.notes
 
 
 def test_no_file_is_overwritten(tmp_path: Path) -> None:

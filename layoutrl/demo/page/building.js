@@ -114,5 +114,6 @@ $("grid").onchange = () => {
   render();
 };
 export function offerKinds() {
-  $("kind").replaceChildren(...Object.keys(known.palette).map((kind) => new Option(words(kind), kind)));
+  const kinds = Object.keys(known.palette);
+  for (const id of ["kind", "type"]) $(id).replaceChildren(...kinds.map((kind) => new Option(words(kind), kind)));
 }

@@ -196,6 +196,22 @@ $("clear").onclick = () => inTurn(async () => {
   await settled(() => free.forEach((entry, k) => Object.assign(entry, before[k])));
 });
 
+// What stands stays, whatever the room is now; it is furnished as one of that type.
+$("type").onchange = () => {
+  const [kind, { source, room: { id } }] = [$("type").value, state];
+  return inTurn(() => {
+    const { room } = state;
+    if (!idle() || state.source !== source || room.id !== id) return render(); // which has the type as it is
+    const [before, found] = [{ ...room }, foundNow()];
+    retarget(room);
+    room.room_type = kind;
+    return settled(() => {
+      Object.assign(room, before);
+      Object.assign(state, found);
+    }, BACK);
+  });
+};
+
 $("turn").onclick = () => turn(90);
 $("lock").onclick = lock;
 $("delete").onclick = remove;

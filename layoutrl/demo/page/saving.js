@@ -30,11 +30,13 @@ function withLocks({ room, locked }) {
   return { ...room, furniture };
 }
 
-// Take up a room of the strip as it was left.
-export function shown({ room, fixed = [] }, source) {
+// Take up a room of the strip as it was left, with what its file says of it, unless that is of another type now.
+export async function shown({ room, fixed = [] }, source) {
   const left = source.now.get(room.id);
   const now = left ? JSON.parse(left) : { room: structuredClone(room), locked: locks(room, fixed) };
-  return open(now.room, now.locked, source);
+  if (!(await open(now.room, now.locked, source))) return;
+  if (now.room.room_type === room.room_type) state.lines = source.lines.filter((line) => line.startsWith(`${room.id}: `));
+  render();
 }
 
 // The name of a room among others of its home, whose name begins all their ids.
@@ -67,7 +69,10 @@ export async function openAlone(room, locked) {
 
 document.addEventListener("looked", () => {
   const { room, look, source } = state;
-  source.pictures.get(room.id)?.replaceChildren(...thumbnail(room, look.box, known).children);
+  const picture = source.pictures.get(room.id);
+  if (!picture) return;
+  picture.replaceChildren(...thumbnail(room, look.box, known).children);
+  picture.nextElementSibling.textContent = words(room.room_type);
 });
 
 export const offerUnits = () => $("unit").append(...known.units.map((unit) => new Option(unit)));
@@ -86,7 +91,7 @@ async function opened(file, before = { source: null, entries: [] }) {
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const name = file.name.replace(/(?<=.)\.\w+$/, "");
     const { rooms, left_out, home: whole } = await read(content, name, mine.unit);
-    const source = sourceOf(rooms, name, whole ? content : null);
+    const source = sourceOf(rooms, name, whole ? content : null, left_out);
     before.entries.forEach((entry) => entry.remove());
     Object.assign(mine, { source, entries: offer(source, true) });
     await shown(rooms[0], source);

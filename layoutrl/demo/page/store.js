@@ -19,9 +19,9 @@ export const state = {
 
 // Where rooms are from: the gallery, a file, a drawing. Of those that were shown it has snapshots, by their ids: as they
 // are now, as they were first, and as they were last saved. `name` is that of a file, `home` its bytes where that is a home,
-// `pictures` are in the strip.
-export const sourceOf = (rooms = [], name = "", home = null) =>
-  ({ rooms, name, home, now: new Map(), first: new Map(), saved: new Map(), pictures: new Map() });
+// `lines` what was said of it, `pictures` are in the strip.
+export const sourceOf = (rooms = [], name = "", home = null, lines = []) =>
+  ({ rooms, name, home, lines, now: new Map(), first: new Map(), saved: new Map(), pictures: new Map() });
 
 const sources = new Set(); // of rooms that were shown
 const past = []; // each {text: a snapshot, source}

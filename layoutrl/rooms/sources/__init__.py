@@ -47,13 +47,18 @@ def read_files(
 
 
 def read_homes(
-    source: str, root: Path, categories: Path | str | None, strict: bool = False, unit: str = "auto"
+    source: str,
+    root: Path,
+    categories: Path | str | None,
+    strict: bool = False,
+    unit: str = "auto",
+    room_type: str | None = None,
 ) -> Collection:
     """The rooms of all types in files of a source whose files do not say which type they hold.
 
-    Raises InputError for categories of rooms in JSON.
+    `room_type` is that of rooms of homes of which nothing tells it. Raises InputError for categories of rooms in JSON.
     """
     if source == "json":
         check_unsaid(root, categories=categories)
         return read_rooms(root, strict, unit)
-    return READERS[source](root, names_of(categories))
+    return READERS[source](root, names_of(categories), room_type)

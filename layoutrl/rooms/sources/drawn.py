@@ -52,6 +52,7 @@ SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a r
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 HIGHEST = 0.3  # metres: what hangs higher is decor
 FLATTEST = 0.1  # metres: carpets are lower
+UNTOLD = "nothing tells its type"  # of a room
 
 
 @dataclass(frozen=True)
@@ -202,9 +203,10 @@ class Storey(Generic[P]):
         shapes = shapely.STRtree([gap.shape for gap in self.gaps])
         for drawn in self.rooms:
             room_id = f"{self.prefix}/{unused(drawn.label, taken)}"
-            kind = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces]) or room_type
+            told = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces])
+            kind = told or room_type
             if kind is None or kind == NO_ROOM:
-                unknown = f"nothing tells its type; expected a name or furniture that does{or_else}"
+                unknown = f"{UNTOLD}; expected a name or furniture that does{or_else}"
                 self.left_out.append((room_id, NOBODYS if kind else unknown))
                 continue
             standing = _tucked([piece.item for piece in drawn.pieces])
@@ -229,6 +231,8 @@ class Storey(Generic[P]):
             for k, item in held.items():
                 if item is not items[k]:
                     pieces[k] = replace(pieces[k], item=item, known=False)
+            if told is None:
+                self.notes.append(f"{room_id}: {UNTOLD}; it is taken for a {kind.replace('_', ' ')}")
             yield room, [pieces[k] for k in held]
 
 

@@ -65,8 +65,11 @@ SOURCE_CATEGORIES = {
 }
 
 
-def read(root: Path, names: Names) -> Collection:
-    """The rooms of all houses below a folder, or of one file. Raises InputError where there is none."""
+def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
+    """The rooms of all houses below a folder, or of one file; of `room_type` where nothing tells it.
+
+    Raises InputError where there is no house.
+    """
     folder = root.parent if root.is_file() else root
     files = files_below(root, (".json",), (MODELS,))
     if not files:
@@ -78,7 +81,7 @@ def read(root: Path, names: Names) -> Collection:
         house: Storey[Piece] = Storey(name)
         with collection.or_left_out(str(file)):
             _draw(house, loaded(_text(file)), models, names)
-            collection.rooms += [room for room, _ in house.finished(names, name)]
+            collection.rooms += [room for room, _ in house.finished(names, name, room_type)]
         collection.left_out += house.left_out
         collection.notes += house.notes
     collection.notes += names.notes()

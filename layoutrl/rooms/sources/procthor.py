@@ -49,8 +49,11 @@ RATIO = 100  # by which a file may unpack; houses do by ten to twenty
 Size = tuple[float, float, float]  # metres along x, y (up) and z
 
 
-def read(root: Path, names: Names) -> Collection:
-    """The rooms of all houses in a file, or in a folder of them. Raises InputError where there is none."""
+def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
+    """The rooms of all houses in a file, or in a folder of them; of `room_type` where nothing tells it.
+
+    Raises InputError where there is no house.
+    """
     folder = root.parent if root.is_file() else root
     files = files_below(root, SUFFIXES, (ASSETS,))
     if not files:
@@ -63,7 +66,7 @@ def read(root: Path, names: Names) -> Collection:
         name = name_of(file, root)
         try:
             for number, house in _whole(file) if file.suffix.lower() == ".json" else _lines(file):
-                _add(collection, house, f"{name}/{number}", sizes, names)
+                _add(collection, house, f"{name}/{number}", sizes, names, room_type)
         except RoomError as error:
             collection.left_out.append((str(file), str(error)))
         except (OSError, EOFError) as error:
@@ -129,7 +132,14 @@ def _numbered(lines: IO[bytes] | gzip.GzipFile, most: int) -> Iterator[tuple[int
             yield number, line
 
 
-def _add(collection: Collection, house: Any, label: str, sizes: Mapping[str, tuple[str, Size]], names: Names) -> None:
+def _add(
+    collection: Collection,
+    house: Any,
+    label: str,
+    sizes: Mapping[str, tuple[str, Size]],
+    names: Names,
+    room_type: str | None,
+) -> None:
     """Add the rooms of a house, a document or its text, or the reason to leave it out."""
     storey: Storey[Piece] = Storey(label)
     with collection.or_left_out(label):
@@ -141,7 +151,7 @@ def _add(collection: Collection, house: Any, label: str, sizes: Mapping[str, tup
         for thing in document["objects"]:
             if piece := _piece(thing, sizes, names, storey.unsized):
                 storey.put(piece)
-        collection.rooms += [room for room, _ in storey.finished(names, label)]
+        collection.rooms += [room for room, _ in storey.finished(names, label, room_type)]
     collection.left_out += storey.left_out
     collection.notes += storey.notes
 

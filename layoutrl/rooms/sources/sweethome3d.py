@@ -192,12 +192,14 @@ def _home(
     return home
 
 
-def read(root: Path, names: Names) -> Collection:
+def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
     """The rooms of all homes below a folder, or of one file, in which all stands where it is."""
-    return read_folder(root, names, move="")[0]
+    return read_folder(root, names, move="", room_type=room_type)[0]
 
 
-def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collection, list[tuple[Item, ...]]]:
+def read_folder(
+    root: Path, names: Names, *, move: str | None, room_type: str | None = None
+) -> tuple[Collection, list[tuple[Item, ...]]]:
     """The rooms of all homes below a folder, or of one file, each as `read_home` reads it, and what stood in each.
 
     A home that cannot be read is left out. Raises InputError where there is none.
@@ -212,7 +214,7 @@ def read_folder(root: Path, names: Names, *, move: str | None) -> tuple[Collecti
     for file in files:
         name = name_of(file, root)
         try:
-            home = _home(file, name, names, move)
+            home = _home(file, name, names, move, room_type=room_type)
         except InputError as error:
             collection.left_out.append((str(file), str(error).removeprefix(f"{file}: ")))
             continue

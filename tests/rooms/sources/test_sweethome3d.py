@@ -333,7 +333,9 @@ def test_a_room_of_which_nothing_tells_the_type_is_left_out_or_is_what_the_user_
     reasons = dict(home.collection.left_out)
     assert "expected a name or furniture that does, or room_type=<type>" in reasons["flat/room 1"]
     assert reasons["flat/Corridor"] == "nobody furnishes such a room"
-    assert [room.room_type for room in flat(tmp_path, body, room_type="study").rooms] == ["study"]
+    taken = flat(tmp_path, body, room_type="study")
+    assert [room.room_type for room in taken.rooms] == ["study"]
+    assert taken.collection.notes == ["flat/room 1: nothing tells its type; it is taken for a study"]
 
 
 def test_options_of_one_home_are_named_where_one_is_read_alone(tmp_path: Path) -> None:
