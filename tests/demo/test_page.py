@@ -1568,6 +1568,33 @@ def test_a_room_with_other_furniture_keeps_no_other_room_from_being_saved(page, 
     assert bathroom.furniture == room_from_dict(room_of(page)).furniture
 
 
+def test_what_a_saved_home_does_not_keep_is_said(page, tmp_path):
+    shown(page, SQUARE)
+    page.locator("#clear").click()
+    settled(page)
+    saved(page, "sh3d")
+    said = "home: saved, but what has no place stands beside the room there: stool"
+    expect(page.locator("#verdict")).to_have_text(said)
+    openly(page, content := home_file(tmp_path / "home.sh3d").read_bytes(), "file/Bedroom")
+    page.locator("#clear").click()
+    settled(page)
+    take(page, "bathroom")
+    page.locator("#clear").click()
+    settled(page)
+    assert saved(page, "sh3d") == content
+    said = "home: saved, but what has no place stays there where it stood: toilet, bed"
+    expect(page.locator("#verdict")).to_have_text(said)
+    for _ in range(3):  # until the bed is back
+        page.locator("#undo").click()
+        settled(page)
+    page.locator("#type").select_option("study")
+    settled(page)
+    assert saved(page, "sh3d") == content
+    said = "home: saved, but the type that you chose is not in it: JSON keeps that"
+    expect(page.locator("#verdict")).to_have_text(said)
+    assert is_left(page)
+
+
 def test_only_rooms_that_were_changed_are_sent_with_the_one_that_is_saved(page, tmp_path, monkeypatch):
     from layoutrl.demo import answers, home
 

@@ -117,20 +117,27 @@ function saveJSON() {
   say("Saved in metres. The unit of what is opened next is auto again.", false);
 }
 
-// The home with this room and all others of it that were changed, as they are now; or a new home.
-function wholeHome() {
-  const { room, source } = state;
-  if (!source.home) return home(room, []);
-  const changed = [...source.now].filter(([id, text]) => id !== room.id && text !== source.first.get(id));
-  return home(room, changed.map(([, text]) => JSON.parse(text).room), source.home, source.name);
+// What a home does not keep of rooms that are saved in it, in a line.
+function unkept(rooms, { home: whole, rooms: read }) {
+  const waits = rooms.flatMap(({ furniture }) => furniture.filter(({ center }) => !center));
+  const names = [...new Set(waits.map(({ category }) => words(category)))].join(", ");
+  const where = whole ? "stays there where it stood" : "stands beside the room there";
+  const typeOf = new Map(read.map(({ room: { id, room_type } }) => [id, room_type]));
+  const other = whole && rooms.some(({ id, room_type }) => room_type !== typeOf.get(id));
+  const lines = [names && `what has no place ${where}: ${names}`, other && "the type that you chose is not in it: JSON keeps that"];
+  return lines.filter(Boolean).map((line) => `home: saved, but ${line}`).join("; ");
 }
 
+// The home with this room and all others of it that were changed, as they are now; or a new home.
 async function saveHome() {
   const { room, source } = state;
-  const { content, left } = await wholeHome();
+  const changed = [...source.now].filter(([id, text]) => source.home && id !== room.id && text !== source.first.get(id));
+  const others = changed.map(([, text]) => JSON.parse(text).room);
+  const lost = unkept([room, ...others], source);
+  const { content, left } = await (source.home ? home(room, others, source.home, source.name) : home(room, []));
   download(content, "application/zip", "sh3d", source.home ? source.name : room.id);
-  if (left) say(left);
-  else markSaved(source, source.home ? [...source.now.keys()] : [room.id]);
+  if (!left) markSaved(source, source.home ? [...source.now.keys()] : [room.id]);
+  if (left || lost) say([left, lost].filter(Boolean).join("; "));
 }
 
 $("file").onclick = () => { $("file").value = ""; }; // the same file, too, is opened anew
