@@ -1343,6 +1343,34 @@ def test_who_leaves_the_page_is_asked_where_edits_are_not_saved(page):
     assert is_left(page)
 
 
+def test_what_is_edited_while_a_file_is_made_is_not_saved(page):
+    shown(page, SQUARE)
+    held = []
+    page.route("**/api/home*", lambda route: held.append(route))
+    page.locator("#saving summary").click()
+    page.locator("#save-sh3d").click()
+    while not held:
+        page.evaluate("0")  # lets it be asked
+    dragged(page, item(page, "stool"), 0.5, 0)
+    with page.expect_download():
+        held.pop().continue_()
+    assert not is_left(page)
+    page.locator("#undo").click()
+    settled(page)
+    assert is_left(page)
+    item(page, "stool").focus()
+    settled(page)
+    page.evaluate(
+        "() => { const Real = CompressionStream; window.CompressionStream = function (format) {"
+        "document.querySelector('#lock').click(); return new Real(format); } }"
+    )
+    page.locator("#share").click()
+    expect(page.locator("#link")).not_to_have_value("")
+    settled(page)
+    expect(page.locator("#plan .item.locked")).to_have_count(1)
+    assert not is_left(page)
+
+
 def test_an_outline_that_is_left_waits_and_who_leaves_the_page_is_asked(page):
     draw, corners = page.locator("#draw"), page.locator("#plan .corner")
     page.locator("#building summary").click()

@@ -3,7 +3,7 @@
 import { ask, home, read } from "./api.js";
 import { $, element, judged, known, open, render, say } from "./page.js";
 import { thumbnail } from "./plan.js";
-import { anyUnsaved, forget, markSaved, packed, snapshot, sourceOf, state, unpacked, unsaved, words } from "./store.js";
+import { anyUnsaved, forget, marks, packed, snapshot, sourceOf, state, unpacked, unsaved, words } from "./store.js";
 
 const LARGEST = { home: 50, other: 5 }; // MB that the server takes
 const PIXELS = 1600; // of the longer side of a PNG
@@ -111,7 +111,7 @@ function saveJSON() {
   const asNow = (read) => (now.has(read.room.id) ? withLocks(JSON.parse(now.get(read.room.id))) : read.room);
   const content = whole ? rooms.map(asNow) : withLocks(state);
   download(`${JSON.stringify(content)}\n`, "application/json", "json", whole ? name : room.id);
-  markSaved(source, whole ? [...now.keys()] : [room.id]);
+  marks(source, whole ? [...now.keys()] : [room.id])();
   if ($("unit").value === "auto") return;
   $("unit").value = "auto"; // to open it again: it is in metres, whatever the file was in
   say("Saved in metres. The unit of what is opened next is auto again.", false);
@@ -134,9 +134,10 @@ async function saveHome() {
   const changed = [...source.now].filter(([id, text]) => source.home && id !== room.id && text !== source.first.get(id));
   const others = changed.map(([, text]) => JSON.parse(text).room);
   const lost = unkept([room, ...others], source);
+  const mark = marks(source, source.home ? [...source.now.keys()] : [room.id]);
   const { content, left } = await (source.home ? home(room, others, source.home, source.name) : home(room, []));
   download(content, "application/zip", "sh3d", source.home ? source.name : room.id);
-  if (!left) markSaved(source, source.home ? [...source.now.keys()] : [room.id]);
+  if (!left) mark();
   if (left || lost) say([left, lost].filter(Boolean).join("; "));
 }
 
@@ -186,8 +187,9 @@ saving("save-png", async () => {
 
 $("share").onclick = async () => {
   await judged();
+  const mark = marks(state.source, [state.room.id]);
   history.replaceState(null, "", `#room=${await packed(snapshot())}`);
-  markSaved(state.source, [state.room.id]);
+  mark();
   $("link-label").hidden = false;
   $("link").value = location.href;
   $("link").select();

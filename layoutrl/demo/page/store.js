@@ -39,7 +39,11 @@ function keep() {
   source.now.set(id, text);
 }
 
-export const markSaved = (source, ids) => ids.forEach((id) => source.saved.set(id, source.now.get(id)));
+// What marks rooms as saved as they are now, whatever is edited until that is done.
+export function marks(source, ids) {
+  const texts = ids.map((id) => [id, source.now.get(id)]);
+  return () => texts.forEach(([id, text]) => source.saved.set(id, text));
+}
 
 export const unsaved = ({ now, saved }) => [...now].some(([id, text]) => text !== saved.get(id));
 
