@@ -749,6 +749,32 @@ def test_furnishing_ends_that_doors_or_windows_are_put_in(page, kind):
     expect(page.locator(f"#{kind}")).to_have_attribute("aria-pressed", "false")
 
 
+def test_doors_and_windows_are_put_in_and_taken_out_in_turn(page):
+    shown(page, SQUARE)
+    page.locator("#building summary").click()
+    page.locator("#adding summary").click()
+    page.locator("#door").click()
+    held, holds = [], [True]
+    page.route("**/api/opening", lambda route: held.append(route) if holds else route.continue_())
+    page.mouse.click(*corner(page, 0, 1))
+    while not held:
+        page.evaluate("0")  # lets it be asked
+    page.mouse.click(*corner(page, 3, 2))
+    page.locator("#palette button").first.click()
+    holds.clear()
+    for route in held:
+        route.continue_()
+    expect(page.locator("#plan .door")).to_have_count(3)
+    settled(page)
+    room = room_of(page)
+    assert (len(room["doors"]), len(room["furniture"])) == (3, 2)
+    page.locator("#plan [data-opening='0']").press("Enter")
+    settled(page)
+    page.evaluate(PRESS, ["Delete", "Delete"])  # the second finds it gone
+    settled(page)
+    assert room_of(page)["doors"] == room["doors"][1:]
+
+
 def test_the_moves_end_by_themselves(page):
     page.locator("#speed").select_option("fast")
     before = [middle(page.locator(name)) for name in ("#furnish", "#speed")]

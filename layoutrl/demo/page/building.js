@@ -1,9 +1,9 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { $, answered, changed, grid, judged, known, plan, render, say } from "./page.js";
+import { $, answered, changed, grid, inTurnHere, known, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
 import { openAlone } from "./saving.js";
-import { WAYS, outdated, state, words } from "./store.js";
+import { WAYS, item, openings, outdated, state, words } from "./store.js";
 
 const HINTS = {
   draw: "Click corner after corner, or go with the arrows and press Enter; the first corner again closes the outline.",
@@ -39,10 +39,15 @@ async function put() {
     if (!draft.some((corner) => same(corner, cursor))) draft.push(cursor);
     return render();
   }
-  await judged();
+  const about = { kind: mode, at: cursor, width: Number($("wide").value) };
+  return inTurnHere(() => rebuilt(about, () => ({ mode: state.mode === mode ? "edit" : state.mode })));
+}
+
+// Ask for walls with a door or window more, or less; and what else is so then.
+async function rebuilt(about, then) {
   try {
-    const said = await answered("opening", { room: state.room, kind: mode, at: cursor, width: Number($("wide").value) });
-    Object.assign(state, { room: said.room, look: said, mode: "edit", ...outdated });
+    const said = await answered("opening", { room: state.room, ...about });
+    Object.assign(state, { room: said.room, look: said, ...then(), ...outdated });
     await changed();
   } catch (error) {
     say(error.message);
@@ -59,15 +64,12 @@ async function close() {
   render();
 }
 
-document.addEventListener("unopen", async ({ detail }) => {
-  await judged();
-  try {
-    const said = await answered("opening", { room: state.room, remove: detail });
-    Object.assign(state, { room: said.room, look: said, selected: null, ...outdated });
-    await changed();
-  } catch (error) {
-    say(error.message);
-  }
+document.addEventListener("unopen", ({ detail }) => {
+  const chosen = JSON.stringify(openings(state.room)[detail]);
+  return inTurnHere(() => {
+    const remove = openings(state.room).findIndex((opening) => JSON.stringify(opening) === chosen);
+    return remove < 0 ? null : rebuilt({ remove }, () => ({ selected: item() && state.selected }));
+  });
 });
 
 plan.addEventListener("pointermove", (event) => {

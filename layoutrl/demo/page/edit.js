@@ -1,7 +1,7 @@
 // Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
 
 import { back } from "./building.js";
-import { $, changed, inTurn, known, look, measures, plan, render, say, select, waits } from "./page.js";
+import { $, changed, inTurn, inTurnHere, known, look, measures, plan, render, say, select, waits } from "./page.js";
 import { metres } from "./plan.js";
 import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
 
@@ -198,10 +198,9 @@ $("clear").onclick = () => inTurn(async () => {
 
 // What stands stays, whatever the room is now; it is furnished as one of that type.
 $("type").onchange = () => {
-  const [kind, { source, room: { id } }] = [$("type").value, state];
-  return inTurn(() => {
+  const kind = $("type").value;
+  return inTurnHere(() => {
     const { room } = state;
-    if (!idle() || state.source !== source || room.id !== id) return render(); // which has the type as it is
     const [before, found] = [{ ...room }, foundNow()];
     retarget(room);
     room.room_type = kind;

@@ -86,6 +86,13 @@ export function inTurn(act) {
   return last;
 }
 
+// The same of what is of the room as a whole: not of another that is shown by then, nor while it is furnished.
+export function inTurnHere(act) {
+  const { source, room: { id } } = state;
+  const here = () => document.body.dataset.state === "idle" && state.source === source && state.room.id === id;
+  return inTurn(() => (here() ? act() : render()));
+}
+
 export const waits = () => waiting > 0;
 export const judged = () => last;
 
