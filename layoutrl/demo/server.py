@@ -20,7 +20,7 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -119,6 +119,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     routes.append(Route("/api/read", read, methods=["POST"]))
     routes.append(Route("/api/home", home, methods=["POST"]))
     handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
+    handlers[ClientDisconnect] = lambda *_: refused(400, "body: it broke off")  # which nobody hears
     handlers[Exception] = lambda _, error: broken(error)
     return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
 

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -244,6 +245,25 @@ def test_bad_requests_over_the_socket_leave_it_serving(answers):
             assert response.status_code == 400
             assert response.json()["error"]
         assert httpx.post(f"{address}/api/look", json={"room": ROOMS[0]}).status_code == 200
+
+
+def test_who_goes_before_all_is_said_or_answered_is_no_bug(answers, capsys):
+    body = json.dumps({"room": ROOMS[0]}).encode()
+    with served(answers) as address:
+        host, port = address.removeprefix("http://").split(":")
+        for what in ("look", "furnish", "read", "home"):
+            head = f"POST /api/{what} HTTP/1.1\r\nHost: {host}:{port}\r\n"
+            for begin, sent in (
+                (f"{head}Content-Length: {len(body)}\r\n\r\n", body[:99]),
+                (f"{head}Content-Length: {len(body)}\r\n\r\n", body),
+                (f"{head}Transfer-Encoding: chunked\r\n\r\n", b"5\r\n{"),
+            ):
+                with socket.create_connection((host, int(port))) as connection:
+                    connection.sendall(begin.encode() + sent)
+                    time.sleep(0.05)  # so that the server has begun
+        assert httpx.post(f"{address}/api/look", json={"room": ROOMS[0]}).status_code == 200
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "")
 
 
 def test_fifty_at_once_are_all_answered(answers):
