@@ -320,7 +320,7 @@ def source_of(path: Path, unit: str) -> Source:
             f"{path}: houses of ProcTHOR are read by `place`, beside their asset database; expected rooms in JSON, "
             "a home of Sweet Home 3D or a house of 3D-FRONT"
         )
-    return opened(path, unit=unit) if kind == "json" else opened(path, room_type=TAKEN_FOR)
+    return opened(path, unit=unit if kind == "json" else "auto", room_type=TAKEN_FOR)
 
 
 def in_words_of_the_page(line: str, path: Path, name: str = "file") -> str:

@@ -62,7 +62,7 @@ HEIGHTS = {  # centimetres, of furniture
 }
 HEIGHT = 75.0  # centimetres, of what is not named, such as tables, desks and toilets
 APART = 0.3  # metres, of what stands beside a room
-TAKEN_FOR = "bedroom"  # a room of a home of which nothing tells the type
+TAKEN_FOR = "bedroom"  # a room of which nothing tells the type
 NAME = "file.sh3d"  # of a home that is read, where nobody says another: it begins the ids of its rooms
 
 

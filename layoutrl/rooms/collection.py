@@ -17,6 +17,7 @@ from layoutrl.rooms.room import FIT, Item, Room
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
 NOBODYS = "nobody furnishes such a room"
+UNTOLD = "nothing tells its type"
 
 
 @dataclass
@@ -61,6 +62,11 @@ class Collection:
             named = ", ".join(ids[:NAMED]) + (", ..." if len(ids) > NAMED else "")
             lines.append(f"  left out {len(ids)}: {reason} ({named})")
         return "\n".join(lines + [f"  {note}" for note in self.notes])
+
+
+def taken_for(room: Room) -> str:
+    """The note on a room of which nothing tells the type."""
+    return f"{room.id}: {UNTOLD}; it is taken for a {room.room_type.replace('_', ' ')}"
 
 
 def choose_item(collection: Collection, category: str) -> Collection:

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from layoutrl import InputError
-from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.categories import NO_ROOM, own_names
+from layoutrl.rooms.collection import Collection, taken_for
 from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.room import Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
@@ -23,11 +24,11 @@ FORMATS = (".json", ".jsonl", ".gz", *HOMES)  # that rooms and homes are read fr
 PART = ".part"  # the suffix of a folder in which a file grows
 
 
-def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto") -> Collection:
+def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_type: str | None = None) -> Collection:
     """Read one .json or .jsonl file, or every such file below a folder.
 
     Lengths are in `unit`: m, cm, mm, in, ft, or auto, which tells the first three by how large a file's rooms and doors
-    are, and notes it.
+    are, and notes it. A room without a `room_type` is of this one, unless its id or its furniture tells another.
     A room that cannot be used is left out and named; with `strict` it raises InputError.
     Raises InputError where there is no file to read, or no such unit.
     """
@@ -42,8 +43,9 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto") -> Co
         if in_file != unit and in_file != "m":
             collection.notes.append(f"{file}: {unit_line(in_file, documents)}")
         for where, document in read:
+            typed, told = (document, True) if room_type is None else _typed(document, room_type)
             try:
-                room = room_from_dict(in_metres(document, UNITS[in_file]))
+                room = room_from_dict(in_metres(typed, UNITS[in_file]))
                 if room.id in seen:
                     raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
             except RoomError as error:
@@ -54,7 +56,20 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto") -> Co
             else:
                 seen.add(room.id)
                 collection.rooms.append(room)
+                collection.notes += [] if told else [taken_for(room)]
     return collection
+
+
+def _typed(document: Any, room_type: str) -> tuple[Any, bool]:
+    """The document of a room with the type that its id or its furniture tells, where it says none, or else this one;
+    and whether anything tells it. Of what nobody furnishes, and of what is no room, it is as it was."""
+    if not isinstance(document, dict) or "outline" not in document or "room_type" in document:
+        return document, True
+    furniture = own_names().ours(document).get("furniture")
+    entries = furniture if isinstance(furniture, list) else []
+    held = [str(entry.get("category")) for entry in entries if isinstance(entry, dict)]
+    told = own_names().room_type(str(document.get("id")), held)
+    return (document if told == NO_ROOM else document | {"room_type": told or room_type}), told is not None
 
 
 def write_rooms(path: Path, rooms: Iterable[Room]) -> None:

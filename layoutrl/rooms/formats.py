@@ -116,15 +116,15 @@ def opened(
       items without a center; in a home, what stands outside all rooms.
     - `into`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
       room whose type knows it and that has floor for it.
-    - `room_type`: of homes and houses, the type of rooms that neither their name nor their furniture tells; without it
-      they are left out.
+    - `room_type`: the type of rooms that neither they themselves, nor their name or furniture tell; without it they are
+      left out.
     - `categories`: a YAML file with names of furniture, beside those that are known; of all but rooms in JSON.
     - `unit`: of lengths of rooms in JSON, as `layoutrl.rooms.files.read_rooms` has it. Layouts are written in metres.
     """
     path = Path(path)
     kind = format_of(path)
     if kind == "json":
-        check_unsaid(path, into=into, room_type=room_type, categories=categories)
+        check_unsaid(path, into=into, categories=categories)
     elif unit != "auto":
         raise InputError(f"unit: {path} says itself how long a metre is; expected no unit=")
     if kind == "sweethome3d" and path.is_file():

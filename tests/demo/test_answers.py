@@ -382,6 +382,14 @@ def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_chosen(answers, tmp_pa
     assert answers.read(home, "in") == answers.read(home)  # which says itself how long a metre is
 
 
+def test_a_room_in_json_without_a_type_is_taken_for_a_bedroom(answers):
+    document = room_to_dict(ROOMS[0]) | {"id": "x", "furniture": []}
+    del document["room_type"], document["target"]
+    said = answers.read(json.dumps(document).encode())
+    assert said["rooms"][0]["room"]["room_type"] == "bedroom"
+    assert said["left_out"] == ["x: nothing tells its type; it is taken for a bedroom"]
+
+
 def test_what_is_said_of_a_home_names_no_option_of_commands(answers, tmp_path):
     untold = FLAT.replace("Bedroom", "Xyz").replace("bed140x190", "whatsit")
     parked = piece("cooktop", 900, 100, 60, 60, id="parked")

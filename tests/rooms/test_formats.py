@@ -77,7 +77,7 @@ def test_what_is_locked_stays_whatever_is_to_move() -> None:
         assert to_place(room, move).furniture == (bed, *lifted([desk], {0}))
 
 
-@pytest.mark.parametrize("option", ["into", "room_type", "categories"])
+@pytest.mark.parametrize("option", ["into", "categories"])
 def test_what_rooms_in_json_say_themselves_is_refused(option: str, tmp_path: Path) -> None:
     path = tmp_path / "rooms.jsonl"
     write_rooms(path, [rectangular_room()])
@@ -180,6 +180,23 @@ def test_rooms_of_which_nothing_tells_the_type_are_what_is_said_of_houses_and_fo
         assert "study" not in {room.room_type for room in read.rooms}
         assert taken.rooms[0].room_type == "study"
         assert f"{taken.rooms[0].id}: nothing tells its type; it is taken for a study" in taken.notes
+
+
+def test_a_room_in_json_without_a_type_is_what_its_id_or_furniture_tells_or_what_is_said(tmp_path: Path) -> None:
+    document = {k: value for k, value in room_to_dict(rectangular_room()).items() if k not in ("room_type", "target")}
+    couch = {"category": "couch", "size": [0.9, 2.0]}
+    rooms_ = {"x": [], "y": [couch], "Kitchen 2": [], "Corridor": []}
+    path = tmp_path / "rooms.json"
+    path.write_text(json.dumps([*(document | {"id": name, "furniture": held} for name, held in rooms_.items()), {}]))
+    assert len(opened(path).collection.left_out) == 5
+    collection = opened(path, room_type="study").collection
+    assert {room.id: room.room_type for room in collection.rooms} == {
+        "x": "study",
+        "y": "living_room",
+        "Kitchen 2": "kitchen",
+    }
+    assert collection.notes == ["x: nothing tells its type; it is taken for a study"]
+    assert len(collection.left_out) == 2
 
 
 def test_no_file_is_overwritten(tmp_path: Path) -> None:

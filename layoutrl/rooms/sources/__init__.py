@@ -56,9 +56,9 @@ def read_homes(
 ) -> Collection:
     """The rooms of all types in files of a source whose files do not say which type they hold.
 
-    `room_type` is that of rooms of homes of which nothing tells it. Raises InputError for categories of rooms in JSON.
+    `room_type` is that of rooms of which nothing tells it. Raises InputError for categories of rooms in JSON.
     """
     if source == "json":
         check_unsaid(root, categories=categories)
-        return read_rooms(root, strict, unit)
+        return read_rooms(root, strict, unit, room_type)
     return READERS[source](root, names_of(categories), room_type)

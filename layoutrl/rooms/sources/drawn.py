@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import NO_ROOM, NOTED, OBSTACLE, Names
 from layoutrl.rooms.clearances import HOSTS, PASSAGE
-from layoutrl.rooms.collection import NOBODYS
+from layoutrl.rooms.collection import NOBODYS, UNTOLD, taken_for
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
     FILM,
@@ -52,7 +52,6 @@ SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a r
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 HIGHEST = 0.3  # metres: what hangs higher is decor
 FLATTEST = 0.1  # metres: carpets are lower
-UNTOLD = "nothing tells its type"  # of a room
 
 
 @dataclass(frozen=True)
@@ -232,7 +231,7 @@ class Storey(Generic[P]):
                 if item is not items[k]:
                     pieces[k] = replace(pieces[k], item=item, known=False)
             if told is None:
-                self.notes.append(f"{room_id}: {UNTOLD}; it is taken for a {kind.replace('_', ' ')}")
+                self.notes.append(taken_for(room))
             yield room, [pieces[k] for k in held]
 
 
