@@ -26,6 +26,7 @@ LARGEST_FILE = 2**20  # bytes, of a user's own
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
 SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
 WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room has, too
+AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: the first says what it is
 UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
 FAINT = {"ensuite", "en suite", "master", "kids", "guest", "bed", "family"}  # say it where no other word of a room does
 BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
@@ -150,13 +151,26 @@ class Names:
 
         In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
         """
-        parts = [*chain.from_iterable(map(_parts, names))]
+        parts = [*map(self._leading, chain.from_iterable(map(_parts, names)))]
         words = [part.split() for part in parts]
         ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
         unspaced = (word for each in words for word in reversed(each) if UNSPACED.search(word))
         ends_of_word = (word[first:] for word in unspaced for first in range(1, len(word)))
         begins = chain.from_iterable(map(self._begins, words))
         return next((p for p in chain(parts, ends, ends_of_word, begins) if p in self._furniture), None)
+
+    def _leading(self, part: str) -> str:
+        """What of a plain name says what it is: a bed with nightstands is a bed, and so is a bed and nightstands.
+
+        It is the whole where the table has a name that goes on behind such a word, as of a cabinet with basin; and where
+        nobody knows what stands before an "and": a kitchen and dining table is a table.
+        """
+        for sign in (WITH, AND):
+            first = sign.split(part, maxsplit=1)[0].strip()
+            starts = (at.start() for at in re.finditer(r"\S+", part) if at.start() < len(first))
+            if first != part and not any(part[start:] in self._furniture for start in starts):
+                part = first if first and (sign is WITH or self._known([first])) else part
+        return part
 
     def _begins(self, words: list[str]) -> Iterator[str]:
         """The beginnings of a name that say what it is, the longest first.
@@ -221,6 +235,7 @@ def names_in(said: str | None) -> set[str]:
 def plain(name: str) -> str:
     """A name in small letters, without its catalogue, accents, numbers and signs: eTeks#bed140x190 is "bed"."""
     name = re.sub(r"^\S*#(?=[^\W\d_])", "", name[:LONGEST])  # but of "Bedroom #2" and "Bedroom #B" all is a name
+    name = re.sub(r"(?<=[^\W\d_])\s*[&+]\s*(?=[^\W\d_])", " and ", name)
     name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     decomposed = unicodedata.normalize("NFKD", name).casefold()
     letters = "".join(c for c in decomposed if not unicodedata.combining(c))
@@ -234,8 +249,9 @@ def _holds(part: str, named: str) -> bool:
 
 def _parts(name: str) -> list[str]:
     """A name, and its parts at slashes without what follows a dash, the last first: "table/coffee table - round"."""
-    name = BRACKETS.sub(" ", name[:LONGEST]).strip() or name
-    parts = [part.partition(" - ")[0] for part in reversed(name[:LONGEST].split("/"))]
+    name = re.sub(r"\bw/", "with ", name[:LONGEST])
+    name = BRACKETS.sub(" ", name).strip() or name
+    parts = [part.partition(" - ")[0] for part in reversed(name.split("/"))]
     return [plain(part) for part in (name, *parts)]
 
 

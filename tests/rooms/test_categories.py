@@ -83,6 +83,29 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
     assert set(HOLDS) == set(MAIN_ITEM)
 
 
+@pytest.mark.parametrize(
+    ("called", "category"),
+    [
+        ("Bed with nightstands, Bed w/ nightstand, Bett mit Nachttischen, Lit avec tables de chevet", "bed"),
+        ("cama con mesitas, letto con comodini, cama com mesas, bed met nachtkastjes, Bed and nightstand", "bed"),
+        ("Blue bed with a desk and a chair, Bett & Nachttisch, lit et chevet, Cama doble con mesita de noche", "bed"),
+        ("Desk with chair, Desk and chair, Desk & chair, Desk + chair", "desk"),
+        ("Wardrobe with mirror", "wardrobe"),
+        ("White cabinet with basin", "vanity"),  # which is in the table
+        ("Fridge & Freezer", "fridge"),
+        ("Kitchen and dining table", "table"),
+        ("Tavolo e sedie, Mesa y sillas, Tisch und Stühle, Tafel en stoelen", "table"),
+    ],
+)
+def test_what_a_piece_has_with_it_does_not_say_what_it_is(called: str, category: str) -> None:
+    names = names_of()
+    for name in called.split(", "):
+        assert (name, names.category(name)) == (name, (category, True))
+    assert names.category("Treadmill with table") == ("treadmill_with_table", False)
+    assert names.category("Lamp and table") == ("lamp", False)
+    assert names.category("And", "& bed", "with") == ("bed", True)
+
+
 @pytest.mark.parametrize("name", ["Rug", "Carpet", "area rug", "Teppich 200x300", "Tapis rond", "alfombra", "地毯"])
 def test_a_rug_is_floor_by_whichever_name(name: str) -> None:
     names = names_of()
