@@ -30,6 +30,7 @@ AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: th
 UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
 FAINT = {"ensuite", "en suite", "master", "kids", "guest", "bed", "family"}  # say it where no other word of a room does
 BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
+SHAPES = {"box", "cylinder", "triangle", "cube", "sphere", "cone", "pyramid", "prism", "shape"}  # that people rename
 SIZES = {  # words that may follow an English name, with numbers or without
     *("cm", "mm", "m", "inch", "inches", "ft", "feet", "wide", "high", "deep", "long"),
     *("seats", "seater", "sitzer", "persons", "personen", "people", "places", "plazas", "posti"),
@@ -146,6 +147,11 @@ class Names:
         return entry | {"category": ours}
 
     def _known(self, names: list[str]) -> str | None:
+        """The part of the table that says what a thing of these names is: one by which a shape is called says it."""
+        said = [name for name in names if plain(name).rpartition(" ")[2] not in SHAPES]
+        return self._found(said) or self._found(names)
+
+    def _found(self, names: list[str]) -> str | None:
         """The first part of these names that the table has; else the longest words of it that one ends with, or a word
         that no blanks part; else those that one begins with, where a beginning counts.
 

@@ -355,6 +355,19 @@ def test_a_name_that_nobody_knows_stands_as_an_obstacle_and_is_said(tmp_path: Pa
     assert "'sofaa' (1) is no known furniture and stands as an obstacle; nearest are sofa" in note
 
 
+@pytest.mark.parametrize("catalog", ["texturableBox", "texturableCylinder", "texturableTriangle", "box", "halfCylinder"])
+@pytest.mark.parametrize(("called", "category"), [
+    ("Wardrobe", "wardrobe"), ("My old wardrobe", "wardrobe"), ("Meuble TV blanc", "tv_unit"), ("Piano", "piano"),
+])  # fmt: skip
+def test_a_shape_is_what_its_user_calls_it(called: str, category: str, catalog: str, tmp_path: Path) -> None:
+    shapes = piece(catalog, 300, 150, 50, 60, name=called) + piece(catalog, 200, 150, 50, 60, name="Boîte")
+    home = flat(tmp_path, shapes + BED + WALLS + ROOMS, move="all")
+    named, shape, _ = home.pieces["flat/Bedroom"]
+    assert (named.item.category, named.known) == (category, called != "Piano")
+    assert not shape.known
+    assert home.collection.notes == []  # what a shape is called in another language is no name of a piece
+
+
 def test_a_homes_folder_is_read_home_by_home(tmp_path: Path) -> None:
     home_file(tmp_path / "a.sh3d")
     home_file(tmp_path / "below" / "b.sh3d")
