@@ -160,13 +160,24 @@ def _floor(room: Any) -> Polygon:
     return floor_of([(length(corner["x"]), length(corner["z"])) for corner in room["floorPolygon"]])
 
 
+def _foot(wall: Any) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The ends of a wall on the floor, as AI2-THOR finds them: its lowest corners, in their order. Others lie between."""
+    corners = [lengths(corner[axis] for axis in "xyz") for corner in wall["polygon"]]
+    floor = sorted(y for _, y, _ in corners)[1] + TOLERANCE
+    low = [(x, z) for x, y, z in corners if y <= floor]
+    end = max(low, key=partial(math.dist, low[0]))
+    first, last = sorted((end, max(low, key=partial(math.dist, end))), key=low.index)
+    return first, last
+
+
 def _gaps(house: Any) -> Iterator[DrawnOpening]:
     """The doors and windows. A wall has no thickness: they are as deep as the walls that are assumed."""
-    corners = {wall["id"]: [lengths((c["x"], c["z"])) for c in wall["polygon"][:2]] for wall in house["walls"]}
     kinds: tuple[Literal["door", "window"], ...] = ("door", "window")
+    pierced = {opening["wall0"] for kind in kinds for opening in house[f"{kind}s"]}
+    feet = {wall["id"]: _foot(wall) for wall in house["walls"] if wall["id"] in pierced}
     for kind in kinds:
         for opening in house[f"{kind}s"]:
-            (x0, y0), (x1, y1) = corners[opening["wall0"]]
+            (x0, y0), (x1, y1) = feet[opening["wall0"]]
             # Houses of before schema 1.0.0 have a box.
             hole = opening.get("holePolygon") or [opening["boundingBox"][end] for end in ("min", "max")]
             first, last = lengths(corner["x"] for corner in hole)

@@ -117,6 +117,25 @@ def test_a_house_is_told_by_its_objects_however_many_come_before_its_rooms(tmp_p
     assert len(opened(path).collection.rooms) == 2
 
 
+@pytest.mark.parametrize("order", ["ABba", "baAB", "AabB", "aABb", "AMBba", "bacMABA", "ABA", "BMbaA"])
+def test_a_walls_foot_is_its_lowest_corners_in_any_order_of_them(order: str, tmp_path: Path) -> None:
+    """From the first of them, which the names of corners have in capital letters, openings are measured."""
+    write(tmp_path, house())
+    before = [room.openings for room in read(tmp_path, names_of()).rooms]
+    assert [len(openings) for openings in before] == [2, 1]
+    document = house()
+    for drawn in document["walls"]:
+        first, last = drawn["polygon"][:2]
+        if order.index("B") < order.index("A"):
+            first, last = last, first
+        middle = {axis: (first[axis] + last[axis]) / 2 for axis in "xyz"}
+        low = {"A": first, "B": last, "M": middle | {"y": 1e-4}}
+        corners = low | {"a": first | {"y": 2.5}, "b": last | {"y": 2.4}, "c": middle | {"y": 3.0}}
+        drawn["polygon"] = [corners[name] for name in order]
+    write(tmp_path, document)
+    assert [room.openings for room in read(tmp_path, names_of()).rooms] == before
+
+
 def test_houses_of_before_schema_1_have_boxes_of_openings(tmp_path: Path) -> None:
     def boxed(opening: dict[str, Any]) -> dict[str, Any]:
         first, last = opening["holePolygon"]
