@@ -168,8 +168,8 @@ class Names:
     def _leading(self, part: str) -> str:
         """What of a plain name says what it is: a bed with nightstands is a bed, and so is a bed and nightstands.
 
-        It is the whole where the table has a name that goes on behind such a word, as of a cabinet with basin; and where
-        nobody knows what stands before an "and": a kitchen and dining table is a table.
+        It is the whole where the table has a name that goes on behind such a word, as of a cabinet with basin; and
+        where nobody knows what stands before an "and": a kitchen and dining table is a table.
         """
         for sign in (WITH, AND):
             first = sign.split(part, maxsplit=1)[0].strip()

@@ -16,6 +16,7 @@ from layoutrl.rooms.room import FIT, Item, Room
 
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
+ODD = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError)  # what a broken field raises
 NOBODYS = "nobody furnishes such a room"
 UNTOLD = "nothing tells its type"
 
@@ -47,7 +48,7 @@ class Collection:
             yield
         except InputError as error:
             self.left_out.append((label, str(error)))
-        except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError):
+        except ODD:
             self.left_out.append((label, "a field is missing or is not of the expected kind"))
 
     def __str__(self) -> str:

@@ -6,6 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import count, pairwise
@@ -20,7 +21,7 @@ from shapely.geometry.polygon import orient
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import NO_ROOM, NOTED, OBSTACLE, Names
 from layoutrl.rooms.clearances import HOSTS, PASSAGE
-from layoutrl.rooms.collection import NOBODYS, UNTOLD, taken_for
+from layoutrl.rooms.collection import NOBODYS, ODD, UNTOLD, taken_for
 from layoutrl.rooms.documents import LARGEST, MOST, room_from_dict
 from layoutrl.rooms.room import (
     FILM,
@@ -112,6 +113,7 @@ class Storey(Generic[P]):
     left_out: list[tuple[str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     unsized: Counter[str] = field(default_factory=Counter)  # names of pieces of which no size is known
+    odd: Counter[str] = field(default_factory=Counter)  # and of those of which a field is missing or odd
 
     @cached_property
     def _bodies(self) -> shapely.Geometry | None:
@@ -150,6 +152,14 @@ class Storey(Generic[P]):
                 piece
             )
         return bool(inside)
+
+    @contextmanager
+    def or_left_out(self, called: str) -> Iterator[None]:
+        """Leave out the piece that is read inside where a field of it is missing or odd: it costs itself alone."""
+        try:
+            yield
+        except ODD:  # a RoomError is one
+            self.odd[called] += 1
 
     @cached_property
     def building(self) -> shapely.Geometry:
@@ -192,11 +202,12 @@ class Storey(Generic[P]):
         What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it; `or_else` ends
         what is said of these, with an option that would.
         """
-        if self.unsized:
-            called = ", ".join(f"{name[:40]} ({n})" for name, n in self.unsized.most_common(NOTED))
-            more = ", ..." if len(self.unsized) > NOTED else ""
-            said = f"pieces of unknown size are left out ({self.unsized.total()}), and others may be placed there"
-            self.notes.append(f"{self.prefix}: {said}: {called}{more}")
+        for what, found in (("of unknown size", self.unsized), ("with a missing or odd field", self.odd)):
+            if found:
+                called = ", ".join(f"{name[:40]} ({n})" for name, n in found.most_common(NOTED))
+                more = ", ..." if len(found) > NOTED else ""
+                said = f"pieces {what} are left out ({found.total()}), and others may be placed there"
+                self.notes.append(f"{self.prefix}: {said}: {called}{more}")
         taken: set[str] = set()
         bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
         shapes = shapely.STRtree([gap.shape for gap in self.gaps])

@@ -111,26 +111,51 @@ def _models(file: Path) -> dict[str, Any]:
 def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names: Names) -> None:
     """Put floors, openings and pieces of a house where they are. Raises what a broken document can."""
     meshes = {mesh["uid"]: mesh for mesh in document["mesh"]}
-    furniture = {piece["uid"]: piece for piece in document["furniture"]}
+    furniture: dict[Any, Any] = {}
+    for piece in document["furniture"]:
+        with house.or_left_out(_called(piece)):
+            furniture[piece["uid"]] = piece
     rooms = document["scene"]["room"]
+    placed = [(child, _ref(child)) for room in rooms for child in room["children"]]
     for room in rooms:
-        drawn = [meshes[child["ref"]] for child in room["children"] if child["ref"] in meshes]
+        drawn = [meshes[ref] for child in room["children"] if (ref := _ref(child)) in meshes]
         floors = [mesh for mesh in drawn if mesh["type"] == "Floor"]
         house.draw(str(room["type"]), str(room["instanceid"])[:60].replace("/", "-"), partial(_floor, floors))
         house.gaps += [gap for mesh in drawn if mesh["type"] in OPENINGS and (gap := _gap(mesh))]
-    if not house.gaps:  # none is cut into the walls; then what is put there tells of them
-        house.gaps = [gap for room in rooms for child in room["children"] if (gap := _titled(child, furniture))]
-    for room in rooms:
-        for child in room["children"]:
-            try:
-                given = furniture.get(child["ref"])
-                valid = given and given.get("valid") is not False  # the data set says so of what is broken
-                piece = _piece(child, given, models, names, house.unsized) if valid else None
-            except RoomError as error:
-                house.notes.append(f"{house.prefix}: a piece is left out: {error}")
-                continue
-            if piece:
-                house.put(piece)
+    titled = [(child, furniture[ref]) for child, ref in placed if _title(furniture.get(ref)) in WIDTH]
+    for child, given in titled if not house.gaps else ():  # none is cut into the walls; then these tell of them
+        with house.or_left_out(_called(given)):
+            house.gaps.append(_titled(child, _title(given)))
+    for child, ref in placed:
+        given = furniture.get(ref)
+        if ref is None:
+            house.odd[_called(None)] += 1
+        elif given and given.get("valid") is not False and _title(given) not in WIDTH:  # it says so of what is broken
+            with house.or_left_out(_called(given)):
+                if piece := _piece(child, given, models, names, house.unsized):
+                    house.put(piece)
+
+
+def _ref(child: Any) -> str | int | None:
+    """Of which mesh or piece a child is one; None where it does not say so."""
+    ref = child.get("ref") if isinstance(child, dict) else None
+    return ref if isinstance(ref, str | int) else None
+
+
+def _title(piece: Any) -> str:
+    """What the title of a piece says that it is, before all else."""
+    return str((piece or {}).get("title")).partition("/")[0]
+
+
+def _said(piece: Any) -> list[str]:
+    """What a house says that a piece is."""
+    given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))), piece.get("category"))
+    return [str(name) for name in given if name]
+
+
+def _called(piece: Any) -> str:
+    """A piece before the user."""
+    return (*(_said(piece) if isinstance(piece, dict) else ()), "without a name")[0]
 
 
 def _floor(meshes: list[Any]) -> Polygon:
@@ -172,11 +197,8 @@ def _gap(mesh: Any) -> DrawnOpening | None:
     return DrawnOpening("window" if high else OPENINGS[mesh["type"]], shape)
 
 
-def _titled(child: Any, furniture: Mapping[str, Any]) -> DrawnOpening | None:
+def _titled(child: Any, title: str) -> DrawnOpening:
     """The door or window that a piece is by its title, as wide as most of them are."""
-    title = str((furniture.get(child["ref"]) or {}).get("title")).partition("/")[0]
-    if title not in WIDTH:
-        return None
     x, _, z = lengths(child["pos"])
     wide = WIDTH[title] * abs(lengths(child["scale"])[0])
     shape = oblong(x, -z, max(wide, WALL_THICKNESS + TOLERANCE), WALL_THICKNESS, _yaw(child))
@@ -195,16 +217,14 @@ def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names, unsi
     if y > HIGHEST:
         return None
     model = models.get(str(piece.get("jid")), {})
-    given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))))
-    more = (piece.get("category"), model.get("category"), model.get("super-category"))
-    called = [str(name) for name in (*given, *more) if name]
+    called = [*_said(piece), *(str(name) for name in (model.get("category"), model.get("super-category")) if name)]
     size = _size(piece, model)
     if size is None:
         if not names.is_decor(*called):
             unsized[called[0] if called else "without a name"] += 1
         return None
     scale = lengths(child["scale"])
-    width, height, depth = (abs(side * by) for side, by in zip(size, scale, strict=True))
+    width, height, depth = lengths(abs(side * by) for side, by in zip(size, scale, strict=True))
     if height < FLATTEST or min(width, depth) < TOLERANCE:
         return None
     found = names.category(*called)

@@ -149,8 +149,9 @@ def _add(
             storey.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
         storey.gaps = list(_gaps(document))
         for thing in document["objects"]:
-            if piece := _piece(thing, sizes, names, storey.unsized):
-                storey.put(piece)
+            with storey.or_left_out(_called(thing)):
+                if piece := _piece(thing, sizes, names, storey.unsized):
+                    storey.put(piece)
         collection.rooms += [room for room, _ in storey.finished(names, label, room_type)]
     collection.left_out += storey.left_out
     collection.notes += storey.notes
@@ -161,7 +162,7 @@ def _floor(room: Any) -> Polygon:
 
 
 def _foot(wall: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The ends of a wall on the floor, as AI2-THOR finds them: its lowest corners, in their order. Others lie between."""
+    """The ends of a wall on the floor, as AI2-THOR finds them: of its lowest corners those at the ends, in order."""
     corners = [lengths(corner[axis] for axis in "xyz") for corner in wall["polygon"]]
     floor = sorted(y for _, y, _ in corners)[1] + TOLERANCE
     low = [(x, z) for x, y, z in corners if y <= floor]
@@ -186,6 +187,12 @@ def _gaps(house: Any) -> Iterator[DrawnOpening]:
                 x, y = x0 + (x1 - x0) / side * along, y0 + (y1 - y0) / side * along
                 degrees = math.degrees(math.atan2(y1 - y0, x1 - x0))
                 yield DrawnOpening(kind, oblong(x, y, abs(last - first), WALL_THICKNESS, degrees))
+
+
+def _called(thing: Any) -> str:
+    """An object by its asset, or by its id, before the user."""
+    known = thing if isinstance(thing, dict) else {}
+    return str(known.get("assetId") or known.get("id") or "without a name")
 
 
 def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names, unsized: Counter[str]) -> Piece | None:

@@ -149,19 +149,56 @@ def test_what_is_broken_is_left_out_in_one_line(tmp_path: Path) -> None:
     document = house()
     document["mesh"][0]["faces"] = document["mesh"][1]["faces"] = [0, 1, 99]
     write(tmp_path, document, "c.json")
-    document = house()
-    document["scene"]["room"][0]["children"][4]["pos"][0] = math.nan
-    write(tmp_path, document, "d.json")
     collection = read(tmp_path, names_of())
     reasons = {Path(where).name: reason for where, reason in collection.left_out}
     assert reasons["a.json"] == "a field is missing or is not of the expected kind"
     assert reasons["b.json"].startswith("text: expected whole JSON")
     assert reasons["MasterBedroom-1"] == "floor: expected triangles between its corners"
-    assert [room.id for room in collection.rooms] == ["d/MasterBedroom-1"]
+    assert not collection.rooms
+
+
+@pytest.mark.parametrize(
+    ("of_child", "of_piece", "called"),
+    [
+        ({"ref": None}, {}, "without a name"),
+        ({"ref": []}, {}, "without a name"),
+        ({"pos": None}, {}, "bed/king-size bed"),
+        ({"pos": [0.0, math.nan, 0.0]}, {}, "bed/king-size bed"),
+        ({"rot": [1, 0, 0]}, {}, "bed/king-size bed"),
+        ({"scale": ["1", 1, 1]}, {}, "bed/king-size bed"),
+        ({"scale": [900, 1, 1]}, {}, "bed/king-size bed"),
+        ({}, {"uid": {}}, "bed/king-size bed"),
+        ({}, {"size": [1, 2]}, "bed/king-size bed"),
+        ({}, {"size": 1, "title": None, "category": "Bett"}, "Bett"),
+    ],
+)
+def test_a_piece_with_an_odd_field_costs_itself_alone_and_is_named(
+    of_child: dict[str, Any], of_piece: dict[str, Any], called: str, tmp_path: Path
+) -> None:
+    document = house()
+    document["scene"]["room"][0]["children"][4] |= of_child
+    document["furniture"][0] |= of_piece
+    write(tmp_path, document)
+    collection = read(tmp_path, names_of())
+    assert not collection.left_out
     assert [item.category for item in collection.rooms[0].furniture] == ["desk"]
-    assert (
-        "d: a piece is left out: a number: expected a finite one of at most 1000 (metres); got nan" in collection.notes
-    )
+    said = "pieces with a missing or odd field are left out (1), and others may be placed there"
+    assert collection.notes == [f"house-1: {said}: {called} (1)"]
+
+
+def test_what_is_no_piece_at_all_and_a_titled_door_that_is_nowhere_are_named(tmp_path: Path) -> None:
+    document = house()
+    document["mesh"] = document["mesh"][:2]
+    document["furniture"] += [None, {"title": "sofa"}, {"uid": "titled", "title": "door/single swing door"}]
+    document["scene"]["room"][0]["children"] += [None, {"ref": "titled", "pos": [0, 0, 0]}, child("titled", 2, 0, 3.1)]
+    write(tmp_path, document)
+    collection = read(tmp_path, names_of())
+    assert [(opening.kind, opening.shape.area) for opening in collection.rooms[0].openings] == [
+        ("door", pytest.approx(0.16, abs=0.01))
+    ]
+    said = "pieces with a missing or odd field are left out (4), and others may be placed there"
+    named = "without a name (2), sofa (1), door/single swing door (1)"
+    assert collection.notes == [f"house-1: {said}: {named}"]
 
 
 def test_a_folder_without_houses_is_answered(tmp_path: Path) -> None:
