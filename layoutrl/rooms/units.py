@@ -1,7 +1,7 @@
 """Lengths of rooms in JSON: metres, centimetres, millimetres, inches or feet, as the user says.
 
-Where nobody says it, metres, centimetres and millimetres are told by how large rooms and doors are. Inches and feet are
-not: a door of 36 inches may be one of 36 cm, and a room of 12 feet one of 12 m.
+Where nobody says it, metres, centimetres and millimetres are told by how wide doors are, else by how large rooms and
+their openings are. Inches and feet are not: a door of 36 inches may be one of 36 cm, and a room of 12 feet one of 12 m.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}  # in a metre
 LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room: below 1.3 m none is one, above 13 m few are
 WIDEST = {"m": 8.0, "cm": 300.0}  # door or window: the narrowest of most rooms is between 0.3 and 3 m
+DOOR = (0.6, 2.0)  # metres, of most doors
 INCHES = (20.0, 45.0)  # most doors, as wide in inches; in centimetres nobody fits through
 LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
 
@@ -43,9 +44,15 @@ def _door_widths(document: Any) -> list[float]:
 
 
 def _guess(document: Any) -> str | None:
-    """The unit of a room: the first in which it is no larger than rooms are, or its narrowest opening no wider."""
+    """The unit of a room: that in which its doors are as wide as most are; else the first in which it is no larger than
+    rooms are, or its narrowest opening no wider.
+    """
     try:
         side = _extent(document["outline"])
+        if doors := _door_widths(document):
+            for unit in ("m", "cm", "mm"):
+                if DOOR[0] <= median(doors) / UNITS[unit] <= DOOR[1]:
+                    return unit
         if side <= LONGEST["m"]:
             return "m"
         widths = [_extent(door["polygon"]) for kind in ("doors", "windows") for door in document[kind]]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
-from layoutrl.rooms.room import MAIN_ITEM
+from layoutrl.rooms.room import MAIN_ITEM, Opening
 from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
 from tests.builders import opening, rectangular_room
 
@@ -36,7 +36,23 @@ def test_metric_units_are_told_by_the_rooms(room_type: str, unit: str) -> None:
     assert unit_of([*most, *documents[8:]]) == unit  # as most of a file are
 
 
-@given(st.floats(3.2, 13), st.floats(3.05, 13), st.sampled_from(["door", "window"]))
+@pytest.mark.parametrize("unit", ["m", "cm", "mm"])
+@pytest.mark.parametrize(
+    ("width", "depth", "openings"),
+    [
+        (0.9, 1.2, [opening("door", 0.1, -0.2, 0.8, 0.0)]),  # a toilet: in millimetres no longer than a hall in cm
+        (4.0, 3.0, [opening("door", 0.1, -0.2, 1.0, 0.0), opening("window", 2.0, -0.2, 2.25, 0.0)]),  # a slit
+        (80.0, 70.0, [opening("door", 0.1, -0.2, 2.0, 0.0), opening("door", 9.0, -0.2, 10.0, 0.0)]),  # a hall
+    ],
+)
+def test_the_width_of_doors_says_the_unit_before_the_size_of_the_room(
+    width: float, depth: float, openings: list[Opening], unit: str
+) -> None:
+    document = room_to_dict(rectangular_room(width, depth, openings=tuple(openings)))
+    assert unit_of([scaled(document, unit)]) == unit
+
+
+@given(st.floats(3.2, 13), st.floats(3.05, 5.9), st.sampled_from(["door", "window"]))
 def test_a_room_whose_only_opening_is_wide_may_be_in_centimetres(side: float, wide: float, kind: str) -> None:
     only = opening(kind, 0.0, -0.2, min(side, wide), 0.0)
     document = room_to_dict(rectangular_room(side, 3.0, openings=(only,)))
