@@ -223,7 +223,10 @@ class Storey(Generic[P]):
             pieces = [replace(piece, item=item) for piece, item in zip(drawn.pieces, standing, strict=True)]
             items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
-            gaps = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))[:MOST_OPENINGS]]
+            near = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))]
+            gaps = sorted(near, key=lambda gap: gap.kind != "door")[
+                :MOST_OPENINGS
+            ]  # of two in one place the door counts
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
             if walls:
                 gaps += self._passages(drawn, walls, gaps)

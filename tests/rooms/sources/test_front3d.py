@@ -11,6 +11,7 @@ from shapely.geometry import box
 from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.formats import opened
+from layoutrl.rooms.sources.drawn import MOST_OPENINGS
 from layoutrl.rooms.sources.front3d import read
 
 
@@ -133,6 +134,24 @@ def test_doors_that_are_titled_alone_are_as_wide_as_most(tmp_path: Path) -> None
     (opening,) = read(tmp_path, names_of()).rooms[0].openings
     assert opening.kind == "door"
     assert opening.shape.symmetric_difference(box(4, -2, 4.2, -1)).area < 1e-3
+
+
+@pytest.mark.parametrize("panes", [1, MOST_OPENINGS])
+def test_a_door_is_one_whatever_windows_are_drawn_before_it(panes: int, tmp_path: Path) -> None:
+    """Of bay windows each pane is drawn; and some have a door among them."""
+    document = house()
+    drawn = [slab(f"pane {k}", "BayWindow", 4, 1, 4.24, 1.9) for k in range(panes)]
+    document["mesh"] = [*document["mesh"][:2], *drawn, slab("door", "Door", 4, 1, 4.24, 1.9)]
+    document["scene"]["room"][0]["children"][:0] = [child(mesh["uid"]) for mesh in drawn]
+    write(tmp_path, document)
+    (door,) = read(tmp_path, names_of()).rooms[0].openings
+    assert door.kind == "door"
+    document["mesh"] = document["mesh"][:2]
+    document["furniture"] += [{"uid": "up", "title": "window/window"}, {"uid": "down", "title": "door/entry"}]
+    document["scene"]["room"][0]["children"] += [child("up", 4.1, 0, 1.5, yaw=90), child("down", 4.1, 0, 1.5, yaw=90)]
+    write(tmp_path, document)
+    (door,) = read(tmp_path, names_of()).rooms[0].openings
+    assert door.kind == "door"
 
 
 def test_a_house_is_opened_by_its_content(tmp_path: Path) -> None:
