@@ -84,6 +84,32 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
 
 
 @pytest.mark.parametrize(
+    ("category", "called"),
+    [
+        ("armchair", "Leather wing chair, Rocking chair, Schaukelstuhl, Mecedora de madera, Oude leunstoel, 扶手椅"),
+        ("bookcase", "Schrankwand, Librero alto, Oak shelving, Billy wall unit"),
+        ("counter", "Kitchen drawers, Kochinsel, Îlot de cuisine, Bancada de granito, Keukenblok"),
+        ("dresser", "Drawers, Changing table, Truhe, Gaveteiro branco"),
+        ("lounge_chair", "Sun lounger, Liegestuhl, Tumbona plegable"),
+        ("nightstand", "Bedside, Nachtkommode, Chevet 1 tiroir, Criado-mudo, Nachttafel"),
+        ("sideboard", "China cabinet, Highboard, Vitrine en chêne, Credenza antica"),
+        ("sofa_bed", "Day bed, Pull-out sofa, Bettsofa, Banquette-lit, Dagbed"),
+        ("stool", "Barstool, Bar chair, Pouf rond, 凳子"),
+        ("tv_unit", "TV table, TV-Möbel, Wohnwand, Móvel TV, Parete attrezzata, TV-kast"),
+        ("vanity", "Vanity unit, Pedestal sink, Lavabo doble, Mueble de baño, Mobile bagno sospeso, Wastafelmeubel"),
+        ("wardrobe", "Cupboard, Schiebetürenschrank, Linnenkast, 衣橱"),
+        ("washing_machine", "Dryer, Washer & dryer, Trockner, Lavarropas"),
+    ],
+)
+def test_everyday_names_of_furniture_are_known(category: str, called: str) -> None:
+    names = names_of()
+    for name in called.split(", "):
+        assert (name, names.category(name)) == (name, (category, True))
+    for name in ("Hair dryer", "Game console", "Máquina de lavar louça", "Shoe cabinet", "Lave-vaisselle encastré"):
+        assert not names.knows(name)
+
+
+@pytest.mark.parametrize(
     ("called", "category"),
     [
         ("Bed with nightstands, Bed w/ nightstand, Bett mit Nachttischen, Lit avec tables de chevet", "bed"),
@@ -93,6 +119,7 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
         ("Wardrobe with mirror", "wardrobe"),
         ("White cabinet with basin", "vanity"),  # which is in the table
         ("Fridge & Freezer", "fridge"),
+        ("cabinet/hutch&buffet", "sideboard"),
         ("Kitchen and dining table", "table"),
         ("Tavolo e sedie, Mesa y sillas, Tisch und Stühle, Tafel en stoelen", "table"),
     ],
@@ -195,7 +222,14 @@ def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
             "bathroom",
             "Badezimmer, Ensuite, Master en suite, Powder room, Salle d'eau, Toilettes, Gäste-WC, Bath/Laundry",
         ),
-        ("kitchen", "Wohnküche, Keuken, Kitchen/Pantry"),
+        ("kitchen", "Wohnküche, Keuken, Kitchen/Pantry, Angolo cottura, Kochnische"),
+        ("balcony", "Patio, Back porch, Dachterrasse"),
+        ("living_room", "Salotto, Huiskamer, Wohn-Esszimmer, Wohn- und Esszimmer, Front room, Zona giorno"),
+        ("dining_room", "Breakfast nook, Essplatz, Eethoek"),
+        ("study", "Workroom, Bibliothèque, Ufficio, Studeerkamer, 办公室"),
+        ("bedroom", "Suite, Primary suite, Baby room, Mädchenzimmer, Stanza da letto, Alcoba, 客房"),
+        ("bathroom", "Kinderbad, Gästetoilette, 客卫, Suite bathroom"),
+        (NO_ROOM, "Vestibule, Entry, Storeroom, Garderobe, Disimpegno, Entrada, Hal, Trappenhuis, 楼梯间"),
         ("living_room", "Family room, Woonkamer, Wohnen/Essen, Salon/Salle à manger"),
         ("dining_room", "Dining hall, Sala da pranzo"),
         ("study", "Büro, Home office, Despacho"),
