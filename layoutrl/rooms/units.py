@@ -44,14 +44,14 @@ def _door_widths(document: Any) -> list[float]:
 
 
 def _guess(document: Any) -> str | None:
-    """The unit of a room: that in which its doors are as wide as most are; else the first in which it is no larger than
-    rooms are, or its narrowest opening no wider.
+    """The unit of a room: that in which its doors are as wide as most are, and it is no narrower than they; else the
+    first in which it is no larger than rooms are, or its narrowest opening no wider.
     """
     try:
-        side = _extent(document["outline"])
+        across, side = sorted(_extents(document["outline"]))
         if doors := _door_widths(document):
             for unit in ("m", "cm", "mm"):
-                if DOOR[0] <= median(doors) / UNITS[unit] <= DOOR[1]:
+                if DOOR[0] <= median(doors) / UNITS[unit] <= DOOR[1] and across / UNITS[unit] >= DOOR[0]:
                     return unit
         if side <= LONGEST["m"]:
             return "m"
@@ -63,7 +63,12 @@ def _guess(document: Any) -> str | None:
 
 
 def _extent(ring: Any) -> float:
-    return max(max(axis) - min(axis) for axis in zip(*ring, strict=True))
+    return max(_extents(ring))
+
+
+def _extents(ring: Any) -> list[float]:
+    """Along x and along y."""
+    return [max(axis) - min(axis) for axis in zip(*ring, strict=True)]
 
 
 def in_metres(document: Any, per_metre: float) -> Any:
