@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import signal
 import sys
 import threading
@@ -58,8 +59,8 @@ def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
 
 
 def going_on(folder: Path, entry_point: str) -> str:
-    """The command that goes on with a run."""
-    return f"python -m {entry_point} resume={folder}"
+    """The command that goes on with a run, as a shell takes it."""
+    return shlex.join(["python", "-m", entry_point, f"resume={folder}"])
 
 
 def check_folder(config: AnyTraining, folder: Path | None) -> None:
@@ -111,8 +112,8 @@ def session(
 ) -> Iterator[Session]:
     """Train inside: goes on with what is in the folder, if one is given, and is saved at the end, a signal's included.
 
-    Checkpoints say `about`, too. Raises InputError where the folder cannot be written to, is of another run, or is
-    in use by another process.
+    Checkpoints say `about`, too, and how many threads torch has: sums hang on it, so that it is the same as one goes
+    on. Raises InputError where the folder cannot be written to, is of another run, or is in use by another process.
     """
     identity, seconds_before = identity_of(config, rooms, device), 0.0
     begun, folder = folder is not None, folder or new_folder(config)
@@ -120,9 +121,12 @@ def session(
         if begun and (state := last_state(folder, identity, about, device)):
             with taken(folder):
                 training.load_state_dict(state["training"])
+                if "threads" in state:  # what was saved before this was kept does not say it
+                    torch.set_num_threads(state["threads"])
             print(f"going on after {training.updates} updates")
             seconds_before = state["seconds"]
-        kept = Session(training, folder, identity | about, seconds_before)
+        threads = {"threads": torch.get_num_threads()}
+        kept = Session(training, folder, identity | threads | about, seconds_before)
         with written_to(folder, entry_point, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
@@ -203,7 +207,11 @@ def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
     if (folder / EVALUATION).exists():
         print(f"{folder} is finished")
         return folder
-    return run(config, folder)
+    threads = torch.get_num_threads()
+    try:
+        return run(config, folder)
+    finally:
+        torch.set_num_threads(threads)  # of what a sweep runs next
 
 
 def swept(config: Config, run: Run[Config]) -> None:

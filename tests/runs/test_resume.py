@@ -8,6 +8,7 @@ import json
 import os
 import random
 import re
+import shlex
 import shutil
 import signal
 import sys
@@ -205,6 +206,24 @@ def test_a_full_disk_as_a_run_begins_is_answered_and_leaves_nothing_behind(rooms
 def test_what_is_finished_is_not_begun_again(rooms, whole, capsys):
     assert resumed(whole, run, TrainConfig) == whole
     assert f"{whole} is finished" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_run_goes_on_with_the_threads_that_it_began_with(told, rooms, whole, tmp_path, monkeypatch):
+    folder = copy_of(whole, tmp_path)
+    state, seen = load_checkpoint(folder, CPU), list[int]()
+    assert state.pop("threads") == 1
+    save_checkpoint(folder, state | ({"threads": 2} if told else {}), UPDATES)
+    monkeypatch.setattr("layoutrl.runs.monitor.record_result", lambda *_: seen.append(torch.get_num_threads()))
+    resumed(folder, run, TrainConfig)
+    assert seen == [2 if told else 1]
+    assert torch.get_num_threads() == 1
+
+
+def test_the_command_that_goes_on_is_as_a_shell_takes_it(rooms, tmp_path):
+    folder = tmp_path / "my runs" / "one"
+    *begins, last = shlex.split(resume.going_on(folder, "layoutrl.train"))
+    assert (begins, last) == (["python", "-m", "layoutrl.train"], f"resume={folder}")
 
 
 def test_a_run_that_was_killed_before_its_first_checkpoint_begins_anew(rooms, whole, tmp_path):
