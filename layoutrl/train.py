@@ -34,9 +34,9 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     if learner.agent.updates < learner.updates:
         raise Stopped(
             f"stopped after {learner.agent.updates} of {learner.updates} updates",
-            going_on(folder, "layoutrl.train"),
+            going_on(folder, config, "layoutrl.train"),
         )
-    with ending(folder, "layoutrl.train"):
+    with ending(folder, config, "layoutrl.train"):
         network, categories = learner.agent.network, learner.categories
         result, shown = scored(network, config.method, config.reward, categories, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.agent.updates)

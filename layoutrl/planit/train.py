@@ -33,9 +33,9 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     if trained.stopped:
         raise Stopped(
             f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates",
-            going_on(folder, "layoutrl.planit.train"),
+            going_on(folder, config, "layoutrl.planit.train"),
         )
-    with ending(folder, "layoutrl.planit.train"):
+    with ending(folder, config, "layoutrl.planit.train"):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
         finish(
             folder,

@@ -60,6 +60,26 @@ def located(data: Data) -> Data:
     return replace(data, root=root, categories=categories)
 
 
+def moved(own: Data, given: Data) -> Data:
+    """The data of a run where they are now: as given, where they are of the same source and no longer there."""
+    if given.source not in (None, own.source):
+        return own
+    found: dict[str, Any] = {name: getattr(given, name) or path for name, path in gone(own).items()}
+    return replace(own, **found)
+
+
+def gone(data: Data) -> dict[str, str]:
+    """The files that data name, and that are not there. The designer makes its cache anew."""
+    paths = {} if data.source == "designer" else {"root": data.root, "categories": data.categories}
+    return {name: path for name, path in paths.items() if path and not Path(path).exists()}
+
+
+def check_there(folder: Path, data: Data) -> None:
+    """Raise InputError where files of a run's rooms are not there."""
+    for name, path in gone(data).items():
+        raise InputError(f"data.{name}: {folder} has its rooms of {path}, which is not there; expected where it is now")
+
+
 def make_folder(wanted: Path) -> Path:
     """A new folder: the one that is wanted, with a number behind its name where that is taken.
 

@@ -10,9 +10,9 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
@@ -29,13 +29,15 @@ from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpo
 from layoutrl.runs.commands import Stopped, in_a_line, mendable
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
-from layoutrl.runs.folder import differences, folders_of, load_config, located, new_folder, wanted_folder
+from layoutrl.runs.folder import check_there, differences, folders_of, load_config, located, new_folder, wanted_folder
 from layoutrl.runs.machine import machine
 
 EVALUATION = "evaluation.json"  # a run that has it is finished
 
 # Windows has no SIGHUP.
 STOPPING = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__]
+
+ELSEWHERE = ("data.root", "data.categories", "device")  # options of where a run goes on
 
 Run = Callable[[Config, Path | None], Path]  # a run as configured: a new one, or one to go on with
 
@@ -58,9 +60,18 @@ def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
     return np.random.SeedSequence(config.seed).spawn(4)
 
 
-def going_on(folder: Path, entry_point: str) -> str:
-    """The command that goes on with a run, as a shell takes it."""
-    return shlex.join(["python", "-m", entry_point, f"resume={folder}"])
+def going_on(folder: Path, config: AnyTraining, entry_point: str) -> str:
+    """The command that goes on with a run where it now is, as a shell takes it."""
+    schema: type[Any] = type(config)
+    ours, theirs = (where(each) for each in (config, load_config(folder, schema)))
+    others = [f"{name}={value}" for name, value in ours.items() if value != theirs[name]]
+    return shlex.join(["python", "-m", entry_point, f"resume={folder}", *others])
+
+
+def where(config: AnyTraining) -> dict[str, Any]:
+    """The options of ELSEWHERE."""
+    data = located(config.data)
+    return dict(zip(ELSEWHERE, (data.root, data.categories, config.device), strict=True))
 
 
 def check_folder(config: AnyTraining, folder: Path | None) -> None:
@@ -127,7 +138,7 @@ def session(
             seconds_before = state["seconds"]
         threads = {"threads": torch.get_num_threads()}
         kept = Session(training, folder, identity | threads | about, seconds_before)
-        with written_to(folder, entry_point, training), stopped_by_signals(training):
+        with written_to(folder, config, entry_point, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
                 kept.save(None)
@@ -135,25 +146,26 @@ def session(
 
 
 @contextmanager
-def written_to(folder: Path, entry_point: str, training: Stoppable) -> Iterator[None]:
+def written_to(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
     """Raise InputError for a disk that cannot be written to. Checkpoints raise it themselves."""
+    later = going_on(folder, config, entry_point)
     try:
         yield
     except OSError as error:
         begins = "the last checkpoint goes on" if checkpoints(folder) else "it begins anew, as nothing is saved yet"
         raise InputError(
             f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
-            f"to write to, where {begins}: {going_on(folder, entry_point)}"
+            f"to write to, where {begins}: {later}"
         ) from None
 
 
 @contextmanager
-def ending(folder: Path, entry_point: str) -> Iterator[None]:
+def ending(folder: Path, config: AnyTraining, entry_point: str) -> Iterator[None]:
     """Score inside what is trained, which no other process does meanwhile; if it is stopped, it is left to be done.
 
     Raises Stopped then, and InputError where the folder cannot be written to or is in use by another process.
     """
-    later = going_on(folder, entry_point)
+    later = going_on(folder, config, entry_point)
     with locked(folder / LOCK, wait=False):
         try:
             yield
@@ -185,7 +197,7 @@ def finish(
 def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
     """What a command line asks for: a run, one run of a sweep, or to go on with one.
 
-    Raises InputError where `resume` names nothing, or has other options beside it.
+    Raises InputError where `resume` names nothing, or has other options beside it than those of ELSEWHERE.
     """
     hydra_config = HydraConfig.get()
     if resume is None:
@@ -196,17 +208,28 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
         return
     if not resume.strip():
         raise InputError("resume: expected the folder of a run; got no name")
-    if also := [given for given in hydra_config.overrides.task if not given.startswith("resume=")]:
-        raise InputError(f"resume: goes on as it began; expected nothing beside it, got {' '.join(also)}")
-    resumed(Path(resume), run, type(config))
+    given = {each.partition("=")[0]: each for each in hydra_config.overrides.task}
+    if also := [each for name, each in given.items() if name not in ("resume", *ELSEWHERE)]:
+        raise InputError(
+            f"resume: goes on as it began; expected nothing beside it but {', '.join(ELSEWHERE)}, got {' '.join(also)}"
+        )
+    resumed(Path(resume), run, type(config), {name: value for name, value in where(config).items() if name in given})
 
 
-def resumed(folder: Path, run: Run[Config], schema: type[Config]) -> Path:
-    """Go on with a run, to its end. Raises InputError where the folder is none of such a run."""
+def resumed(
+    folder: Path, run: Run[Config], schema: type[Config], elsewhere: Mapping[str, str | None] | None = None
+) -> Path:
+    """Go on with a run, to its end, where its rooms and device now are: what is not given, of ELSEWHERE, is as it was.
+
+    Raises InputError where the folder is none of such a run, or its rooms are not there.
+    """
     config = load_config(folder, schema, "resume")
+    root, categories, device = (where(config) | dict(elsewhere or {})).values()
     if (folder / EVALUATION).exists():
         print(f"{folder} is finished")
         return folder
+    config = replace(config, data=replace(config.data, root=root, categories=categories), device=device)
+    check_there(folder, config.data)
     threads = torch.get_num_threads()
     try:
         return run(config, folder)

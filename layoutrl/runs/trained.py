@@ -18,7 +18,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, parts_of
 from layoutrl.runs.checkpoints import load_checkpoint, taken
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
-from layoutrl.runs.folder import load_config, located
+from layoutrl.runs.folder import check_there, load_config, located, moved
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.ranges import check_on_illegal
 from layoutrl.runs.resume import digest, stated
@@ -94,11 +94,14 @@ def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
 def trained_run(config: RunConfig) -> TrainedRun:
     """What a run left behind, and the rooms that were asked for; says how many these are.
 
-    Of rooms that are not the run's own, those that it was trained on are left out. Raises InputError where none
-    is left.
+    Of rooms that are not the run's own, those that it was trained on are left out. The run's own may be elsewhere now,
+    if that is given. Raises InputError where they are not there, and where no room is left.
     """
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
+    given = located(config.data)
+    trained = replace(trained, data=moved(trained.data, given))
+    check_there(folder, trained.data)
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
     check_on_illegal("on_illegal", method)
     device = device_of(config.device)
@@ -108,7 +111,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     if digest(training) != kept.rooms:
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
 
-    data, same = asked_data(trained.data, located(config.data))
+    data, same = asked_data(trained.data, given)
     parts = (training, held_out) if data == trained.data else parts_of(*learns, data, trained.fold)
     part = config.part or ("held_out" if same or data.source == "designer" else "all")
     chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]

@@ -22,6 +22,7 @@ from typing import Any
 
 import pytest
 import torch
+from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from layoutrl import InputError
@@ -221,9 +222,30 @@ def test_a_run_goes_on_with_the_threads_that_it_began_with(told, rooms, whole, t
 
 
 def test_the_command_that_goes_on_is_as_a_shell_takes_it(rooms, tmp_path):
-    folder = tmp_path / "my runs" / "one"
-    *begins, last = shlex.split(resume.going_on(folder, "layoutrl.train"))
-    assert (begins, last) == (["python", "-m", "layoutrl.train"], f"resume={folder}")
+    config, folder = configured(rooms, tmp_path), tmp_path / "my runs" / "one"
+    folder.mkdir(parents=True)
+    (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.structured(config)))
+    begins = ["python", "-m", "layoutrl.train", f"resume={folder}"]
+    assert shlex.split(resume.going_on(folder, config, "layoutrl.train")) == begins
+    elsewhere = replace(config, data=replace(config.data, root="my rooms.jsonl"), device="cuda:1")
+    said = [*begins, f"data.root={Path.cwd() / 'my rooms.jsonl'}", "device=cuda:1"]
+    assert shlex.split(resume.going_on(folder, elsewhere, "layoutrl.train")) == said
+
+
+def test_a_run_whose_rooms_are_elsewhere_now_goes_on_there_if_they_are_the_same(rooms, whole, tmp_path):
+    folder, there = copy_of(whole, tmp_path / "a run"), tmp_path / "my rooms.jsonl"
+    config = (folder / "config.yaml").read_text()
+    (folder / "config.yaml").write_text(config.replace(str(rooms), str(tmp_path / "gone.jsonl")))
+    done = command("train", f"resume={folder}", cwd=tmp_path)
+    assert f"data.root: {folder} has its rooms of {tmp_path}/gone.jsonl, which is not there; expected" in done.stderr
+    there.write_text("\n".join(rooms.read_text().splitlines()[1:]))
+    arguments = ("train", f"resume={folder}", f"data.root={there.name}", "device=cpu")
+    done = command(*arguments, cwd=tmp_path)
+    assert f"the checkpoint of {folder} is of other rooms; expected those that it began with" in done.stderr
+    there.write_text(rooms.read_text())
+    done = command(*arguments, cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("error")) == (0, 0), done.stderr
+    assert outcome(folder) == outcome(whole)
 
 
 def test_a_run_that_was_killed_before_its_first_checkpoint_begins_anew(rooms, whole, tmp_path):
@@ -465,7 +487,10 @@ def test_an_evaluation_that_is_stopped_is_done_later(stop, said, whole, tmp_path
 def test_nothing_is_given_beside_the_run_to_go_on_with(whole, tmp_path):
     done = command("train", f"resume={whole}", "seed=3", cwd=tmp_path)
     assert done.returncode != 0
-    assert "resume: goes on as it began; expected nothing beside it, got seed=3" in done.stderr
+    assert (
+        "resume: goes on as it began; expected nothing beside it but data.root, data.categories, device, got seed=3"
+        in done.stderr
+    )
     done = command("train", f"resume={tmp_path / 'nowhere'}", cwd=tmp_path)
     assert "nowhere" in done.stderr
     assert "Traceback" not in done.stderr

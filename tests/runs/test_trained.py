@@ -108,6 +108,29 @@ def test_rooms_that_changed_since_the_training_are_told(
     assert f"{copy} was trained on other rooms than there are now" in capsys.readouterr().out
 
 
+def test_rooms_that_are_elsewhere_now_are_the_runs_own(
+    tatami: Path, copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here, there = tatami.parents[1] / "tatami.jsonl", tmp_path / "there.jsonl"
+    text = (copy / "config.yaml").read_text()
+    gone = str(tmp_path / "gone.jsonl")
+    changed(copy, str(here), gone)
+    with pytest.raises(InputError, match=rf"^data\.root: {copy} has its rooms of {gone}, which is not there; expected"):
+        trained_run(RunConfig(str(copy)))
+    there.write_text(here.read_text())
+    for source in (None, "json"):
+        given = RunConfig(str(copy), data=replace(AS_IN_THE_RUN, source=source, root=str(there)))
+        capsys.readouterr()
+        shown, own = trained_run(given), trained_run(RunConfig(str(tatami)))
+        assert "other rooms" not in capsys.readouterr().out
+        assert (shown.rooms, shown.training, shown.part) == (own.rooms, own.training, "held_out")
+    there.write_text("\n".join(here.read_text().splitlines()[1:]))
+    trained_run(given)
+    assert f"{copy} was trained on other rooms than there are now" in capsys.readouterr().out
+    (copy / "config.yaml").write_text(text)  # rooms that are still there are the run's own, and others are others
+    assert trained_run(given).part == "all"
+
+
 def test_furniture_that_the_agent_never_saw_is_told(
     tatami: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
