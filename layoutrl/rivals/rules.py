@@ -98,18 +98,20 @@ def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequenc
     """The designer's relative place in the training room that is most like each of B rooms, mirrored and turned or not.
 
     Likeness is the distance between size of the outline, size of the item and centre of the first
-    door, among rooms in which the same category moves (any, if none). The place is relative to the
-    bounding box of the outline, kept inside it.
+    door, among rooms of other groups, which do not hold the answer (any, if none), in which the same category moves
+    (any, if none). The place is relative to the bounding box of the outline, kept inside it.
     """
     pairs = np.array([_features(r) for r in training])  # (training, 3, 2)
     relative = np.array([_relative_place(r) for r in training])
-    category = np.array([r.moving.category for r in training])
+    category, group = np.array([r.moving.category for r in training]), np.array([r.group for r in training])
     # Sizes have no sign to change.
     views = [symmetry(*which) for which in SYMMETRIES]
     features = np.stack([np.concatenate([pairs[:, :2] @ np.abs(m).T, pairs[:, 2:] @ m.T], 1) for m in views])
     places = []
     for r in simulator.rooms:
         unlike = ((features - _features(r)) ** 2).sum((2, 3)) + 1e6 * (category != r.moving.category)
+        if not (own := group == r.group).all():
+            unlike[:, own] = np.inf
         view, k = np.unravel_index(np.argmin(unlike), unlike.shape)
         places.append(_from_relative(r, 0.5 + views[view] @ (relative[k] - 0.5)))
     return np.array(places)[room]

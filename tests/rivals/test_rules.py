@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -167,6 +169,13 @@ def test_likeness_counts_rooms_in_which_the_same_category_moves():
     assert nearest_room_place(simulator_of(here), np.array([0]), [bed])[0, 0] < 3  # any room, if there is no other
 
 
+def test_the_place_is_never_that_of_a_room_of_the_same_group_if_there_is_another():
+    here, twin = (rectangular_room(5, 3.5, Item("desk", (1, 1), (2, 1.5)), id=id, group="one") for id in "ab")
+    other = rectangular_room(4, 3, Item("bed", (1, 1), (3.4, 1.5)), id="c")
+    for training, x in (([here, other, twin], 0.5 + 4 * 2.9 / 3), ([twin], 2.0)):
+        assert nearest_room_place(simulator_of(here), np.array([0]), training)[0, 0] == pytest.approx(x)
+
+
 def designed_room(seed: int):
     """A rectangular room with a door somewhere and the bed anywhere indoors."""
     rng = np.random.default_rng(seed)
@@ -183,6 +192,7 @@ def test_a_room_that_is_in_the_training_list_mirrored_and_turned_or_not_gets_its
     rooms = [designed_room(10 * seed + k) for k in range(6)]
     rng, index = np.random.default_rng(seed), np.array([3, 0, 3, 5])
     training = [room.turned(int(rng.integers(4)), mirror=bool(rng.integers(2))) for room in rooms[::-1]]
+    training = [replace(room, group=f"another {room.id}") for room in training]
     places = nearest_room_place(simulator_of(*rooms), index, training)
     np.testing.assert_allclose(places, [rooms[k].moving.center for k in index], atol=1e-9)
 

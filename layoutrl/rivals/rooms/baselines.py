@@ -55,14 +55,20 @@ class Library:
         self._categories = sorted({item.category for room in rooms for item in room.furniture})
         self._counts = np.array([self._counted(room) for room in rooms])  # (rooms, categories)
         self._extents = np.array([_extents(room) for room in rooms])  # (rooms, 2), metres
+        self._groups = np.array([room.group for room in rooms])
 
     def nearest(self, brief: Room) -> tuple[Room, tuple[int, bool]]:
-        """The room most like the brief, the first of equals, and in which of the views."""
+        """The room most like the brief, the first of equals, and in which of the views.
+
+        Rooms of the brief's own group are left out: they hold its answer. Where there are no others, they are not.
+        """
         lacks = np.abs(self._counts - self._counted(brief)).sum(1)
         lacks += sum(item.category not in self._categories for item in brief.furniture)
         size = _extents(brief)
         apart = np.minimum(*(np.abs(size - extents).sum(1) for extents in (self._extents, self._extents[:, ::-1])))
         least = OTHER_CATEGORY * lacks + apart  # by how much each is unlike at least, in any view
+        if not (own := self._groups == brief.group).all():
+            least[own] = np.inf
         best, found = np.inf, (self.rooms[0], self.views[0])
         for k in np.argsort(least, kind="stable"):
             if least[k] >= best:

@@ -43,7 +43,7 @@ def test_who_fits_nowhere_has_no_place():
 def test_of_the_room_itself_in_any_view_the_designers_layout_comes_back(view):
     rooms = designed("bedroom", 5)
     room = next(room for room in rooms if max(Counter(item.category for item in room.furniture).values()) > 1)
-    wanted = room.turned(*view)
+    wanted = replace(room.turned(*view), group="another")
     layout = nearest_layout(brief_of(wanted), Library(rooms), np.random.default_rng(0))
     for item in wanted.furniture:
         assert max(iou_of(item.footprint, other.footprint) for other in layout.furniture) > 0.99
@@ -52,6 +52,7 @@ def test_of_the_room_itself_in_any_view_the_designers_layout_comes_back(view):
 def test_the_nearest_room_is_that_of_all():
     rooms = designed("living_room", 30)
     for room in designed("study", 3) + designed("living_room", 33)[30:]:
+        assert room.group not in {other.group for other in rooms}
         found, view = Library(rooms).nearest(brief_of(room))
         assert _unlikeness(brief_of(room), found, [view]).item() == min(
             _unlikeness(brief_of(room), other, SYMMETRIES).min() for other in rooms
@@ -59,12 +60,21 @@ def test_the_nearest_room_is_that_of_all():
 
 
 def test_where_mirrored_rooms_are_not_furnished_alike_none_is_looked_at():
-    *others, room = designed("study", 6)
-    mirrored = [other.turned(2, mirror=True) for other in (room, *others)]
+    *others, room = (replace(room, group=f"asked {room.id}") for room in designed("study", 6))
+    mirrored = [replace(other.turned(2, mirror=True), group=other.id) for other in (room, *others)]
     assert Library(mirrored).nearest(brief_of(room)) == (mirrored[0], (2, True))
     for brief in (room, *others):
         _, (_, mirror) = Library(mirrored, mirrors_alike=False).nearest(brief_of(brief))
         assert not mirror
+
+
+def test_rooms_of_the_briefs_own_group_are_left_out_where_there_are_others():
+    room, other = designed("bedroom", 2)
+    twin = replace(room, id="twin")  # of its group
+    brief = brief_of(room)
+    found, view = Library([room, twin, other]).nearest(brief)
+    assert (found, view) == Library([other]).nearest(brief) == (other, view)
+    assert Library([twin, room]).nearest(brief) == (twin, SYMMETRIES[0])
 
 
 @pytest.mark.parametrize("view", SYMMETRIES)
