@@ -21,10 +21,10 @@ from layoutrl.runs.config import BenchConfig
 def run(config: BenchConfig) -> Path:
     """Measure the parts and return the folder of bench.json, and of growth.png.
 
-    Raises InputError for what cannot be compared, and where something that it needs is not installed.
+    Raises InputError, before it measures, for what cannot be compared, and where a part lacks what it needs.
     """
     # Here, as they load torch, which takes seconds: a wrong option is answered before.
-    from layoutrl.benchmarks.parts import PARTS, table
+    from layoutrl.benchmarks.parts import NEEDS, NEEDS_ROOMS, PARTS, table
     from layoutrl.benchmarks.simulation import plot
     from layoutrl.runs.files import check_writable, write_json
     from layoutrl.runs.folder import make_folder
@@ -40,9 +40,13 @@ def run(config: BenchConfig) -> Path:
         raise InputError(f"method: expected another than {config.paper.name}, which is measured beside it")
     if "sb3" in config.parts and config.method.observation != "geometry":
         raise InputError("parts: sb3 expects method.observation=geometry")
+    for part in filter(NEEDS.__contains__, config.parts):
+        NEEDS[part](config)
     wanted = Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))
     check_writable(wanted.parent, "runs")
     rooms, held_out = two_parts(config.room.type, config.room.item, config.data, config.fold)
+    for part in filter(NEEDS_ROOMS.__contains__, config.parts):
+        NEEDS_ROOMS[part](config, rooms)
     folder = make_folder(wanted)
     about = machine(device)
     measured: dict[str, dict[str, Any]] = {}

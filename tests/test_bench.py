@@ -50,6 +50,26 @@ def test_what_it_would_ignore_is_refused() -> None:
         configured("reward=usable")
 
 
+def test_what_a_part_lacks_is_said_before_anything_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = "room=balcony", f"runs={tmp_path}", f"data.root={tmp_path / 'rooms'}", "device=cpu"
+    with pytest.raises(InputError, match=r"^parts: speed expects balconys with 5 items or more; there are none$"):
+        bench.run(configured("parts=[growth,speed]", *given))
+    assert not (tmp_path / "bench").exists()
+    monkeypatch.setattr("layoutrl.bench.two_parts", None)  # rooms are not made yet
+    with monkeypatch.context() as patch:
+        patch.setattr("layoutrl.benchmarks.learning.resident_bytes", lambda *_, **__: None)
+        with pytest.raises(InputError, match="parts: memory expects Linux"):
+            bench.run(configured("parts=[growth,memory]", *given))
+    with monkeypatch.context() as patch:
+        patch.setattr("layoutrl.benchmarks.serving.find_spec", lambda _: None)
+        with pytest.raises(InputError, match="parts: demo needs starlette and uvicorn"):
+            bench.run(configured("parts=[growth,demo]", *given))
+        patch.setattr("layoutrl.benchmarks.serving.find_spec", lambda name: name)
+        patch.setattr("layoutrl.runs.pretrained.cards", lambda: {"bedroom": {}})
+        with pytest.raises(InputError, match="no agent furnishes a balcony; expected one of bedroom"):
+            bench.run(configured("parts=[growth,demo]", *given))
+
+
 @pytest.fixture(scope="module")
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """The table and the folder. The process of its own is forked: a new interpreter would import for seconds."""

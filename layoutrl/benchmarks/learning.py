@@ -144,7 +144,6 @@ def memory(
     config: BenchConfig, rooms: Sequence[Room], _held_out: Sequence[Room], device: torch.device
 ) -> dict[str, float]:
     """Bytes a transition, and the peak of a process that trains with a full replay."""
-    peak_bytes()  # where it cannot be told, that is said before any work
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
         return process.submit(train_with_full_replay, config, rooms, device).result()
 

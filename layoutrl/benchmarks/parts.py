@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
-from layoutrl.benchmarks.learning import memory, speed
-from layoutrl.benchmarks.serving import serving
-from layoutrl.benchmarks.simulation import FURNISHED, ITEMS, furnishing, growth
+from layoutrl.benchmarks.learning import memory, peak_bytes, speed
+from layoutrl.benchmarks.serving import check_served, serving
+from layoutrl.benchmarks.simulation import FURNISHED, ITEMS, furnishing, growth, well_furnished
+from layoutrl.rooms.room import Room
+from layoutrl.runs.config import BenchConfig
 
 # Each measures with rooms to train on and rooms held out.
 PARTS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -21,6 +23,9 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "image": image,
     "sb3": sb3,
 }
+# What a part needs, which is asked before any is measured: of this machine, and of the rooms to train on.
+NEEDS: dict[str, Callable[[BenchConfig], object]] = {"demo": check_served, "memory": lambda _: peak_bytes()}
+NEEDS_ROOMS: dict[str, Callable[[BenchConfig, Sequence[Room]], object]] = {"speed": well_furnished}
 Targets = str | dict[str, str]  # on two cores; of a measurement by name, by its names
 ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
     "speed": {

@@ -21,6 +21,7 @@ import torch
 from layoutrl import InputError
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Room
+from layoutrl.runs import pretrained
 from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import resident_bytes
 
@@ -28,13 +29,18 @@ CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 ANSWERS = 3  # times that each of many clients asks
 
 
+def check_served(config: BenchConfig) -> None:
+    """Raise InputError where what serves is not installed, or no agent in the package furnishes the rooms."""
+    if lacking := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
+        raise InputError(f"parts: demo needs {' and '.join(lacking)}; in the checkout, pip install '.[demo]'")
+    pretrained.agent(config.room.type, torch.device("cpu"))
+
+
 def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: torch.device) -> dict[str, Any]:
     """Answers a second, the time to the first picture and move, many clients at once, and memory over many answers.
 
     The picture needs Chromium and playwright; it is left out without them.
     """
-    if lacking := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
-        raise InputError(f"parts: demo needs {' and '.join(lacking)}; in the checkout, pip install '.[demo]'")
     looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
     # As the page asks first: for one layout, which it plays while the others are found.
     furnishing = [look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1} for look in looks]

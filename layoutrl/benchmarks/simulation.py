@@ -34,9 +34,7 @@ FURNISHED = 6  # items in the rooms of `furnishing`
 
 def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
     """Random legal moves by both simulators, in the same rooms, and by an environment that makes one at a time."""
-    furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
-    if not furnished:
-        raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
+    furnished = well_furnished(config, rooms)
     simulator = Simulator(furnished, config.method.moves, config.reward)
     fast = moves_a_second(config, BatchSimulator(simulator, device), config.batch)
     slow = 0.0
@@ -52,6 +50,14 @@ def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> d
         "environment_steps_a_second": alone,
         "shapely_steps_a_second": 1 / seconds_of(partial(next, play), config.seconds),
     }
+
+
+def well_furnished(config: BenchConfig, rooms: Sequence[Room]) -> list[Room]:
+    """The rooms with ITEMS items or more. Raises InputError where there is none."""
+    furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
+    if not furnished:
+        raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
+    return furnished
 
 
 def growth(
