@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,11 +91,16 @@ class Episode:
     way: list[tuple[int, Item]]  # which item moves, and the item where it then is, and stays; empty: nothing fits
     designed: list[Item]
     iou: float
+    taken: frozenset[int] = frozenset()  # where on the way an item is taken up, that of before perhaps
 
     @property
     def moves(self) -> int:
-        """How often an item moved from where it was; where the next is taken, none did."""
-        return sum(item == before for (before, _), (item, _) in pairwise(self.way))
+        """How often an item moved from where it was; where one is taken, none did."""
+        return sum(map(self.moves_to, range(len(self.way))))
+
+    def moves_to(self, step: int) -> bool:
+        """Whether an item moves to a place on the way from the one before: it was not taken there."""
+        return 0 < step < len(self.way) and step not in self.taken and self.way[step][0] == self.way[step - 1][0]
 
     @property
     def last(self) -> int:
@@ -118,7 +122,8 @@ def rooms_filling_up(furnisher: Furnisher, designs: Sequence[Room]) -> list[Epis
     for best, design, iou in zip(found, designs, ious, strict=True):
         items = best.layout.furniture
         way = [(k, replace(items[k], center=center, rotation=degrees)) for k, center, degrees in best.path]
-        episodes.append(Episode(replace(design, furniture=(), target=None), way, list(design.furniture), float(iou)))
+        shell = replace(design, furniture=(), target=None)
+        episodes.append(Episode(shell, way, list(design.furniture), float(iou), best.taken))
     return episodes
 
 
@@ -166,12 +171,12 @@ def _drawn(axes: Axes, episode: Episode, along: float) -> list[Artist]:
         assert there.center is not None
         artists += draw_item(axes, there, there.center, facecolor=rgb(color_of(there.category)))
     first = here
-    while first and episode.way[first - 1][0] == which and episode.way[first - 1][1].rotation == item.rotation:
+    while episode.moves_to(first) and episode.way[first - 1][1].rotation == item.rotation:
         first -= 1
     way = np.array([there.center for _, there in episode.way[first : here + 1]])
-    if here + 1 < len(episode.way):
-        following, onward = episode.way[here + 1]
-        if following == which and onward.rotation == item.rotation:
+    if episode.moves_to(here + 1):
+        _, onward = episode.way[here + 1]
+        if onward.rotation == item.rotation:
             way = np.vstack([way, way[-1] + along % 1 * (np.array(onward.center) - way[-1])])
     artists += axes.plot(*way.T, color="black", linewidth=0.8, alpha=0.6)
     return artists + draw_item(axes, item, way[-1], facecolor=rgb(MOVING), alpha=0.85)

@@ -14,7 +14,7 @@ from PIL import Image
 from layoutrl import InputError
 from layoutrl.rooms.room import Item
 from layoutrl.runs.config import LARGEST, WatchConfig
-from layoutrl.watch import Episode, files_of, frames, write
+from layoutrl.watch import FRAMES_A_MOVE, Episode, files_of, frames, write
 from tests.builders import rectangular_room
 
 
@@ -81,6 +81,19 @@ def test_a_film_ends_with_all_that_was_placed_where_it_stays() -> None:
     assert red.sum() > 20
     assert np.median(np.abs(picture - expected)[red]) < 30  # the line of its way is drawn over it
     assert last != before_last
+
+
+def test_what_is_taken_up_again_does_not_move_there() -> None:
+    room = rectangular_room(3.0, 2.0)
+    bed, shell = room.moving, replace(room, furniture=(), target=None)
+    way = [(0, replace(bed, center=(x, y))) for x, y in ((0.5, 0.5), (0.6, 0.5), (2.4, 1.5), (2.5, 1.5))]
+    jumps = Episode(shell, way, [bed], 1.0, frozenset({0, 2}))
+    stands, later = (Episode(shell, some, [bed], 1.0) for some in (way[:2], way[2:]))
+    assert (jumps.moves, replace(jumps, taken=frozenset()).moves) == (2, 3)
+    *film, _ = frames([jumps], width=120)
+    (*_, there, _), (*again, _) = (frames([each], width=120) for each in (stands, later))
+    assert film[FRAMES_A_MOVE : 2 * FRAMES_A_MOVE] == [there] * FRAMES_A_MOVE  # it stays, and then is elsewhere
+    assert film[2 * FRAMES_A_MOVE :] == again
 
 
 def test_a_film_is_named_with_a_suffix_of_its_own_or_without() -> None:

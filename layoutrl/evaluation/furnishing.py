@@ -213,7 +213,7 @@ class Furnisher:
         Its largest item stands where it does in none of those that are known of the room; None where that is nowhere.
         Where none is known, an item without a place is left out.
         """
-        rooms, paths = world.rooms, [list[Placement]() for _ in which]
+        rooms, paths, taken = world.rooms, [list[Placement]() for _ in which], [list[int]() for _ in which]
         order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
         largest = rooms.sequence()[which].argmin(1)
         to_differ = np.array([bool(known[r]) for r in which])  # rooms in which the largest item is to stand elsewhere
@@ -231,6 +231,7 @@ class Furnisher:
                 values[b[found]] = those
             for n, r in zip(np.flatnonzero(found), b[found], strict=True):
                 k, degrees = missing(rooms.rooms[which[r]])[item[n]], rooms.item(state, r, item[n]).degrees
+                taken[r].append(len(paths[r]))
                 paths[r] += [(k, (float(x), float(y)), degrees) for x, y in chosen.way[n]]
 
         for sweep in range(1 + SWEEPS + REPAIRS):
@@ -249,7 +250,8 @@ class Furnisher:
                 if len(b := np.flatnonzero(moves & ~(is_largest & (to_differ | (sweep > 0))))):
                     place(b, item[b], uniform, [()] * len(b))
         value = self._mean_value(world, state)
-        return [Furnished(rooms.layout(state, r), value[r], paths[r]) if count[r] else None for r in range(len(which))]
+        made = zip(value, paths, map(frozenset, taken), strict=True)
+        return [Furnished(rooms.layout(state, r), *each) if count[r] else None for r, each in enumerate(made)]
 
     def _chosen(
         self,
@@ -445,7 +447,7 @@ def _turned_back(found: Furnished, brief: Room) -> Furnished:
     path = [(k, *back(k, center, degrees)) for k, center, degrees in found.path]
     items = found.layout.furniture
     poses = {k: back(k, center, items[k].degrees) for k in missing(brief) if (center := items[k].center)}
-    return Furnished(with_poses(brief, poses), found.value, path)
+    return replace(found, layout=with_poses(brief, poses), path=path)
 
 
 def spread(first: int, count: int) -> np.ndarray:

@@ -28,6 +28,7 @@ class Furnished:
     layout: Room
     value: float  # what who made it thinks of it: the higher, the better
     path: list[Placement] = field(default_factory=list)  # all of the items on their way, in order
+    taken: frozenset[int] = frozenset()  # the indices of the path at which an item was taken up, where they are known
     by: str = ""  # who made it, where that is not who was asked
 
 

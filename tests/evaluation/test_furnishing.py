@@ -25,6 +25,7 @@ from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room, rotation
 from layoutrl.runs.config import composed
+from layoutrl.watch import rooms_filling_up
 from tests.builders import opening, rectangular_room
 from tests.evaluation.test_choosing import small_room
 
@@ -116,6 +117,20 @@ def test_the_way_ends_where_the_items_stand(together: list[Furnished]) -> None:
     for k, item in enumerate(best.layout.furniture):
         np.testing.assert_allclose(ends[k][0], item.center, atol=1e-6)
         assert ends[k][1] == item.rotation
+
+
+@pytest.mark.parametrize("lean", [0.0, 30.0])
+def test_it_is_told_where_an_item_is_taken_up_though_it_be_the_same_again(furnisher, designs, lean) -> None:
+    design = max(designs, key=lambda room: room.indoor.area)
+    two = sorted(design.furniture, key=lambda item: -item.area)[:2]
+    ((best,),) = furnisher.furnish([brief_of(replace(design, furniture=tuple(two), target=None)).rotated(lean)], 1)
+    assert 0 in best.taken
+    assert {n for n, (k, *_) in enumerate(best.path) if n and k != best.path[n - 1][0]} < best.taken
+    (again,) = (n for n in best.taken if n and n < len(best.path) and best.path[n][0] == best.path[n - 1][0])
+    assert best.path[again][1] != best.path[again - 1][1]
+    episode = rooms_filling_up(furnisher, [design])[0]
+    assert episode.taken
+    assert episode.moves == len(episode.way) - len({n for n in episode.taken if n < len(episode.way)})
 
 
 def test_layouts_are_the_same_wherever_the_designer_has_the_items_and_whatever_the_seed(
