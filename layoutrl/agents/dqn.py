@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import torch
@@ -13,7 +14,7 @@ from layoutrl.agents.replay import Transitions
 
 
 class UpdateStats(NamedTuple):
-    """Of one update, on the device: reading them waits for it. Q is that of the moves taken, or of every move."""
+    """Of one update, on the device: reading them waits for it. Q is that of the moves that were made, before it."""
 
     loss: Tensor
     mean_q: Tensor
@@ -58,11 +59,16 @@ class DQN:
         assert q.shape == target.shape == batch.reward.shape
         return self._descend(smooth_l1_loss(q, target), q)
 
-    def update_every_move(self, legal: Tensor, target: Tensor, observation: Tensor) -> UpdateStats:
-        """One step on the absolute error of the values of all moves (B, A) at once, a mean: illegal ones have none."""
-        q = self.network(observation)
-        assert q.shape == target.shape == legal.shape
-        return self._descend((q - target).where(legal, 0.0).abs().mean(), q)
+    def update_every_move(
+        self, legal: Tensor, target: Tensor, observation: Tensor, q_made: Callable[[Tensor], Tensor]
+    ) -> UpdateStats:
+        """One step on the absolute error of the values of all moves (B, A) at once, a mean: illegal ones have none.
+
+        `q_made` is what these values say of the Q (B,) of the moves that were made.
+        """
+        learned = self.network(observation)
+        assert learned.shape == target.shape == legal.shape
+        return self._descend((learned - target).where(legal, 0.0).abs().mean(), q_made(learned.detach()))
 
     def _descend(self, loss: Tensor, q: Tensor) -> UpdateStats:
         """One step of gradient descent, and what is told of it and of values q."""

@@ -56,7 +56,7 @@ class EveryMove:
         pose, action = torch.ones_like(legal).nonzero().unbind(1)
         room, before = room[pose], position[pose]
         times = 2 ** torch.randint(self.repeats.bit_length(), room.shape, generator=generator, device=room.device)
-        after, stands = before.clone(), self._worth(room, before)
+        after, stands = before.clone(), self.worth(room, before)
         gained, discounts = torch.zeros_like(stands), torch.ones_like(stands)
         goes = torch.arange(len(room), device=room.device)  # which of them go on
         for made in range(self.repeats):
@@ -67,7 +67,7 @@ class EveryMove:
             length, can = (each.gather(1, action[goes, None]).squeeze(1) for each in reach)
             goes, length = goes[can], length[can]
             there = simulator.moved(room[goes], after[goes], action[goes], length)
-            worth = self._worth(room[goes], there)
+            worth = self.worth(room[goes], there)
             keeps = worth - stands[goes] >= (-MAY_LOSE if made else -torch.inf)
             goes, there, worth = goes[keeps], there[keeps], worth[keeps]
             gained[goes] += discounts[goes] * (worth - stands[goes])
@@ -75,8 +75,18 @@ class EveryMove:
             after[goes], stands[goes] = there, worth
         return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
 
-    def _worth(self, room: Tensor, position: Tensor) -> Tensor:
+    def worth(self, room: Tensor, position: Tensor) -> Tensor:
+        """What poses pay (B,), in rewards / 100."""
         return self.simulator.reward(room, position).total / REWARD_SCALE
+
+    def q_made(self, learned: Tensor, legal: Tensor, action: Tensor, worth: Tensor, updates: int) -> Tensor:
+        """Q of rewards, as `DQN.update` learns it, of a move (B,) each of poses of this `worth` (B,), in rewards / 100.
+
+        Of what is learned of all their moves (B, A): what a move gains in the end is (1 - discount) Q less the worth of
+        the pose. Where no move is legal, nothing is gained.
+        """
+        gained = gains(learned, legal).gather(1, action[:, None]).squeeze(1).where(legal.any(1), 0.0)
+        return (worth + gained) / (1 - self.discount_at(updates))
 
     @torch.no_grad()
     def target(

@@ -167,8 +167,13 @@ class Training:
         with self._watch("learn"):
             target = every_move.target(self.agent.target, legal, moves, observation, next_observation)
             legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
+            action, updates = _moves_in_turn(self._symmetries, sampled.action), self.updates
+            worth = every_move.worth(sampled.room, sampled.position)
             return self.agent.update_every_move(
-                legal, target, in_every_view(self._observe, self._symmetries, observation)
+                legal,
+                target,
+                in_every_view(self._observe, self._symmetries, observation),
+                lambda learned: every_move.q_made(learned, legal, action, worth, updates),
             )
 
     def _report(self) -> Progress:
@@ -234,11 +239,16 @@ def _turned(
     Poses stay what they are: nothing but what is observed of them is read from here on.
     """
     turned = batch._replace(
-        action=torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, batch.action)]),
+        action=_moves_in_turn(symmetries, batch.action),
         next_legal=_in_turn(symmetries, batch.next_legal),
     )
     observation, next_observation = (in_every_view(observe, symmetries, o) for o in (observation, next_observation))
     return turned, observation, next_observation
+
+
+def _moves_in_turn(symmetries: Sequence[Symmetry], action: Tensor) -> Tensor:
+    """What moves (B,) become, an equal share of them in each symmetry."""
+    return torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, action)])
 
 
 def _in_turn(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:

@@ -15,6 +15,7 @@ from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.evaluation.oracle import perfect_values
 from layoutrl.rooms.room import Item
 from tests.builders import learned_gains, perfect_at_gains, rectangular_room, small_rooms
 
@@ -117,6 +118,20 @@ def test_the_optimal_values_of_the_papers_reward_are_what_the_target_has_them_be
     target = learns.target(network, legal, found, place, found.next_position)
     torch.testing.assert_close(target[legal].float(), network(place)[legal], rtol=0, atol=2e-2)
     assert not legal.all()
+
+
+def test_what_is_learned_tells_the_q_of_the_papers_reward():
+    room, discount, moves = rectangular_room(4, 3, Item("bed", (1.0, 1.0), (2.5, 1.5))), 0.6, Moves((0.5,), slide=False)
+    exact = Simulator([room], moves, Reward())
+    place = torch.tensor([(0.5, 0.5), (2.0, 1.5), (2.5, 1.5), (3.5, 2.5)]).double()
+    whose, learns = torch.zeros(4, dtype=torch.int64), EveryMove(BatchSimulator(exact), 0, (0.5, discount))
+    legal = torch.tensor(exact.destinations(whose.numpy(), place.numpy())[1])
+    action, worth = legal.int().argmax(1), learns.worth(whose, place)
+    q = torch.tensor(perfect_values(exact, whose.numpy(), place.numpy(), discount)).gather(1, action[:, None])[:, 0]
+    learned = perfect_at_gains(exact, discount)(place)
+    torch.testing.assert_close(learns.q_made(learned, legal, action, worth, 0), q.float(), rtol=0, atol=1e-4)
+    nowhere = learns.q_made(learned, torch.zeros_like(legal), action, worth, 0)  # it stays for ever
+    torch.testing.assert_close(nowhere, worth / (1 - discount))
 
 
 def test_where_no_move_is_legal_nothing_follows():

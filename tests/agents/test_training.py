@@ -184,12 +184,13 @@ def test_each_symmetry_is_learned_in_an_equal_share_of_every_batch_as_if_the_roo
 
 def test_in_every_view_the_values_of_every_move_are_those_of_the_moves_there():
     rooms, moves = small_rooms(), Moves((0.4, 0.1))
-    learned = []
+    learned, told = [], []
 
     class Recorded(DQN):
-        def update_every_move(self, legal, target, observation):
+        def update_every_move(self, legal, target, observation, q_made):
             learned.append((legal, target, observation))
-            return super().update_every_move(legal, target, observation)
+            told.append(q_made(target))
+            return super().update_every_move(legal, target, observation, q_made)
 
     def run(symmetries: list[Symmetry]) -> None:
         simulator, observe = BatchSimulator(Simulator(rooms, moves, Reward())), GeometryObservation(rooms, ["bed"])
@@ -209,6 +210,7 @@ def test_in_every_view_the_values_of_every_move_are_those_of_the_moves_there():
         assert torch.equal(turned_legal[two, view.action], legal[two])
         torch.testing.assert_close(turned_target[two, view.action], target[two])
         torch.testing.assert_close(turned_observation[two], observe.turned(observation[two], view))
+    torch.testing.assert_close(*told)
 
 
 @pytest.mark.parametrize("rises_from", [0.8, 0.5])
