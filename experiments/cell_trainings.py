@@ -22,7 +22,7 @@ from layoutrl.rivals.planit.placement import Placer
 from layoutrl.rooms.room import Room
 from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
-from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, part
+from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, narrowed
 from layoutrl.runs.files import locked, write_json
 from layoutrl.runs.folder import differences, folders_of, load_config, wanted_folder
 from layoutrl.runs.machine import device_of, machine
@@ -33,7 +33,7 @@ def trained_network(
     config: CellConfig, rooms: list[Room], held_out: list[Room], device: torch.device
 ) -> tuple[nn.Module, list[str], dict[str, Any]]:
     """The network that is trained on rooms in this way, the categories it knows, and about its training."""
-    training = part(config, TrainConfig)
+    training = narrowed(config, TrainConfig)
     if config.trained_on == "designer":  # the same agent, wherever it is tested
         training.data = designer(config)
     what = [resume.digest(rooms), config.budget.name, config.seed]

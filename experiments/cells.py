@@ -38,11 +38,12 @@ from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs import resume
 from layoutrl.runs.commands import command, groups, in_a_line, mendable, nearest
-from layoutrl.runs.config import config_directory, expanded, options
+from layoutrl.runs.config import config_directory, expanded
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences
 from layoutrl.runs.machine import device_of, machine
 from layoutrl.runs.ranges import one_of
+from layoutrl.runs.wording import options
 
 LAYOUTS = "layouts"  # the row of whole rooms
 DRAWN_ROOMS = 2  # layouts that are kept, to be drawn

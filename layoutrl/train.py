@@ -10,7 +10,7 @@ from pathlib import Path
 
 from layoutrl.rooms.sources.parts import both, parts_of
 from layoutrl.runs.commands import Stopped, command
-from layoutrl.runs.config import TrainCommand, TrainConfig, part
+from layoutrl.runs.config import TrainCommand, TrainConfig, narrowed
 
 
 def run(config: TrainConfig, folder: Path | None = None) -> Path:
@@ -56,7 +56,7 @@ def carry_out(command_line: TrainCommand) -> None:
     """Train as configured, or go on with a run."""
     from layoutrl.runs.resume import carried_out
 
-    carried_out(part(command_line, TrainConfig), command_line.resume, run)
+    carried_out(narrowed(command_line, TrainConfig), command_line.resume, run)
 
 
 main = command("train", TrainCommand, carry_out)

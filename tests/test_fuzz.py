@@ -43,7 +43,7 @@ from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, f
 from layoutrl.rooms.sources.sweethome3d import read_home
 from layoutrl.runs.answerable import answerable
 from layoutrl.runs.checkpoints import load_checkpoint, save_checkpoint
-from layoutrl.runs.config import TrainConfig, composed, part
+from layoutrl.runs.config import TrainConfig, composed, narrowed
 from layoutrl.runs.folder import load_config
 from tests.builders import random_room
 from tests.rooms.sources import test_front3d, test_procthor
@@ -492,7 +492,7 @@ def test_a_loaded_checkpoint_never_runs_code(tmp_path, capsys):
 @times(50, 1_000)
 def test_a_configuration_is_one_or_an_error_of_its_own(count, tmp_path):
     dice, read = random.Random(count), 0
-    whole = OmegaConf.to_yaml(OmegaConf.structured(part(composed("train", "room=kitchen"), TrainConfig))).encode()
+    whole = OmegaConf.to_yaml(OmegaConf.structured(narrowed(composed("train", "room=kitchen"), TrainConfig))).encode()
     for _ in range(count):
         content = mutated_bytes(whole, dice)
         (tmp_path / "config.yaml").write_bytes(content)

@@ -38,7 +38,7 @@ from layoutrl.rooms.formats import opened, to_place
 from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
-from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, part
+from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.furnishers import Helped, Hired, hired
 from layoutrl.train import run as train
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece, room_tag
@@ -54,7 +54,7 @@ def agent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rooms = written(folder, [room_to_dict(room) for room in design_rooms("bedroom", "train", 0, 8).rooms])
     given = ("room=bedroom", "room.item=all", "data=json", f"data.root={rooms}", f"runs={folder}")
     few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1")
-    return train(part(composed("train", *given, *SHORT, *few), TrainConfig))
+    return train(narrowed(composed("train", *given, *SHORT, *few), TrainConfig))
 
 
 def written(folder: Path, documents: list[dict[str, Any]]) -> Path:
@@ -317,7 +317,7 @@ def test_an_agent_of_whole_rooms_furnishes_those_of_its_type(
     documents = [room_to_dict(room) for room in design_rooms("bedroom", "train", 0, 8).rooms]
     given = ("room=bedroom", "scope=room", "data=json", f"data.root={written(tmp_path, documents)}", f"runs={tmp_path}")
     few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1")
-    folder = train(part(composed("train", *given, *SHORT, *few), TrainConfig))
+    folder = train(narrowed(composed("train", *given, *SHORT, *few), TrainConfig))
     hers = hired(composed("place", f"run={folder}", "rooms=any.jsonl", "device=cpu"))
     assert isinstance(hers.furnisher, Furnisher)
     assert "bed" in hers.known("bedroom")

@@ -24,7 +24,7 @@ from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import whole_parts
 from layoutrl.runs import pretrained
-from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, part
+from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, narrowed
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.monitor import FINAL
 from layoutrl.runs.trained import trained_network, trained_run
@@ -38,7 +38,7 @@ TINY = (
 
 
 def config(folder: Path, *more: str) -> TrainConfig:
-    return part(composed("train", *TINY, f"runs={folder}", f"data.root={folder}/rooms", *more), TrainConfig)
+    return narrowed(composed("train", *TINY, f"runs={folder}", f"data.root={folder}/rooms", *more), TrainConfig)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_half_of_the_rooms_that_it_was_trained_on_were_disturbed(trained: Path) 
     designed = design_rooms("tatami", "train", 0, 6).rooms
     assert len(shown.training) == 6
     assert 0 < sum(room != other for room, other in zip(shown.training, designed, strict=True)) < 6
-    rooms = part(composed("train", "scope=room", "data=json", "data.root=any"), TrainConfig)
+    rooms = narrowed(composed("train", "scope=room", "data=json", "data.root=any"), TrainConfig)
     assert rooms.data.disturbed == 0  # of a file they are as they are
 
 
@@ -122,7 +122,7 @@ def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else
     given = "room=tatami", "scope=room", "data=json", f"data.root={tmp_path / 'own.jsonl'}", "begin=package"
     less = "budget=smoke", "budget.evaluations=1", "budget.evaluation_rooms=1", "method.warmup_moves=64"
     next_to_nothing = "method.updates.smoke=1", "method.learning_rate=1e-12"
-    folder = train(part(composed("train", *given, *less, *next_to_nothing, f"runs={tmp_path}"), TrainConfig))
+    folder = train(narrowed(composed("train", *given, *less, *next_to_nothing, f"runs={tmp_path}"), TrainConfig))
 
     assert folder.name == "json-rooms-geometric-package-smoke-seed0"
     settings = load_config(folder, TrainConfig)
@@ -145,9 +145,9 @@ def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else
 
 @pytest.mark.parametrize("room", MAIN_ITEM)
 def test_mirrored_rooms_are_learned_from_but_in_studies(room: str) -> None:
-    whole = part(composed("train", f"room={room}", "scope=room"), TrainConfig)
+    whole = narrowed(composed("train", f"room={room}", "scope=room"), TrainConfig)
     assert [view.mirror for view in whole.method.views(torch.device("cpu"))] == [False, True][: 1 + (room != "study")]
-    item = part(composed("train", f"room={room}"), TrainConfig)
+    item = narrowed(composed("train", f"room={room}"), TrainConfig)
     assert len(item.method.views(torch.device("cpu"))) == 8  # what stands beside the item tells how the room is seen
 
 

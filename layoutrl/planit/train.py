@@ -9,7 +9,7 @@ from pathlib import Path
 
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.commands import Stopped, command
-from layoutrl.runs.config import PlanitCommand, PlanitConfig, part
+from layoutrl.runs.config import PlanitCommand, PlanitConfig, narrowed
 
 
 def run(config: PlanitConfig, folder: Path | None = None) -> Path:
@@ -53,7 +53,7 @@ def carry_out(command_line: PlanitCommand) -> None:
     """Train as configured, or go on with a run."""
     from layoutrl.runs.resume import carried_out
 
-    carried_out(part(command_line, PlanitConfig), command_line.resume, run)
+    carried_out(narrowed(command_line, PlanitConfig), command_line.resume, run)
 
 
 main = command("planit", PlanitCommand, carry_out)

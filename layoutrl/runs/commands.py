@@ -25,7 +25,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from layoutrl import InputError, __version__
-from layoutrl.runs.config import config_directory, misfit, options, register
+from layoutrl.runs.config import config_directory, register
+from layoutrl.runs.wording import misfit, options
 
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it

@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from math import inf
 from pathlib import Path
-from types import UnionType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar
 
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
-from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
 
 import layoutrl
 from layoutrl.agents.method import Method
@@ -385,38 +383,9 @@ class BenchConfig(TrainConfig):
             within(name, value, value > 0, "more than 0")
 
 
-def part(config: LearningConfig, schema: type[Config]) -> Config:
+def narrowed(config: LearningConfig, schema: type[Config]) -> Config:
     """What a training reads of a configuration that has more."""
     return schema(**{field.name: getattr(config, field.name) for field in fields(schema)})
-
-
-WORDS: dict[Any, str] = {
-    int: "a whole number", float: "a number", bool: "true or false", str: "a text", list: "a list, as [1,2]",
-}  # fmt: skip
-
-
-def options(schema: type, prefix: str = "") -> dict[str, Any]:
-    """The types of all options, by their dotted names."""
-    found: dict[str, Any] = {}
-    for name, kind in get_type_hints(schema).items():
-        found |= options(kind, f"{prefix}{name}.") if is_dataclass(kind) else {prefix + name: kind}  # type: ignore[arg-type]
-    return found
-
-
-def misfit(error: OmegaConfBaseException, schema: type) -> str:
-    """What does not fit the shape of a configuration, and where."""
-    key = error.full_key or ""
-    if isinstance(error, ConfigAttributeError | ConfigKeyError):
-        return f"{key}: unknown"
-    if isinstance(error, MissingMandatoryValue):
-        return f"{key}: lacking"
-    kinds, name = options(schema), key.partition("[")[0]  # of method.steps[0], method.steps
-    if name not in kinds:  # of method.updates.smoke, method.updates
-        name = name.rpartition(".")[0]
-    kind = kinds.get(name)
-    if parts := get_args(kind):
-        kind = parts[-1] if name != key else parts[0] if isinstance(kind, UnionType) else get_origin(kind)
-    return f"{key or 'a section'}: expected {WORDS.get(kind, 'names with values')}"
 
 
 @cache

@@ -15,8 +15,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from layoutrl import InputError
 from layoutrl.rooms.sources.parts import Data
-from layoutrl.runs.config import AnyTraining, Config, misfit
+from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import write_whole
+from layoutrl.runs.wording import misfit
 
 NO_MATTER = ("device", "room.updates", "room.whole_updates")  # how long a training is, method.updates says
 LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml; those that are written have 1,300 and 4

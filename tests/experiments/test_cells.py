@@ -22,7 +22,7 @@ from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
 from layoutrl.runs import planit_training
 from layoutrl.runs.checkpoints import checkpoints
-from layoutrl.runs.config import TrainConfig, composed, config_directory, part
+from layoutrl.runs.config import TrainConfig, composed, config_directory, narrowed
 from layoutrl.runs.monitor import watched
 from tests.commands import script
 from tests.experiments.builders import LITTLE, cell, configured
@@ -106,7 +106,7 @@ def test_a_training_that_is_killed_goes_on(tmp_path, designed, monkeypatch):
 
 def test_a_job_waits_for_another_that_trains_the_same(tmp_path, designed):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami")
-    training = part(config, TrainConfig)
+    training = narrowed(config, TrainConfig)
     began, may_end, trained = threading.Event(), threading.Event(), []
 
     def train(training: Any, _: Any) -> Any:

@@ -7,7 +7,7 @@ from cell_config import designer
 from room_columns import whole_rooms_of
 
 from layoutrl.rooms.sources.parts import Data, whole_parts
-from layoutrl.runs.config import TrainConfig, part
+from layoutrl.runs.config import TrainConfig, narrowed
 from tests.experiments.builders import REAL, configured
 
 
@@ -33,5 +33,5 @@ def test_whole_real_rooms_are_furnished_by_what_learned_in_them_in_designed_ones
 def test_a_cell_says_how_many_of_the_designed_rooms_were_disturbed_and_that_no_real_one_was(tmp_path):
     for trained_on, share in (("own", 0.0), ("both", 0.5)):
         config = configured(tmp_path, "column=rooms_agent", "data=designer_rooms", f"trained_on={trained_on}")
-        assert part(config, TrainConfig).data.disturbed == 0
+        assert narrowed(config, TrainConfig).data.disturbed == 0
         assert config.data.disturbed == designer(config).disturbed == share

@@ -19,7 +19,7 @@ from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import two_parts
 from layoutrl.runs.checkpoints import load_checkpoint
 from layoutrl.runs.commands import Stopped
-from layoutrl.runs.config import PlanitConfig, composed, part
+from layoutrl.runs.config import PlanitConfig, composed, narrowed
 from layoutrl.runs.planit_training import load, usable
 from layoutrl.runs.resume import resumed
 from tests.commands import layoutrl
@@ -49,7 +49,7 @@ def written(file: Path, rooms: list[Room]) -> Path:
 
 def configured(rooms: Path, folder: Path, *overrides: str) -> PlanitConfig:
     places = ("room=bathroom", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
-    return part(composed("planit", *places, *SHORT, *overrides), PlanitConfig)
+    return narrowed(composed("planit", *places, *SHORT, *overrides), PlanitConfig)
 
 
 def digest(weights: dict[str, torch.Tensor]) -> dict[str, str]:

@@ -14,11 +14,11 @@ from omegaconf import OmegaConf
 
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
-from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, part
+from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.folder import LARGEST, NO_MATTER, differences, folders_of, load_config, make_folder, new_folder
 from tests.test_fuzz import answered, times
 
-WHOLE = OmegaConf.to_yaml(OmegaConf.structured(part(composed("train", "room=bedroom"), TrainConfig)))
+WHOLE = OmegaConf.to_yaml(OmegaConf.structured(narrowed(composed("train", "room=bedroom"), TrainConfig)))
 LAUGHS = "\n".join(["a0: &a0 [x, x]", *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12))])
 
 
@@ -30,13 +30,13 @@ def read(folder: Path, text: str) -> TrainConfig:
 @pytest.mark.parametrize("room_type", MAIN_ITEM)
 def test_what_is_written_is_resolved_and_read_again(room_type: str, tmp_path: Path) -> None:
     for method in ("geometric", "paper"):
-        config = part(composed("train", f"room={room_type}", f"method={method}", f"runs={tmp_path}"), TrainConfig)
+        config = narrowed(composed("train", f"room={room_type}", f"method={method}", f"runs={tmp_path}"), TrainConfig)
         folder = new_folder(config)
         text = (folder / "config.yaml").read_text()
         assert "${" not in text
         assert len(text) < LARGEST / 5
         assert load_config(folder, TrainConfig) == config
-    rival = part(composed("planit", f"room={room_type}", f"runs={tmp_path}"), PlanitConfig)
+    rival = narrowed(composed("planit", f"room={room_type}", f"runs={tmp_path}"), PlanitConfig)
     assert load_config(new_folder(rival), PlanitConfig) == rival
 
 

@@ -33,7 +33,7 @@ from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs import resume
 from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
 from layoutrl.runs.commands import Stopped
-from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig, composed, part
+from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.files import LOCK, locked
 from layoutrl.runs.resume import resumed
 from layoutrl.runs.trained import trained_run
@@ -65,7 +65,7 @@ def rooms(tmp_path_factory) -> Path:
 @cache
 def configured(rooms: Path, folder: Path, *overrides: str) -> TrainConfig:
     places = ("room=tatami", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
-    return part(composed("train", *places, *SHORT, *overrides), TrainConfig)
+    return narrowed(composed("train", *places, *SHORT, *overrides), TrainConfig)
 
 
 @pytest.fixture(scope="module")
@@ -543,7 +543,7 @@ def test_files_that_are_named_from_here_are_those_that_a_run_names(tmp_path, mon
         home_file(tmp_path / "homes" / f"{name}.sh3d")
     names = ("room=bedroom", "data=sweethome3d", "data.root=homes", "data.categories=more.yaml")
     few = ("method.updates.smoke=2", "budget.reports=1", "budget.evaluations=1")
-    config = part(composed("train", *names, f"runs={tmp_path}", "name=one", *SHORT, *few), TrainConfig)
+    config = narrowed(composed("train", *names, f"runs={tmp_path}", "name=one", *SHORT, *few), TrainConfig)
     folder = run(config)
     assert resume.begun(config) == folder
     assert trained_run(RunConfig(str(folder))).data.categories == str(tmp_path / "more.yaml")

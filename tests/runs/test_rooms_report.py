@@ -14,7 +14,7 @@ from layoutrl import InputError
 from layoutrl.evaluate import run as evaluate
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
-from layoutrl.runs.config import EvaluateConfig, TrainConfig, WatchConfig, composed, part
+from layoutrl.runs.config import EvaluateConfig, TrainConfig, WatchConfig, composed, narrowed
 from layoutrl.runs.rooms_report import SHOWN, rooms_table
 from layoutrl.train import run
 from layoutrl.watch import run as watch
@@ -29,7 +29,7 @@ def trained(content_furnisher: None, tmp_path_factory: pytest.TempPathFactory) -
     rooms.write_text("\n".join(json.dumps(room_to_dict(room)) for room in designed))
     given = ("room=tatami", "scope=room", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
     few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1", "budget.evaluation_rooms=2")
-    return run(part(composed("train", *given, *SHORT, *few), TrainConfig))
+    return run(narrowed(composed("train", *given, *SHORT, *few), TrainConfig))
 
 
 def test_a_run_of_whole_rooms_is_scored_beside_what_needs_no_training(trained: Path) -> None:

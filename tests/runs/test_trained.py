@@ -16,7 +16,7 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint
-from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, RunConfig, TrainConfig, composed, part
+from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, RunConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.trained import asked_data, trained_run
 from layoutrl.train import run
 from tests.runs.test_resume import SHORT
@@ -32,7 +32,7 @@ def trained(folder: Path, room_type: str) -> Path:
     given = (f"room={room_type}", "data=json", f"data.root={rooms}", f"runs={folder}", "name=one")
     few = (f"method.updates.smoke={UPDATES}", "budget.evaluations=2", "budget.reports=2")
     given += ("method.snap=0",)  # as observation=image has it, too
-    return run(part(composed("train", *given, *SHORT, *few), TrainConfig))
+    return run(narrowed(composed("train", *given, *SHORT, *few), TrainConfig))
 
 
 @pytest.fixture(scope="module")
@@ -148,8 +148,8 @@ def test_furniture_that_the_agent_never_saw_is_told(
 
 def test_what_is_given_counts_though_it_be_the_usual() -> None:
     own = Data("json", "rooms.json", unit="cm", strict=True)
-    nothing = part(composed("evaluate", "run=there"), EvaluateConfig).data
+    nothing = narrowed(composed("evaluate", "run=there"), EvaluateConfig).data
     assert nothing == AS_IN_THE_RUN
     assert asked_data(own, nothing) == (own, True)
-    given = part(composed("evaluate", "run=there", "data.unit=auto", "data.strict=false"), EvaluateConfig).data
+    given = narrowed(composed("evaluate", "run=there", "data.unit=auto", "data.strict=false"), EvaluateConfig).data
     assert asked_data(own, given) == (Data("json", "rooms.json"), True)

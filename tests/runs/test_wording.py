@@ -18,9 +18,8 @@ from layoutrl.runs.config import (
     PlanitCommand,
     TrainCommand,
     WatchConfig,
-    misfit,
-    options,
 )
+from layoutrl.runs.wording import misfit, options
 
 SCHEMAS = {
     "train": TrainCommand, "planit": PlanitCommand, "evaluate": EvaluateConfig, "watch": WatchConfig,

@@ -1,0 +1,37 @@
+"""How options are called, and what is said of a value that does not fit one."""
+
+from __future__ import annotations
+
+from dataclasses import is_dataclass
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, MissingMandatoryValue, OmegaConfBaseException
+
+WORDS: dict[Any, str] = {
+    int: "a whole number", float: "a number", bool: "true or false", str: "a text", list: "a list, as [1,2]",
+}  # fmt: skip
+
+
+def options(schema: type, prefix: str = "") -> dict[str, Any]:
+    """The types of all options, by their dotted names."""
+    found: dict[str, Any] = {}
+    for name, kind in get_type_hints(schema).items():
+        found |= options(kind, f"{prefix}{name}.") if is_dataclass(kind) else {prefix + name: kind}  # type: ignore[arg-type]
+    return found
+
+
+def misfit(error: OmegaConfBaseException, schema: type) -> str:
+    """What does not fit the shape of a configuration, and where."""
+    key = error.full_key or ""
+    if isinstance(error, ConfigAttributeError | ConfigKeyError):
+        return f"{key}: unknown"
+    if isinstance(error, MissingMandatoryValue):
+        return f"{key}: lacking"
+    kinds, name = options(schema), key.partition("[")[0]  # of method.steps[0], method.steps
+    if name not in kinds:  # of method.updates.smoke, method.updates
+        name = name.rpartition(".")[0]
+    kind = kinds.get(name)
+    if within := get_args(kind):
+        kind = within[-1] if name != key else within[0] if isinstance(kind, UnionType) else get_origin(kind)
+    return f"{key or 'a section'}: expected {WORDS.get(kind, 'names with values')}"
