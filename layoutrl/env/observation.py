@@ -49,7 +49,12 @@ class Observe(Protocol):
 
 def in_every_view(observe: Observe, symmetries: Sequence[Symmetry], observation: Tensor) -> Tensor:
     """The same observations (B, ...), an equal share of them in each symmetry."""
-    return torch.cat([observe.turned(share, symmetry) for symmetry, share in shares(symmetries, observation)])
+    return torch.cat([in_view(observe, symmetry, share) for symmetry, share in shares(symmetries, observation)])
+
+
+def in_view(observe: Observe, symmetry: Symmetry, observation: Tensor) -> Tensor:
+    """How the same rooms look in a symmetry; the observation itself in the one that changes nothing."""
+    return observe.turned(observation, symmetry) if symmetry.changes else observation
 
 
 def observation_of(

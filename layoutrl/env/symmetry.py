@@ -25,6 +25,7 @@ class Symmetry:
     def __init__(self, quarters: int, mirror: bool, moves: Moves, device: torch.device | str = "cpu"):
         self.quarters = quarters
         self.mirror = mirror
+        self.changes = bool(quarters) or mirror  # anything
         matrix = symmetry(quarters, mirror)
         turned = np.array([np.flatnonzero((matrix @ way == DIRECTIONS).all(1)).item() for way in DIRECTIONS])
         action = np.arange(moves.count)

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
-from layoutrl.env.observation import Observe
+from layoutrl.env.observation import Observe, in_view
 from layoutrl.env.scenes import Scenes
 from layoutrl.env.symmetry import Symmetry
 
@@ -112,7 +112,7 @@ class MeanQ:
 
     @torch.no_grad()
     def _over_views(self, observe: Observe, observation: Tensor) -> Tensor:
-        seen = torch.cat([observe.turned(observation, s) for s in self.symmetries])
+        seen = torch.cat([in_view(observe, s, observation) for s in self.symmetries])
         views = zip(self.network(seen).tensor_split(len(self.symmetries)), self.symmetries, strict=True)
         return torch.stack([q[:, s.action] for q, s in views]).mean(0)
 

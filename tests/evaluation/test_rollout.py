@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 
+from layoutrl.agents.learner import q_network
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.observation import categories_of, observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.rollout import BLOCK, MeanQ, Remembered, Rollout
+from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.runs.config import composed
 from tests.evaluation.builders import BELOW, LEFT, RIGHT, STEPS, UP, Place, Scripted, nearing, unturned, wide_room
 
 
@@ -46,6 +51,30 @@ def test_values_are_the_mean_over_all_views_of_a_room():
         q = MeanQ(home, views)(Place(), torch.zeros(1), torch.tensor([place], dtype=torch.float64))
         assert q.argmax().item() == best
         np.testing.assert_allclose(q, home(torch.tensor([place], dtype=torch.float64)))
+
+
+@pytest.mark.parametrize("kind", ["geometry", "image"])
+def test_the_view_that_changes_nothing_is_not_turned_and_no_bit_is_another(kind):
+    rooms = design_rooms("bedroom", "test", 0, 3).rooms
+    method = composed("train", "method=paper" if kind == "image" else "method=geometric").method
+    observe, views = observation_of(kind, rooms), symmetries(method.moves)
+    network = q_network(method, categories_of(rooms), np.random.SeedSequence(0), torch.device("cpu"))
+    room = torch.arange(30) % 3
+    position = torch.as_tensor(np.random.default_rng(0).uniform(0.5, 2.5, (30, 2)))
+    turned = []
+
+    class Counting:
+        def __call__(self, *poses):
+            return observe(*poses)
+
+        def turned(self, observation, symmetry):
+            turned.append(symmetry)
+            return observe.turned(observation, symmetry)
+
+    q = MeanQ(network, views)(Counting(), room, position)
+    assert turned == views[1:]
+    slow = network(torch.cat([observe.turned(observe(room, position), view) for view in views])).tensor_split(8)
+    assert torch.equal(q, torch.stack([each[:, view.action] for each, view in zip(slow, views, strict=True)]).mean(0))
 
 
 def test_values_of_however_many_places_are_those_of_each_and_no_more_than_a_block_is_seen_at_once():
