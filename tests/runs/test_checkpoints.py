@@ -72,6 +72,12 @@ def test_a_checkpoint_of_another_format_is_refused_also_one_that_says_none(tmp_p
     save_checkpoint(tmp_path, {"format": 3, "version": "9.9.9"}, 20)
     with pytest.raises(InputError, match=rf"is of format 3, of layoutrl 9\.9\.9; expected 2, of {layoutrl.__name__}"):
         load_checkpoint(tmp_path, CPU)
+    written(tmp_path, 20, STATE | {"version": layoutrl.__version__})  # of an unreleased state of this version
+    with pytest.raises(
+        InputError, match=r"is of format 1, of another layoutrl [^ ]+; expected 2: train it again"
+    ) as told:
+        load_checkpoint(tmp_path, CPU)
+    assert str(told.value).count(layoutrl.__version__) == 1
     written(tmp_path, 20, STATE | {"version": "0.1.0"})
     with pytest.raises(InputError, match=r"is of format 1, of layoutrl 0\.1\.0; expected 2, .*: train it again"):
         load_checkpoint(tmp_path, CPU)
