@@ -22,8 +22,8 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.furnishing import spread
 from layoutrl.evaluation.moving import STARTS
+from layoutrl.evaluation.placing import spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict

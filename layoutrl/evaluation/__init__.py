@@ -1,1 +1,1 @@
-"""How good the result is: policies, metrics, the exact model."""
+"""How good a layout or an agent is: greedy policies, who furnishes with them, metrics, statistics, the exact model."""

@@ -15,8 +15,9 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.furnishing import one_thread, spread
+from layoutrl.evaluation.placing import spread
 from layoutrl.evaluation.policy import greedy
+from layoutrl.evaluation.threads import one_thread
 from layoutrl.rooms.brief import largest_first, ways, with_poses
 from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.furnished import Furnished, dice, laid_out, several

@@ -18,7 +18,8 @@ from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import choosing, furnishing
 from layoutrl.evaluation.choosing import APART, FAULT, LOOKED_AT, Chosen, Options, wrong
-from layoutrl.evaluation.furnishing import BACK, GAP, SIDEWAYS, Furnisher, _World, spread
+from layoutrl.evaluation.furnishing import Furnisher
+from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, Placing, spread
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
@@ -68,7 +69,7 @@ def remembered(furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch) -> None:
     found: dict[str, Any] = {}
     furnish = furnisher._furnished
 
-    def once(world: _World, which: np.ndarray, rank: np.ndarray, known: Any) -> Any:
+    def once(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any) -> Any:
         key = repr(([room.id for room in world.rooms.rooms], which.tolist(), rank.tolist(), known))
         if key not in found:
             found[key] = furnish(world, which, rank, known)
@@ -151,7 +152,7 @@ def test_a_layout_does_not_hang_on_what_else_is_furnished(together: list[Furnish
 def test_what_is_to_stand_elsewhere_does_not_hang_on_what_else_is_furnished(furnisher, designs, alone) -> None:
     """A layout of each is known. Where one room looks for another place for its largest item, the other does not."""
     briefs = [brief_of(room) for room in designs[:2]]
-    world = _World(briefs, Moves(), furnisher._categories, CPU)
+    world = Placing(briefs, furnisher._policy, Moves(), furnisher._categories)
     rank = world.rooms.sequence()
     # The largest item of the second room comes last: the rooms are at theirs at different steps.
     rank[1] = rank[1].max() - rank[1]
@@ -194,9 +195,9 @@ def chosen_at(center: np.ndarray, harm: int) -> Chosen:
 
 
 def slid(furnisher: Furnisher, brief: Room, chosen: Chosen, ways: tuple[int, ...]) -> Chosen:
-    world = _World([brief], Moves(), ["bed"], CPU)
+    world = Placing([brief], furnisher._policy, Moves(), ["bed"])
     state = world.rooms.empty(np.zeros(1, int))
-    return furnisher._slid(world, state, wrong([world.rooms.layout(state, 0)]), chosen, np.array([0]), ways)
+    return world._slid(state, wrong([world.rooms.layout(state, 0)]), chosen, np.array([0]), ways)
 
 
 @pytest.mark.parametrize(("off", "behind", "ends"), [(0.1, 0.0, 1.0), (0.3, 0.0, 1.3), (0.1, 0.5, 1.5)])
@@ -232,13 +233,13 @@ def test_a_narrow_gap_to_the_nearer_neighbour_is_closed_but_not_by_opening_anoth
 def test_only_what_belongs_at_a_wall_slides_sideways(furnisher, monkeypatch) -> None:
     there = np.array([[0.3, 1.4]])
     monkeypatch.setattr(
-        furnisher, "_ends", lambda *_: Options(there[None], np.zeros((1, 1), int), np.ones((1, 1)), [[there]])
+        Placing, "_ends", lambda *_: Options(there[None], np.zeros((1, 1), int), np.ones((1, 1)), [[there]])
     )
     for category, ends in (("bed", 1.5), ("desk", 1.4)):
         brief = rectangular_room(5, 2, Item(category, (0.6, 1.0), None, 0.0), target=None)
-        world = _World([brief], Moves(), furnisher._categories, CPU)
+        world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
         state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
-        chosen = furnisher._chosen(world, state, nothing, spread(0, 128), [()])
+        chosen = world.chosen(state, nothing, spread(0, 128), [()])
         assert chosen.center[0, 1] == pytest.approx(ends, abs=1e-5)
 
 
@@ -376,9 +377,9 @@ def test_where_every_end_is_faulty_a_move_more_is_made_or_a_drawn_place_taken(
     rooms, _ = small_room()
     way = np.array([(1.5, 1.2), (1.0, 0.75)])
     ends = Options(way[None, 1:], np.zeros((1, 1), dtype=int), np.array([[9.0]]), [[way]])
-    monkeypatch.setattr(furnisher, "_ends", lambda *_: ends)
+    monkeypatch.setattr(Placing, "_ends", lambda *_: ends)
     if not beside:
-        monkeypatch.setattr(furnisher, "_beside", lambda *_: ends)
+        monkeypatch.setattr(Placing, "_beside", lambda *_: ends)
     ((best,),) = furnisher.furnish([rooms.rooms[0]], 1, 0)
     assert faults(best.layout) == []
     places = [center for _, center, _ in best.path]

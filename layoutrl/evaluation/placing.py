@@ -1,0 +1,210 @@
+"""Where a trained agent puts one item of a whole room: its moves lead there, and its values are highest there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from layoutrl.env.reward import Reward
+from layoutrl.env.rooms_batch import BatchRoomsSimulator
+from layoutrl.env.rooms_observation import RoomsObservation
+from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
+from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destinations
+from layoutrl.env.simulator import TOUCHING, Moves
+from layoutrl.evaluation.choosing import Chosen, Options, best_of, unlike, wrong_at
+from layoutrl.evaluation.policy import Policy
+from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.oddities import AT_A_WALL
+from layoutrl.rooms.room import Room
+
+STARTS = 32  # places spread for each way that an item can face, and valued
+TRIED = 4  # of these, the most valued, from which the item moves
+GAP = 0.15  # metres: a narrower one behind an item is closed, and beside one that belongs at a wall
+BETTER = 0.02  # of value: for no less is an item moved that stands
+BACK, SIDEWAYS = (1,), (2, 3)  # slides, in the order of an item's four directions
+GOLDEN = 1.2207440846057596  # of three dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
+
+
+class Placing:
+    """Briefs in which items are placed: on the host to choose in, as tensors to move in."""
+
+    def __init__(self, briefs: Sequence[Room], policy: Policy, moves: Moves, categories: Sequence[str]):
+        self.policy, self.moves, device = policy, moves, policy.q.device
+        self.rooms = RoomsSimulator(briefs, None, moves, Reward())
+        self.scenes = Scenes(BatchRoomsSimulator(self.rooms, device))
+        self.observe = ScenesObservation(self.scenes, RoomsObservation(self.rooms, categories, device))
+
+    def chosen(
+        self,
+        state: State[np.ndarray],
+        stood: np.ndarray,
+        uniform: np.ndarray,
+        known: Sequence[Sequence[Furnished]],
+    ) -> Chosen:
+        """Where each moving item, which does not stand, or `stood` (B,) there until now, is put among what does.
+
+        It starts from where numbers (3, QUARTERS * STARTS) from 0 to 1 say, in every room from the same. It is put
+        where it stands in none of the layouts that are `known`, of all rooms or of none.
+        """
+        before = wrong_at(self.rooms, state)
+        starts = self._starts(state, uniform)
+        ends = self._ends(state, starts, any(known))
+        or_stay = self._or_stay(state, stood, ends) if stood.any() else ends
+        chosen = best_of(self.rooms, state, before, unlike(self.rooms, state, or_stay, known))
+        can_move = np.isfinite(starts.value).any(1)
+        for beside in (True, False):
+            b = np.flatnonzero((chosen.harm > 0) & can_move)
+            if not len(b):
+                break
+            some = rows(state, b)
+            options = self._beside(some, ends.of(b)) if beside else starts.of(b)
+            options = unlike(self.rooms, some, options, [known[n] for n in b.tolist()])
+            chosen = chosen.less_wrong(b, best_of(self.rooms, some, before[b], options))
+        if not self.moves.slide:
+            return chosen
+        placed = np.flatnonzero(np.isfinite(chosen.value))
+        items = (self.rooms.items[r][n] for r, n in zip(state.room[placed], state.moving[placed], strict=True))
+        belongs_at_wall = np.array([item.category in AT_A_WALL for item in items], dtype=bool)
+        backed = self._slid(state, before, chosen, placed, BACK)
+        return self._slid(state, before, backed, placed[belongs_at_wall], SIDEWAYS)
+
+    def _slid(
+        self,
+        state: State[np.ndarray],
+        before: np.ndarray,
+        chosen: Chosen,
+        b: np.ndarray,
+        ways: Sequence[int],
+    ) -> Chosen:
+        """What is chosen, but items b (n,), which have a place, slid the nearest of the ways until they touch.
+
+        They slide where that is not far, and nothing more is wrong by it. What touches already, on either of two ways,
+        stays.
+
+        Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
+        """
+        if not len(b):
+            return chosen
+        scenes, those = self.scenes, chosen.of(b)
+        scene = self.scenes_of(state, b, those.quarter)
+        here = torch.as_tensor(those.center, device=scene.device)
+        slides = self.moves.first_slide + torch.tensor(ways, device=scene.device)
+        length, legal = (values[:, slides] for values in scenes.reach(scene, here))
+        length, nearest = length.where(legal, torch.inf).min(1)
+        near = length < GAP
+        place = scenes.moved(scene, here, slides[nearest], length.where(near, 0.0))
+        if ways == SIDEWAYS:  # slides lead to what is not touched yet: what is touched is met on the way back
+            opposite = slides[1 - nearest][:, None]
+            length_back, legal = (values.gather(1, opposite)[:, 0] for values in scenes.reach(scene, place))
+            near &= ~(legal & (length_back < length + TOUCHING))
+        goes = near.cpu().numpy()
+        b, those, there = b[goes], those.of(goes), place.cpu().numpy()[goes]
+        paths = [[np.concatenate([way, end[None]])] for way, end in zip(those.way, there, strict=True)]
+        options = Options(there[:, None], those.quarter[:, None], those.value[:, None], paths)
+        slid = best_of(self.rooms, rows(state, b), before[b], options)
+        taken = slid.harm <= those.harm
+        return chosen.replaced(b[taken], slid.of(taken))
+
+    def _starts(self, state: State[np.ndarray], uniform: np.ndarray) -> Options:
+        """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
+
+        Of a way in which the item does not fit, they are at 0, 0, and of no value.
+        """
+        b, quarter = np.nonzero(self.rooms.entry[state.room, state.moving] >= 0)
+        scene = self.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
+        b, column = b.repeat(STARTS), (quarter[:, None] * STARTS + np.arange(STARTS)).ravel()
+        start = self.scenes.starts_at(scene, torch.as_tensor(uniform[:, column], device=scene.device))
+        value = np.full((len(state.room), QUARTERS * STARTS), -np.inf)
+        center = np.zeros((*value.shape, 2))
+        center[b, column] = start.cpu().numpy()
+        value[b, column] = self.best(scene, start)
+        quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
+        return Options(center, quarters, value, [list(those[:, None]) for those in center])
+
+    def _ends(self, state: State[np.ndarray], starts: Options, all_ways: bool) -> Options:
+        """Where items end that move from the TRIED best starts: of all, or of each way to face."""
+        parts = np.split(np.arange(starts.value.shape[1]), QUARTERS) if all_ways else [np.arange(starts.value.shape[1])]
+        best = [part[np.argsort(-starts.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
+        tried = np.concatenate(best, 1)
+        started = np.take_along_axis(starts.value, tried, 1) > -np.inf
+        # A way that does not fit has no start: the best of all stands in for it, and counts for nothing.
+        tried = np.where(started, tried, starts.value.argmax(1)[:, None])
+        every = np.arange(len(tried))[:, None]
+        center, quarter, value = (
+            starts.center[every, tried],
+            starts.quarter[every, tried],
+            np.full(tried.shape, -np.inf),
+        )
+        ways = [[place[None] for place in places] for places in center]
+        b, k = np.nonzero(started)
+        scene = self.scenes_of(state, b, quarter[b, k])
+        run = self.policy.rollout(self.scenes, self.observe, scene, center[b, k])
+        center[b, k], value[b, k] = run.final, self.value(state, b, quarter[b, k], run.final)
+        for n, (row, column) in enumerate(zip(b, k, strict=True)):
+            ways[row][column] = run.way(n)
+        return Options(center, quarter, value, ways)
+
+    def _beside(self, state: State[np.ndarray], ends: Options) -> Options:
+        """Where one move more leads from the best of the ends."""
+        scenes, every, best = self.scenes, np.arange(len(ends.value)), ends.value.argmax(1)
+        quarter = ends.quarter[every, best]
+        scene = self.scenes_of(state, every, quarter)
+        here = torch.as_tensor(ends.center[every, best], device=scene.device)
+        reached, legal = destinations(scenes, scene, here)
+        whose = scene.repeat_interleave(legal.shape[1], 0)
+        value = self.best(whose, reached.flatten(0, 1)).reshape(legal.shape)
+        center = reached.cpu().numpy()
+        return Options(
+            center,
+            quarter[:, None].repeat(legal.shape[1], 1),
+            np.where(legal.cpu().numpy(), value, -np.inf),
+            [
+                [np.concatenate([ways[k], place[None]]) for place in places]
+                for ways, k, places in zip(ends.way, best, center, strict=True)
+            ],
+        )
+
+    def _or_stay(self, state: State[np.ndarray], stood: np.ndarray, options: Options) -> Options:
+        """The options, and of items that `stood` (B,) the poses at which they are, as if they were BETTER."""
+        every, b = np.arange(len(stood)), np.flatnonzero(stood)
+        center, quarter = state.center[every, state.moving], state.quarter[every, state.moving]
+        value = np.full(len(stood), -np.inf)
+        value[b] = self.value(state, b, quarter[b], center[b]) + BETTER
+        nowhere = np.empty((0, 2))
+        return Options(
+            np.concatenate([center[:, None], options.center], 1),
+            np.column_stack([quarter, options.quarter]),
+            np.column_stack([value, options.value]),
+            [[nowhere, *ways] for ways in options.way],
+        )
+
+    def mean_value(self, state: State[np.ndarray]) -> np.ndarray:
+        """What the agent thinks of layouts, (rooms,): 0 of one in which nothing stands."""
+        b, item = np.nonzero(state.stands)
+        if not len(b):
+            return np.zeros(len(state.room))
+        those = rows(state, b)._replace(moving=item)
+        value = self.value(those, np.arange(len(b)), state.quarter[b, item], state.center[b, item])
+        return np.bincount(b, value, len(state.room)) / np.maximum(np.bincount(b, minlength=len(state.room)), 1)
+
+    def value(self, state: State[np.ndarray], b: np.ndarray, quarter: np.ndarray, center: np.ndarray) -> np.ndarray:
+        """What poses (n,) of the moving items of states b (n,) are worth."""
+        return self.best(self.scenes_of(state, b, quarter), center)
+
+    def best(self, scene: Tensor, center: np.ndarray | Tensor) -> np.ndarray:
+        """The value of the best move from centers (n, 2) of the moving items of scenes (n, ...)."""
+        return self.policy.q.best_moves(self.scenes, self.observe, scene, center)[1]
+
+    def scenes_of(self, state: State[np.ndarray], b: np.ndarray, quarter: np.ndarray) -> Tensor:
+        """The scenes in which the moving items of states b (n,) are turned by quarters (n,)."""
+        turned = State(*(torch.as_tensor(values, device=self.scenes.device) for values in rows(state, b)))
+        quarters = torch.as_tensor(quarter, device=self.scenes.device)[:, None]
+        return self.scenes.of(turned._replace(quarter=turned.quarter.scatter(1, turned.moving[:, None], quarters)))
+
+
+def spread(first: int, count: int) -> np.ndarray:
+    """Numbers from 0 to 1 (3, count) that fill the cube evenly, from the `first` of their sequence on."""
+    return np.arange(first + 1, first + count + 1) * GOLDEN ** -np.arange(1.0, 4.0)[:, None] % 1
