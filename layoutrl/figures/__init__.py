@@ -85,9 +85,13 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
     axes.add_patch(outline)
     if item.form == "circle" or not outline.get_fill():
         return [outline]
-    angle = np.deg2rad(item.degrees)
-    front = np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
-    return [outline, *axes.plot(*front.T, color="black", linewidth=0.8, alpha=looks.get("alpha"))]
+    return [outline, *axes.plot(*front(item, center).T, color="black", linewidth=0.8, alpha=looks.get("alpha"))]
+
+
+def front(item: Item, center: Sequence[float]) -> np.ndarray:
+    """A line (2, 2) to the middle of its front, with its centre at a point."""
+    angle = np.radians(item.degrees)
+    return np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
 
 
 def draw_faults(axes: Axes, layout: Room, size: float = 5) -> None:

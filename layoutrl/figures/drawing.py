@@ -19,7 +19,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, in_drawing_order
+from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, front, in_drawing_order
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
 
@@ -150,7 +150,8 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
             space.add_circle(item.center, item.size[0] / 2, dxfattribs={"layer": "A-FURN"})
         else:
             space.add_lwpolyline(_corners(item), close=True, dxfattribs={"layer": "A-FURN"})
-            space.add_line(*_front(item), dxfattribs={"layer": "A-FURN"})
+            start, end = front(item, item.center).tolist()
+            space.add_line(start, end, dxfattribs={"layer": "A-FURN"})
         looks = {"layer": "A-FURN", "insert": item.center, "char_height": LETTERS[1], "attachment_point": MIDDLE}
         space.add_mtext("\\P".join([item.category, *faults[k]]), dxfattribs=looks)
     if absent := _not_placed(room):
@@ -196,17 +197,6 @@ def _corners(item: Item) -> list[Point]:
     return [(float(x), float(y)) for x, y in item.footprint.exterior.coords[:-1]]
 
 
-def _front(item: Item) -> tuple[Point, Point]:
-    """A line to the middle of its front."""
-    assert item.center is not None
-    (x, y), angle = item.center, np.radians(item.degrees)
-    inner, outer = (
-        (x + share * np.cos(angle) * item.size[0] / 2, y + share * np.sin(angle) * item.size[0] / 2)
-        for share in (0.7, 1)
-    )
-    return inner, outer
-
-
 def _item(index: int, item: Item, faults: Sequence[str]) -> str:
     assert item.center is not None
     x, y = item.center
@@ -220,7 +210,7 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
     parts = [f"<title>{category}{': ' if faults else ''}{_written(', '.join(faults))}</title>"]
     parts.append(shape(f'fill="{_hex(color_of(item.category))}" stroke="#000" stroke-width=".01"'))
     if item.form != "circle":
-        parts.append(f'<path d="M{_points(_front(item))}" stroke="#000" stroke-width=".015"/>')
+        parts.append(f'<path d="M{_points(front(item, item.center))}" stroke="#000" stroke-width=".015"/>')
     if faults:
         parts.append(shape(f'fill="url(#fault)" stroke="{ORANGE}" stroke-width=".03"'))
     wrong = f' data-faults="{_written(", ".join(faults))}"' if faults else ""
