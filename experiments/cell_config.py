@@ -17,9 +17,13 @@ from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.runs.config import PlanitMethodConfig, TrainConfig
+from layoutrl.runs.folder import differences
 from layoutrl.runs.ranges import check_annealer, check_search, one_of
 
 RESULTS = Path(__file__).parent / "results"
+LAYOUTS = "layouts"  # the row of whole rooms
+PLANIT = "given categories, argmax, true size"  # told what the agent is told
+SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
 SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
 
 
@@ -76,9 +80,14 @@ class CellConfig(TrainConfig):
 ConfigStore.instance().store(name="cell_schema", node=CellConfig)
 
 
-def folder_of(config: CellConfig) -> Path:
+def table_folder(results: str | None, budget: str, table: str) -> Path:
     """Where the cells of a table lie. Those of another budget lie elsewhere."""
-    return Path(config.results or RESULTS) / config.budget.name / config.table
+    return Path(results or RESULTS) / budget / table
+
+
+def folder_of(config: CellConfig) -> Path:
+    """Where a cell lies."""
+    return table_folder(config.results, config.budget.name, config.table)
 
 
 def name_of(config: CellConfig) -> str:
@@ -99,3 +108,12 @@ def learned_from(config: CellConfig, own: list[Room], designed: Callable[[Data],
     if config.trained_on == "own":
         return own
     return designed(designer(config)) + (own if config.trained_on == "both" else [])
+
+
+def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
+    """Raise InputError where two configurations of cells are not scored in the same rooms."""
+    one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
+    for said in (one, other):  # without what does not say which rooms are held out
+        said["data"] = said["data"] | {"train_rooms": None, "disturbed": None}
+    if others := differences(one, other):
+        raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")

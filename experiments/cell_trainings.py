@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from cell_config import CellConfig, designer, folder_of, name_of
+from cell_config import CellConfig, designer, folder_of, name_of, refuse_other_rooms
 from torch import nn
 
 from layoutrl import InputError
@@ -24,7 +24,7 @@ from layoutrl.runs import planit_training, resume
 from layoutrl.runs import training as agent_training
 from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, narrowed
 from layoutrl.runs.files import locked, write_json
-from layoutrl.runs.folder import differences, folders_of, load_config, wanted_folder
+from layoutrl.runs.folder import folders_of, load_config, wanted_folder
 from layoutrl.runs.machine import device_of, machine
 from layoutrl.runs.trained import trained_network as load_network
 
@@ -117,15 +117,6 @@ def agent_seconds(config: CellConfig, device: torch.device) -> float:
     for theirs in {agent["trained_on_machine"]["gpu"] for agent in agents} - {ours}:
         raise InputError(f"device: geometric was trained on {theirs or 'a CPU'}; expected it, got {ours or 'a CPU'}")
     return float(np.mean([agent["training_seconds"] for agent in agents]))
-
-
-def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
-    """Raise InputError where two configurations of cells are not scored in the same rooms."""
-    one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
-    for said in (one, other):  # without what does not say which rooms are held out
-        said["data"] = said["data"] | {"train_rooms": None, "disturbed": None}
-    if others := differences(one, other):
-        raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")
 
 
 def clock_of(device: torch.device) -> Callable[[], float]:

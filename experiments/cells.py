@@ -8,16 +8,10 @@ it, and the others go on. The tables' own scripts know which cells there are.
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import json
 import os
-import subprocess
-import sys
-import time
 import traceback
-import zlib
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,32 +19,25 @@ from typing import Any
 
 import numpy as np
 import torch
-from cell_config import RESULTS, CellConfig, folder_of, name_of
+from cell_config import LAYOUTS, PLANIT, SEEDLESS, CellConfig, folder_of, name_of
 from cell_trainings import clock_of
 from item_columns import FILLS, setting_of
+from packing import FLAG, INDEX, METRES, packed, packed_iou
 from room_columns import FURNISHES, whole_rooms_of
 
-from layoutrl import InputError
 from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling, score
 from layoutrl.rivals.planit.canvas import box_of
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.runs import resume
-from layoutrl.runs.commands import command, groups, in_a_line, mendable, nearest
-from layoutrl.runs.config import config_directory, expanded
+from layoutrl.runs.commands import command, in_a_line, mendable
 from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences
 from layoutrl.runs.machine import device_of, machine
 from layoutrl.runs.ranges import one_of
-from layoutrl.runs.wording import options
 
-LAYOUTS = "layouts"  # the row of whole rooms
 DRAWN_ROOMS = 2  # layouts that are kept, to be drawn
-PLANIT = "given categories, argmax, true size"  # told what the agent is told
-SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
-TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
-IOU, METRES, INDEX, FLAG = (np.dtype(kind) for kind in ("<u2", "<f4", "<u2", "u1"))  # of what is packed; IoU in 1/65535
 
 
 def fill(config: CellConfig) -> None:
@@ -179,105 +166,6 @@ def stated(config: CellConfig) -> dict[str, Any]:
     if config.fill not in ("agent", "rooms_agent"):  # TIMED columns hang on an agent's seconds instead
         said["method"]["updates"] = {}
     return said
-
-
-def packed(values: Sequence[float] | np.ndarray, kind: np.dtype[Any]) -> str:
-    """An array as text: compressed, in base64."""
-    return base64.b64encode(zlib.compress(np.asarray(values).astype(kind).tobytes(), 9)).decode()
-
-
-def unpacked(text: str, kind: np.dtype[Any]) -> np.ndarray:
-    return np.frombuffer(zlib.decompress(base64.b64decode(text)), kind)
-
-
-def packed_iou(iou: np.ndarray) -> str:
-    return packed(np.round(iou * 65535), IOU)
-
-
-def unpacked_iou(text: str) -> np.ndarray:
-    return unpacked(text, IOU) / 65535
-
-
-def multirun(table: str, chosen: Mapping[str, str]) -> int:
-    """Fill the cells of a sweep, given as values by name; the exit status: 1 where a cell failed."""
-    overrides = [f"{name}={value}" for name, value in chosen.items()]
-    command = [sys.executable, str(Path(__file__).resolve()), f"table={table}", *overrides]
-    folder, began, status, filled_before = cells_of(table, chosen), time.time(), 1, -1
-    # On this machine a job that is killed takes the others with it: they begin again, as long as any is finished.
-    while status and (filled_now := len(list(folder.glob("*.json")))) > filled_before:
-        filled_before, status = filled_now, subprocess.run(command, check=False).returncode
-        if "hydra/launcher" in chosen:  # a cluster's jobs are on their own
-            break
-    failed = [error for error in sorted(folder.glob("*.error")) if error.stat().st_mtime >= began]
-    for error in failed:
-        print(f"{error.stem} failed: {error.read_text(encoding='utf-8').splitlines()[-1]}", file=sys.stderr)
-    return status or int(bool(failed))
-
-
-def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[str]:
-    """The values that were chosen for an option, or all. Raises InputError for others."""
-    every = list(known)
-    values = chosen.get(name, ",".join(every)).split(",")
-    if unknown := sorted({*values} - {*every}):
-        raise InputError(f"{name}: expected some of {','.join(every)}; got {','.join(unknown)}")
-    return values
-
-
-def in_turn(columns: str) -> list[str]:
-    """The columns in sweeps: those without a seed, and those that are trained for as long as the agent after it."""
-    given = columns.split(",")
-    seedless = [column for column in given if column in SEEDLESS]
-    timed = [column for column in given if column in TIMED]
-    others = [column for column in given if column not in (*SEEDLESS, *TIMED)]
-    return [",".join(group) for group in (seedless, others, timed) if group]
-
-
-def trains_pictures(chosen: Mapping[str, str]) -> bool:
-    """Whether the paper's network is trained in every type and with every seed: on a GPU or a cluster."""
-    return torch.cuda.is_available() or "hydra/launcher" in chosen
-
-
-def seeds_of(columns: str, usual: str, chosen: Mapping[str, str]) -> str:
-    """The seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these.
-
-    Columns without a seed have seed 0, and a line says so where others were chosen.
-    """
-    if {*columns.split(",")} <= {*SEEDLESS}:
-        if chosen.get("seed", "0") != "0":
-            print(f"{columns}: seed={chosen['seed']} is left out, since nothing is drawn; one cell each, seed 0")
-        return "0"
-    return chosen.get("seed", usual.split(",")[0] if chosen.get("budget") == "smoke" else usual)
-
-
-def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
-    """The folder of a table's cells, by what was chosen."""
-    return Path(chosen.get("results", RESULTS)) / chosen.get("budget", "default") / table
-
-
-OF_SCRIPTS = ("floorplans", "designer_rooms", "weights", "version", "scores")  # options that are none of a cell
-
-
-def given(arguments: Sequence[str]) -> dict[str, str]:
-    """What the user gives, as name=value. Raises InputError for anything else, before a sweep begins."""
-    for argument in arguments:
-        if "=" not in argument:
-            raise InputError(f"{argument}: expected options as name=value; --help says which")
-    pairs = (argument.split("=", 1) for argument in arguments)
-    chosen = {name: expanded(value) for name, value in pairs}  # of what begins with ~, all are paths
-    known = [*groups("cell"), *options(CellConfig), *OF_SCRIPTS]
-    for name in chosen:
-        if name not in known and not name.startswith("hydra"):
-            raise InputError(f"{name}: unknown; {nearest(name, known)}")
-    some_of("column", chosen, sorted(file.stem for file in Path(config_directory(), "column").glob("*.yaml")))
-    return chosen
-
-
-def asked(script: str | None) -> list[str]:
-    """The command line's arguments; --help is answered with what the script says of itself."""
-    if {"-h", "--help"} & set(sys.argv):
-        print(script)
-        sys.exit()
-    return sys.argv[1:]
 
 
 main = command("cell", CellConfig, fill, sweeps=True)

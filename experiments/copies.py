@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from cell_config import RESULTS
-from cells import LAYOUTS
+from cell_config import LAYOUTS, RESULTS
 from packaged import options, tell
 from printing import row
 from table3 import METHODS

@@ -29,7 +29,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from cells import LAYOUTS, asked, cells_of, given, multirun, some_of, unpacked_iou
+from cell_config import LAYOUTS
+from packing import unpacked_iou
+from sweeps import asked, cells_of, given, multirun, some_of
 
 from layoutrl import InputError
 from layoutrl.env.measures import measured

@@ -12,8 +12,8 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
-from cell_trainings import refuse_other_rooms
-from cells import INDEX, unpacked, unpacked_iou
+from cell_config import refuse_other_rooms
+from packing import INDEX, unpacked, unpacked_iou
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import bootstrap_interval, paired_p_value

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Mapping
 from itertools import product
 from pathlib import Path
 
-from cells import asked, cells_of, given, in_turn, multirun, seeds_of, some_of
 from printing import NOT_RUN, Estimate, Row, Table, ceiling, compared, estimates, p_text, row, show, write
+from sweeps import asked, cells_of, given, in_turn, multirun, seeds_of, some_of
 
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors

@@ -16,8 +16,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from cells import PLANIT, asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
+from cell_config import PLANIT
 from printing import Estimate, Row, Table, ceiling, compared, estimates, listed, row, show, write
+from sweeps import asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
 
 from layoutrl.rivals.planit.scoring import how_many
 from layoutrl.runs.commands import answers_errors

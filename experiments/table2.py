@@ -13,8 +13,8 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from cells import asked, cells_of, given, multirun, seeds_of, some_of, trains_pictures
 from printing import Table, ceiling, compared, estimates, row, show, write
+from sweeps import asked, cells_of, given, multirun, seeds_of, some_of, trains_pictures
 from table1 import AGENT, EVERY_MOVE, MASKED, METHODS, PAPERS, THEIRS, printed
 
 from layoutrl.runs.commands import answers_errors

@@ -17,8 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cells import FLAG, LAYOUTS, asked, cells_of, given, multirun, seeds_of, some_of, unpacked
+from cell_config import LAYOUTS
+from packing import FLAG, unpacked
 from printing import Row, Table, listed, row, show, write
+from sweeps import asked, cells_of, given, multirun, seeds_of, some_of
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value

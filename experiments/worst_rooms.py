@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 from cell_config import RESULTS
-from cells import FLAG, METRES, unpacked, unpacked_iou
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
+from packing import FLAG, METRES, unpacked, unpacked_iou
 
 from layoutrl import InputError
 from layoutrl.env.simulator import Simulator

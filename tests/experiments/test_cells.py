@@ -11,12 +11,13 @@ from dataclasses import replace
 from typing import Any
 
 import cell_trainings
-import cells
 import numpy as np
 import pytest
 from cell_config import folder_of, name_of
-from cells import cells_of, fill, given, packed, unpacked
+from cells import fill
 from hydra import compose, initialize_config_dir
+from packing import METRES, packed, unpacked
+from sweeps import cells_of, given, multirun
 
 from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
@@ -191,7 +192,7 @@ def test_jobs_that_died_with_another_begin_again_while_that_helps(tmp_path, monk
         return subprocess.CompletedProcess(command, next(statuses))
 
     monkeypatch.setattr(subprocess, "run", dies)
-    assert cells.multirun("table1", {"budget": "scene", "room": "tatami", "results": str(tmp_path)}) == 1
+    assert multirun("table1", {"budget": "scene", "room": "tatami", "results": str(tmp_path)}) == 1
     assert len(runs) == 3
     assert runs[0][2:] == ["table=table1", "budget=scene", "room=tatami", f"results={tmp_path}"]
 
@@ -219,7 +220,7 @@ def test_the_slurm_launcher_is_composed():
 
 def test_arrays_survive_packing():
     values = np.random.default_rng(0).random((50, 2)).astype("f4")
-    np.testing.assert_array_equal(unpacked(packed(values, cells.METRES), cells.METRES).reshape(-1, 2), values)
+    np.testing.assert_array_equal(unpacked(packed(values, METRES), METRES).reshape(-1, 2), values)
 
 
 @pytest.mark.parametrize(

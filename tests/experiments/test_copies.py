@@ -10,7 +10,7 @@ import copies
 import pytest
 import shapely
 from cell_config import RESULTS
-from cells import unpacked_iou
+from packing import unpacked_iou
 
 from layoutrl.rooms.designer.generator import Designs, design_rooms
 from layoutrl.rooms.room import Room

@@ -8,13 +8,13 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import cells
 import item_columns
 import numpy as np
 import pytest
 import table1
-from cell_config import folder_of, name_of
-from cells import fill, unpacked, unpacked_iou
+from cell_config import PLANIT, folder_of, name_of
+from cells import fill
+from packing import METRES, unpacked, unpacked_iou
 
 from layoutrl import InputError
 from layoutrl.rivals.budgets import updates_budget
@@ -60,7 +60,7 @@ def test_a_cell_says_where_it_comes_from_and_every_column_starts_from_the_same_p
     settings = [item_columns.setting_of(config, "cpu") for config in (agent, another)]
     np.testing.assert_array_equal(settings[0].starts, settings[1].starts)
     np.testing.assert_allclose(
-        unpacked(rules["random start"]["place"], cells.METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
+        unpacked(rules["random start"]["place"], METRES).reshape(-1, 2), settings[0].starts, atol=1e-5
     )
     for column in ("regressor", "pointer"):
         assert cell(replace(agent, column=column))["training_seconds"] == found["training_seconds"]
@@ -159,8 +159,8 @@ def test_planit_is_scored_in_the_same_rooms_and_trained_for_as_long(tmp_path, de
         assert iou.mean() == pytest.approx(numbers["mean_iou"], abs=1e-4)
         assert numbers["group"] == agent["rows"]["agent"]["group"]
         assert len(iou) == found["rooms"] == agent["rooms"]
-    drawn = found["rows"][cells.PLANIT]
-    boxes = unpacked(drawn["box"], cells.METRES).reshape(-1, 4)
+    drawn = found["rows"][PLANIT]
+    boxes = unpacked(drawn["box"], METRES).reshape(-1, 4)
     assert np.isnan(boxes).any(1).mean() == pytest.approx(drawn["missing"])
     file = folder_of(config) / f"{name_of(config)}.json"
     before = file.read_text()

@@ -12,8 +12,9 @@ import make_weights
 import numpy as np
 import pytest
 import torch
-from cells import fill, packed_iou
+from cells import fill
 from make_weights import COLUMN, PACKAGED, command_of, items_of, page_of
+from packing import packed_iou
 from table3 import LEARNS
 
 from layoutrl.rooms.room import MAIN_ITEM

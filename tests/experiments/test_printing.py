@@ -6,15 +6,15 @@ import csv
 import json
 from pathlib import Path
 
-import cells
 import numpy as np
 import pages
 import pytest
 from cell_config import RESULTS
-from cells import packed, packed_iou
+from packing import INDEX, packed, packed_iou
 from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
 
 from layoutrl import InputError
+from tests.commands import fresh
 
 KEPT = RESULTS / "default"
 NAMES = {"room", "item", "labels", "trained", "trained_on", "told", "method"}  # all other columns are numbers
@@ -60,7 +60,7 @@ def test_a_row_joins_seeds_and_one_that_is_missing_is_none(tmp_path):
     for seed, ious in enumerate(([0.5, 1.0, 0.75], [0.8, 1.0, 0.75])):
         numbers = {
             "iou": packed_iou(np.array(ious)),
-            "group": packed([0, 1, 2], cells.INDEX),
+            "group": packed([0, 1, 2], INDEX),
             "overlap": 0.1 * seed,
         }
         config = {"protocol": "unseen", "seed": seed, "fold": 0, "room": {"type": "study"}, "data": {"seed": 0}}
@@ -148,3 +148,8 @@ def test_a_list_has_a_line_for_each_record_and_a_dash_for_what_is_missing(tmp_pa
         "room,mean_iou,sd,p_pointer,share_090", "living_room,0.5,,0.0004,0.25", "study,,,,0.333333"
     ]  # fmt: skip
     assert (tmp_path / "empty.csv").read_text() == "room,mean_iou,sd,p_pointer,share_090\n"
+
+
+def test_tables_are_printed_without_torch() -> None:
+    done = fresh("-c", "import sys, printing; print('torch' in sys.modules)", cwd=Path(pages.__file__).parent)
+    assert done.stdout == "False\n", done.stderr

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import table3
 from cell_config import RESULTS, folder_of
-from cells import FLAG, fill, unpacked, unpacked_iou
+from cells import fill
 from make_weights import PACKAGED
+from packing import FLAG, unpacked, unpacked_iou
 from printing import Row
 from room_columns import FURNISHES
 

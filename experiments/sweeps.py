@@ -1,0 +1,101 @@
+"""What the tables' own scripts have in common: which cells they ask for, and how these are filled side by side."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import torch
+from cell_config import SEEDLESS, CellConfig, table_folder
+
+from layoutrl import InputError
+from layoutrl.runs.commands import groups, nearest
+from layoutrl.runs.config import config_directory, expanded
+from layoutrl.runs.wording import options
+
+TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
+
+
+def multirun(table: str, chosen: Mapping[str, str]) -> int:
+    """Fill the cells of a sweep, given as values by name; the exit status: 1 where a cell failed."""
+    overrides = [f"{name}={value}" for name, value in chosen.items()]
+    command = [sys.executable, str(Path(__file__).resolve().with_name("cells.py")), f"table={table}", *overrides]
+    folder, began, status, filled_before = cells_of(table, chosen), time.time(), 1, -1
+    # On this machine a job that is killed takes the others with it: they begin again, as long as any is finished.
+    while status and (filled_now := len(list(folder.glob("*.json")))) > filled_before:
+        filled_before, status = filled_now, subprocess.run(command, check=False).returncode
+        if "hydra/launcher" in chosen:  # a cluster's jobs are on their own
+            break
+    failed = [error for error in sorted(folder.glob("*.error")) if error.stat().st_mtime >= began]
+    for error in failed:
+        print(f"{error.stem} failed: {error.read_text(encoding='utf-8').splitlines()[-1]}", file=sys.stderr)
+    return status or int(bool(failed))
+
+
+def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[str]:
+    """The values that were chosen for an option, or all. Raises InputError for others."""
+    every = list(known)
+    values = chosen.get(name, ",".join(every)).split(",")
+    if unknown := sorted({*values} - {*every}):
+        raise InputError(f"{name}: expected some of {','.join(every)}; got {','.join(unknown)}")
+    return values
+
+
+def in_turn(columns: str) -> list[str]:
+    """The columns in sweeps: those without a seed, and those that are trained for as long as the agent after it."""
+    given = columns.split(",")
+    seedless = [column for column in given if column in SEEDLESS]
+    timed = [column for column in given if column in TIMED]
+    others = [column for column in given if column not in (*SEEDLESS, *TIMED)]
+    return [",".join(group) for group in (seedless, others, timed) if group]
+
+
+def trains_pictures(chosen: Mapping[str, str]) -> bool:
+    """Whether the paper's network is trained in every type and with every seed: on a GPU or a cluster."""
+    return torch.cuda.is_available() or "hydra/launcher" in chosen
+
+
+def seeds_of(columns: str, usual: str, chosen: Mapping[str, str]) -> str:
+    """The seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these.
+
+    Columns without a seed have seed 0, and a line says so where others were chosen.
+    """
+    if {*columns.split(",")} <= {*SEEDLESS}:
+        if chosen.get("seed", "0") != "0":
+            print(f"{columns}: seed={chosen['seed']} is left out, since nothing is drawn; one cell each, seed 0")
+        return "0"
+    return chosen.get("seed", usual.split(",")[0] if chosen.get("budget") == "smoke" else usual)
+
+
+def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
+    """The folder of a table's cells, by what was chosen."""
+    return table_folder(chosen.get("results"), chosen.get("budget", "default"), table)
+
+
+OF_SCRIPTS = ("floorplans", "designer_rooms", "weights", "version", "scores")  # options that are none of a cell
+
+
+def given(arguments: Sequence[str]) -> dict[str, str]:
+    """What the user gives, as name=value. Raises InputError for anything else, before a sweep begins."""
+    for argument in arguments:
+        if "=" not in argument:
+            raise InputError(f"{argument}: expected options as name=value; --help says which")
+    pairs = (argument.split("=", 1) for argument in arguments)
+    chosen = {name: expanded(value) for name, value in pairs}  # of what begins with ~, all are paths
+    known = [*groups("cell"), *options(CellConfig), *OF_SCRIPTS]
+    for name in chosen:
+        if name not in known and not name.startswith("hydra"):
+            raise InputError(f"{name}: unknown; {nearest(name, known)}")
+    some_of("column", chosen, sorted(file.stem for file in Path(config_directory(), "column").glob("*.yaml")))
+    return chosen
+
+
+def asked(script: str | None) -> list[str]:
+    """The command line's arguments; --help is answered with what the script says of itself."""
+    if {"-h", "--help"} & set(sys.argv):
+        print(script)
+        sys.exit()
+    return sys.argv[1:]
