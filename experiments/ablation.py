@@ -23,7 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from cell_config import RESULTS, check_kept
+from kept import RESULTS, check_kept
 from printing import Table, listed
 
 from layoutrl import InputError

@@ -11,8 +11,7 @@ Prints the numbers and writes experiments/results/best_of_three/<type>.json.
 from __future__ import annotations
 
 import torch
-from cell_config import RESULTS
-from packaged import numbers, options, tell
+from kept import RESULTS, numbers, options, tell
 
 from layoutrl.env.measures import measured
 from layoutrl.rooms.brief import brief_of

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
+from kept import RESULTS
 from omegaconf import MISSING
 
 from layoutrl import InputError
@@ -20,19 +20,10 @@ from layoutrl.runs.config import PlanitMethodConfig, TrainConfig
 from layoutrl.runs.folder import differences
 from layoutrl.runs.ranges import check_annealer, check_search, one_of
 
-RESULTS = Path(__file__).parent / "results"
 LAYOUTS = "layouts"  # the row of whole rooms
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
 SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
 SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
-
-
-def check_kept(file: Path, about: Mapping[str, Any]) -> None:
-    """Raises InputError where results are kept in a file that are about something else: they are not overwritten."""
-    if file.exists():
-        kept = json.loads(file.read_text(encoding="utf-8"))
-        if others := [name for name, value in about.items() if kept[name] != value]:
-            raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
 
 
 @dataclass

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from cell_config import LAYOUTS, RESULTS
-from packaged import options, tell
+from cell_config import LAYOUTS
+from kept import RESULTS, options, tell
 from printing import row
 from table3 import METHODS
 

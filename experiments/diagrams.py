@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from cell_config import RESULTS
+from kept import RESULTS
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

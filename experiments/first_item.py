@@ -15,8 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from cell_config import RESULTS
-from packaged import means_over_rooms, options, tell
+from kept import RESULTS, means_over_rooms, options, tell
 
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.rooms.brief import brief_of, largest_first

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from cell_config import RESULTS
-from packaged import numbers, options, tell
+from kept import RESULTS, numbers, options, tell
 
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms

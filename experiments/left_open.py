@@ -19,8 +19,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from cell_config import RESULTS
-from packaged import means_over_rooms, options, tell
+from kept import RESULTS, means_over_rooms, options, tell
 
 from layoutrl.env.measures import matched, means
 from layoutrl.rooms.brief import brief_of

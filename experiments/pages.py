@@ -14,7 +14,7 @@ import real_rooms
 import table1
 import table2
 import table3
-from cell_config import RESULTS
+from kept import RESULTS
 from printing import Table, write
 
 from layoutrl.runs.commands import answers_errors

@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cell_config import RESULTS
+from kept import RESULTS
 
 from layoutrl.place import furnish
 from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults

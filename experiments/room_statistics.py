@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from cell_config import RESULTS
+from kept import RESULTS
 from matplotlib.figure import Figure
 
 from layoutrl.rooms.designer.generator import design_rooms

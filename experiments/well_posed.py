@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cell_config import RESULTS, check_kept
+from kept import RESULTS, check_kept
 
 from layoutrl.rooms.designer.generator import design_room, design_rooms
 from layoutrl.rooms.room import MAIN_ITEM

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cell_config import RESULTS
+from kept import RESULTS
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf

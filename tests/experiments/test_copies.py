@@ -9,7 +9,7 @@ from pathlib import Path
 import copies
 import pytest
 import shapely
-from cell_config import RESULTS
+from kept import RESULTS
 from packing import unpacked_iou
 
 from layoutrl.rooms.designer.generator import Designs, design_rooms

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from cell_config import RESULTS
 from diagrams import LOOKS, results
+from kept import RESULTS
 from matplotlib import style
 from table1 import CEILING, PAPER, main_table, measured
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pages
 import pytest
-from cell_config import RESULTS
+from kept import RESULTS
 from packing import INDEX, packed, packed_iou
 from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
 

@@ -8,8 +8,9 @@ import json
 import numpy as np
 import pytest
 import table3
-from cell_config import RESULTS, folder_of
+from cell_config import folder_of
 from cells import fill
+from kept import RESULTS
 from make_weights import PACKAGED
 from packing import FLAG, unpacked, unpacked_iou
 from printing import Row

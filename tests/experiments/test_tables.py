@@ -17,9 +17,10 @@ import real_rooms
 import table1
 import table2
 import table3
-from cell_config import RESULTS, CellConfig, folder_of, name_of
+from cell_config import CellConfig, folder_of, name_of
 from cells import stated
 from hydra import compose, initialize_config_dir
+from kept import RESULTS
 from omegaconf import OmegaConf
 from printing import Row
 

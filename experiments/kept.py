@@ -1,4 +1,4 @@
-"""What experiments with the agents in the package, and with designs, have in common: options, and what they tell."""
+"""What experiments have in common: where results are kept, the options of those of one room type, what they tell."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cell_config import check_kept
 
+from layoutrl import InputError
 from layoutrl.env.measures import measured
 from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.statistics import standard_error
@@ -18,7 +18,16 @@ from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs.files import write_json
 from layoutrl.runs.ranges import within
 
+RESULTS = Path(__file__).parent / "results"
 MEASURES = ("iou", "facing", "faultless")
+
+
+def check_kept(file: Path, about: Mapping[str, Any]) -> None:
+    """Raises InputError where results are kept in a file that are about something else: they are not overwritten."""
+    if file.exists():
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        if others := [name for name, value in about.items() if kept[name] != value]:
+            raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
 
 
 def options(description: str | None, *, rooms: int, seed: int, results: Path) -> argparse.Namespace:
