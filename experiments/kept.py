@@ -26,7 +26,7 @@ def check_kept(file: Path, about: Mapping[str, Any]) -> None:
     """Raises InputError where results are kept in a file that are about something else: they are not overwritten."""
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
-        if others := [name for name, value in about.items() if kept[name] != value]:
+        if others := [name for name, value in about.items() if kept.get(name) != value]:
             raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
 
 

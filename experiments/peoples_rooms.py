@@ -3,8 +3,9 @@
     python experiments/peoples_rooms.py sweethome3d <folder> [--results <folder>]
 
 All that somebody places is lifted and placed anew, as by `place move=all`: by the agents in the package, by the
-search, and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. *As they were drawn* is
-the same count of the same pieces, where they stood.
+search, and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. What counts is what is
+wrong with the pieces that were lifted, and was not without them; *as they were drawn* is the same count of the same
+pieces, where they stood.
 
 Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 """
@@ -19,11 +20,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from kept import RESULTS
+from kept import RESULTS, check_kept
 
 from layoutrl.place import furnish
 from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults
 from layoutrl.rooms.formats import opened
+from layoutrl.rooms.oddities import oddities
 from layoutrl.runs.answered import Answered
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
@@ -40,13 +42,19 @@ def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
     }
 
 
+def placed(answers: Sequence[Answered]) -> list[list[Fault]]:
+    """What is wrong with the items that were lifted, where they stand now: not with those that stay."""
+    return [[fault for fault in answer.wrong[0] if fault[0] in answer.asked.wanted] for answer in answers]
+
+
 def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
     """What was wrong with the same items where they stood."""
     asked = [answer.asked.can.asked for answer in answers]
     stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(asked, answers, strict=True)]
     return [
         [fault for fault in new_faults(faults, was) if fault[0] in answer.asked.wanted]
-        for faults, was, answer in zip(faults_of_all(stood), faults_of_all(asked), answers, strict=True)
+        + oddities(room, answer.asked.wanted)
+        for faults, was, room, answer in zip(faults_of_all(stood), faults_of_all(asked), stood, answers, strict=True)
     ]
 
 
@@ -61,15 +69,16 @@ def main() -> None:
     rooms = source.collection.rooms
     print(source.collection)
     result: dict[str, Any] = {"read": len(rooms)}
+    check_kept(file := said.results / f"{said.name}.json", result)
     for name, by in WHO.items():
         answers = [answer for answer in furnish(rooms, stood=source.stood, move="all", by=by) if answer.asked.wanted]
-        result[name] = counted([answer.wrong[0] for answer in answers])
+        result[name] = counted(placed(answers))
         print(f"{said.name}, {name}: {json.dumps(result[name])}", flush=True)
     result |= {"rooms": len(answers), "items": sum(len(answer.asked.wanted) for answer in answers)}
     result["as they were drawn"] = counted(drawn(answers))
     print(f"{said.name}, as they were drawn: {json.dumps(result['as they were drawn'])}", flush=True)
     said.results.mkdir(parents=True, exist_ok=True)
-    write_json(said.results / f"{said.name}.json", result)
+    write_json(file, result)
 
 
 if __name__ == "__main__":
