@@ -26,6 +26,7 @@ from layoutrl.rooms.oddities import BACK, sides_off_walls
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.pretrained import load
+from layoutrl.runs.ranges import within
 
 AT_THE_WALL = 0.02  # metres from it, at most
 ALWAYS = 0.95  # share of a category's items with a side at a wall, from which on they belong there
@@ -53,10 +54,12 @@ def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
 @answers_errors()
 def main() -> None:
     said = options(__doc__, rooms=100, seed=1, results=KEPT)
-    furnisher = load(said.room_type, torch.device("cpu"))
     designs = design_rooms(said.room_type, "test", said.seed, 2 * said.rooms).rooms
     changed = disturbed(designs, [np.random.default_rng([said.seed, k]) for k in range(len(designs))])
     those = [k for k, (_, names) in enumerate(changed) if names][: said.rooms]
+    enough = len(those) == said.rooms
+    within("--rooms", said.rooms, enough, f"fewer, as {len(those)} of {len(designs)} rooms could be disturbed")
+    furnisher = load(said.room_type, torch.device("cpu"))
     done = Counter(name for k in those for name in changed[k][1])
 
     def furnished(rooms: Sequence[Room]) -> dict[str, Any]:
@@ -66,7 +69,7 @@ def main() -> None:
 
     rooms = {"as designed": designs, "disturbed": [room for room, _ in changed]}
     found = ((name, furnished(some)) for name, some in rooms.items())
-    tell(said, found, rooms=len(those), disturbances=dict(done))
+    tell(said, found, disturbances=dict(done))
 
 
 if __name__ == "__main__":

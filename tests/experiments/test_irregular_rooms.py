@@ -67,3 +67,18 @@ def test_a_type_is_measured(well: bool, tmp_path: Path, monkeypatch: pytest.Monk
         told = result[name]
         assert (told["iou"]["mean"] == pytest.approx(1), told["at_the_wall"] == 1) == (well, well)
         assert told["faultless"]["mean"] == well
+
+
+def test_where_fewer_rooms_can_be_disturbed_that_is_said_before_any_is_furnished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        irregular_rooms, "disturbed", lambda rooms, _: [(rooms[0], ["column"]), *((r, []) for r in rooms[1:])]
+    )
+    monkeypatch.setattr(irregular_rooms, "load", None)
+    monkeypatch.setattr("sys.argv", ["irregular_rooms.py", "balcony", "--rooms=2", f"--results={tmp_path}"])
+    with pytest.raises(
+        SystemExit, match=r"^error: --rooms: expected fewer, as 1 of 4 rooms could be disturbed; got 2$"
+    ):
+        irregular_rooms.main()
+    assert not list(tmp_path.iterdir())
