@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from kept import RESULTS
 from omegaconf import MISSING
 
 from layoutrl import InputError
+from layoutrl.agents.method import Method
 from layoutrl.rivals.rooms.annealer import Annealing
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.room import Room
@@ -23,6 +24,8 @@ from layoutrl.runs.ranges import check_annealer, check_search, one_of
 LAYOUTS = "layouts"  # the row of whole rooms
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
 SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
+AGENTS = ("agent", "rooms_agent")  # fills that train one
+BEFORE = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}  # its defaults
 SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
 
 
@@ -86,6 +89,11 @@ def name_of(config: CellConfig) -> str:
     data = "" if config.data.source == "designer" else f"-{config.data.source}-{config.data.labels}"
     item = "" if config.room.item == "main" else f"-{config.room.item}"
     return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
+
+
+def completed(kept: dict[str, Any]) -> dict[str, Any]:
+    """A kept configuration. What it does not say of how an agent learns is as it was before there was that."""
+    return kept | {"method": BEFORE | kept["method"]} if kept.get("fill") in AGENTS else kept
 
 
 def designer(config: CellConfig) -> Data:

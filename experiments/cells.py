@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from cell_config import LAYOUTS, PLANIT, SEEDLESS, CellConfig, folder_of, name_of
+from cell_config import AGENTS, LAYOUTS, PLANIT, SEEDLESS, CellConfig, completed, folder_of, name_of
 from cell_trainings import clock_of
 from item_columns import FILLS, setting_of
 from packing import FLAG, INDEX, METRES, packed, packed_iou
@@ -53,7 +53,8 @@ def fill(config: CellConfig) -> None:
     file, error = folder / f"{name}.json", folder / f"{name}.error"
     if file.exists():
         error.unlink(missing_ok=True)
-        if others := differences(json.loads(file.read_text(encoding="utf-8"))["config"], stated(config)):
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        if others := differences(completed(kept["config"]), stated(config)):
             what = f"filled with another {', '.join(others)}; expected a new folder (results=...), or delete the cell"
             error.write_text(f"error: {name} is {what}\n", encoding="utf-8")
             print(f"{config.table}: {name} is {what}", flush=True)
@@ -163,7 +164,7 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
 def stated(config: CellConfig) -> dict[str, Any]:
     """The configuration of a cell, as JSON has it, but for where files lie; how long agents train, of agents alone."""
     said = resume.stated(replace(config, results=None))
-    if config.fill not in ("agent", "rooms_agent"):  # TIMED columns hang on an agent's seconds instead
+    if config.fill not in AGENTS:  # TIMED columns hang on an agent's seconds instead
         said["method"]["updates"] = {}
     return said
 

@@ -12,7 +12,7 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
-from cell_config import refuse_other_rooms
+from cell_config import completed, refuse_other_rooms
 from packing import INDEX, unpacked, unpacked_iou
 
 from layoutrl import InputError
@@ -137,13 +137,13 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
     cells = {file: cell for file, cell in cells.items() if which in cell["rows"]}
     if not cells:
         return None
-    first, *others = cells.values()
-    if other := {name for cell in others for name in differences(first["config"], cell["config"])} - {"seed"}:
+    first, *others = (completed(cell["config"]) for cell in cells.values())
+    if other := {name for config in others for name in differences(first, config)} - {"seed"}:
         raise InputError(f"{folder / name}: cells of different {', '.join(sorted(other))}; delete those of one")
     numbers = [cell["rows"][which] for cell in cells.values()]
     iou = np.stack([unpacked_iou(seed["iou"]) for seed in numbers])
     # Starts in one scene are independent of each other.
-    scene = first["config"]["protocol"] == "scene"
+    scene = first["protocol"] == "scene"
     group = np.arange(iou.shape[1]) if scene else unpacked(numbers[0]["group"], INDEX)
     return Row(iou, group, numbers, cells)
 

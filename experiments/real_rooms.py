@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path
 
 from printing import NOT_RUN, Estimate, Row, Table, ceiling, compared, estimates, p_text, row, show, write
-from sweeps import asked, cells_of, given, in_turn, multirun, seeds_of, some_of
+from sweeps import ENDS, asked, cells_of, given, in_turn, multirun, seeds_of, some_of
 
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
@@ -38,8 +38,6 @@ METHODS = {
     "best wall or corner": ("own", "rules", "best wall or corner"),
     "random start": ("own", "rules", "random start"),
 }
-# Episodes do not climb or snap into line: most of these cells are of before there was that, and all are to be alike.
-ENDS = {"method.climbs": "0", "method.snap": "0"}
 TRAINED_ON = ("real rooms", "designed rooms", "both")
 RULES = ("hand rule", "nearest room")
 BOUNDS = ("real rooms, best of 3", "both, best of 3", "best wall or corner", "random start")

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from printing import Table, ceiling, compared, estimates, row, show, write
-from sweeps import asked, cells_of, given, multirun, seeds_of, some_of, trains_pictures
+from sweeps import ENDS, asked, cells_of, given, multirun, seeds_of, some_of, trains_pictures
 from table1 import AGENT, EVERY_MOVE, MASKED, METHODS, PAPERS, THEIRS, printed
 
 from layoutrl.runs.commands import answers_errors
@@ -43,7 +43,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
         seeds = {chosen["column"]: "0,1,2"}
     room = ",".join(some_of("room", chosen, PAPER))
     return [
-        chosen | scene | {"column": columns, "seed": seeds_of(columns, usual, chosen), "room": room}
+        ENDS | chosen | scene | {"column": columns, "seed": seeds_of(columns, usual, chosen), "room": room}
         for columns, usual in seeds.items()
     ]
 

@@ -14,7 +14,7 @@ import cell_trainings
 import numpy as np
 import pytest
 from cell_config import folder_of, name_of
-from cells import fill
+from cells import fill, stated
 from hydra import compose, initialize_config_dir
 from packing import METRES, packed, unpacked
 from sweeps import cells_of, given, multirun
@@ -48,6 +48,18 @@ def test_a_filled_cell_is_not_filled_again_and_its_agent_not_trained_again(tmp_p
     fill(config)
     again = json.loads(file.read_text())
     assert again["rows"] == json.loads(before)["rows"]
+
+
+@pytest.mark.parametrize(("column", "others"), [("geometric", "another method.climbs, method.snap;"), ("rules", None)])
+def test_what_a_kept_agent_does_not_say_is_as_it_was_before_there_was_that(column, others, tmp_path, designed):
+    config = configured(tmp_path, designed, f"column={column}", "room=tatami")
+    file, said = folder_of(config) / f"{name_of(config)}.json", stated(config)
+    del said["method"]["climbs"], said["method"]["snap"]
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps({"config": said}))
+    fill(config)
+    error = file.with_suffix(".error")
+    assert others in error.read_text() if others else not error.exists()
 
 
 def test_a_cell_that_nobody_knows_how_to_fill_is_refused(tmp_path):
