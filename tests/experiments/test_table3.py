@@ -118,6 +118,16 @@ def test_sweeps_have_all_types_and_methods_and_real_rooms_of_two():
         table3.stages({"room": "attic"})
 
 
+def test_real_rooms_are_furnished_by_what_their_table_shows_and_by_what_is_asked_for():
+    def furnish(**chosen: str) -> set[str]:
+        sweeps = table3.stages({"designer_rooms": "x", "room": "tatami"} | chosen)
+        return {column for sweep in sweeps if "data" in sweep for column in sweep["column"].split(",")}
+
+    quick = {"designer", "random", "nearest", "rooms_package", "annealer", "search"}
+    assert furnish() == quick | {*table3.LEARNS.values()}
+    assert furnish(column="search_long,rooms_agent") == {"search_long", "rooms_agent"}
+
+
 def test_the_best_rival_is_that_of_the_rooms_that_all_furnished():
     rng = np.random.default_rng(0)
     own = np.full(20, 0.5)
