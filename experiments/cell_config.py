@@ -26,6 +26,11 @@ PLANIT = "given categories, argmax, true size"  # told what the agent is told
 SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
 AGENTS = ("agent", "rooms_agent")  # fills that train one
 BEFORE = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}  # its defaults
+READ = {  # what not all fills read, and those that do
+    "planit": ("planit", "rooms_planit"), "planit_time": ("planit",), "annealer": ("annealer",), "search": ("search",),
+    "seconds_a_room": ("annealer", "search"), "training_minutes": ("rooms_pointer",),
+}  # fmt: skip
+LOOKS = ("reports", "evaluations")  # of a budget: how often a training is looked at, which changes nothing in it
 SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
 
 
@@ -91,9 +96,15 @@ def name_of(config: CellConfig) -> str:
     return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
 
 
-def completed(kept: dict[str, Any]) -> dict[str, Any]:
-    """A kept configuration. What it does not say of how an agent learns is as it was before there was that."""
-    return kept | {"method": BEFORE | kept["method"]} if kept.get("fill") in AGENTS else kept
+def counting(kept: dict[str, Any]) -> dict[str, Any]:
+    """What counts of a kept configuration: what its fill reads. What it does not say of how an agent learns is as it
+    was before there was that."""
+    said = {name: value for name, value in kept.items() if name not in READ or kept["fill"] in READ[name]}
+    if "budget" in said:
+        said["budget"] = {name: value for name, value in said["budget"].items() if name not in LOOKS}
+    if said.get("fill") in AGENTS:
+        said["method"] = BEFORE | said["method"]
+    return said
 
 
 def designer(config: CellConfig) -> Data:

@@ -12,7 +12,7 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
-from cell_config import completed, refuse_other_rooms
+from cell_config import counting, refuse_other_rooms
 from packing import INDEX, unpacked, unpacked_iou
 
 from layoutrl import InputError
@@ -137,7 +137,7 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
     cells = {file: cell for file, cell in cells.items() if which in cell["rows"]}
     if not cells:
         return None
-    first, *others = (completed(cell["config"]) for cell in cells.values())
+    first, *others = (counting(cell["config"]) for cell in cells.values())
     if other := {name for config in others for name in differences(first, config)} - {"seed"}:
         raise InputError(f"{folder / name}: cells of different {', '.join(sorted(other))}; delete those of one")
     numbers = [cell["rows"][which] for cell in cells.values()]

@@ -62,6 +62,36 @@ def test_what_a_kept_agent_does_not_say_is_as_it_was_before_there_was_that(colum
     assert others in error.read_text() if others else not error.exists()
 
 
+@pytest.mark.parametrize(
+    ("column", "setting", "counts"),
+    [
+        ("annealer", "annealer.chains=8", True),
+        ("rooms_package", "annealer.chains=8", False),
+        ("search_long", "search.nodes=7", True),
+        ("annealer", "search.nodes=7", False),
+        ("search", "seconds_a_room.smoke=7", True),
+        ("geometric", "seconds_a_room.smoke=7", False),
+        ("rooms_pointer", "training_minutes.smoke=7", True),
+        ("search", "training_minutes.smoke=7", False),
+        ("rooms_planit", "planit.batch=7", True),
+        ("rules", "planit.batch=7", False),
+        ("planit", "planit_time=updates", True),
+        ("rooms_planit", "planit_time=agent", False),
+        ("planit", "budget.evaluation_rooms=7", True),
+        ("rules", "budget.reports=7", False),
+        ("geometric", "budget.evaluations=2", False),
+    ],
+)
+def test_a_kept_cell_is_another_by_what_its_column_reads_alone(column, setting, counts, tmp_path, designed):
+    config, other = (configured(tmp_path, designed, f"column={column}", *more) for more in ((), (setting,)))
+    file = folder_of(config) / f"{name_of(config)}.json"
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps({"config": stated(config)}))
+    fill(other)
+    error = file.with_suffix(".error")
+    assert f"filled with another {setting.split('=')[0]};" in error.read_text() if counts else not error.exists()
+
+
 def test_a_cell_that_nobody_knows_how_to_fill_is_refused(tmp_path):
     config = configured(tmp_path, "column=rules", "fill=guesses")
     with pytest.raises(InputError, match=r"^fill: expected one of agent, .*; got guesses$"):
