@@ -23,7 +23,7 @@ from layoutrl.runs.ranges import check_annealer, check_search, one_of
 
 LAYOUTS = "layouts"  # the row of whole rooms
 PLANIT = "given categories, argmax, true size"  # told what the agent is told
-SEEDLESS = ("rules", "oracle", "rooms_package")  # columns that draw nothing but the starts, which are always the same
+SEEDLESS = ("rules", "oracle", "designer", "rooms_package")  # columns that draw nothing but starts, always the same
 AGENTS = ("agent", "rooms_agent")  # fills that train one
 BEFORE = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}  # its defaults
 READ = {  # what not all fills read, and those that do

@@ -107,6 +107,12 @@ def test_what_draws_nothing_is_filled_once_whatever_the_seed(tmp_path, designed,
     assert "tatami-own-rules-seed1 left out: rules has one cell, seed 0" in capsys.readouterr().out
 
 
+def test_the_designers_own_layouts_are_one_cell_whatever_the_seed(tmp_path, designed, capsys):
+    fill(config := configured(tmp_path, designed, "table=table3", "column=designer", "room=tatami", "seed=1"))
+    assert not folder_of(config).exists()
+    assert "tatami-own-designer-seed1 left out: designer has one cell, seed 0" in capsys.readouterr().out
+
+
 def test_what_interrupts_a_training_leaves_no_cell(tmp_path, designed, monkeypatch):
     config = configured(tmp_path, designed, "column=geometric", "room=tatami")
 
