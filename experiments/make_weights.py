@@ -79,7 +79,7 @@ MEASURES = {
 @answers_errors()
 def main(arguments: list[str]) -> int:
     """Make what is asked for; the exit status is 1 where a type failed."""
-    chosen = given(arguments)
+    chosen = given(arguments, "weights", "version", "scores")
     types = some_of("room", chosen, MAIN_ITEM)
     folder, version = Path(chosen.pop("weights", WEIGHTS)), chosen.pop("version", None)
     if version is not None and not version.isdecimal():

@@ -65,7 +65,7 @@ def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    chosen, status = given(arguments), 0
+    chosen, status = given(arguments, *TASKS, "task"), 0
     for source in TASKS:
         if source not in chosen:
             print(f"{source}: left out; {source}=<folder> says where its files are")

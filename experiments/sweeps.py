@@ -77,17 +77,16 @@ def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
     return table_folder(chosen.get("results"), chosen.get("budget", "default"), table)
 
 
-OF_SCRIPTS = ("floorplans", "designer_rooms", "weights", "version", "scores")  # options that are none of a cell
-
-
-def given(arguments: Sequence[str]) -> dict[str, str]:
-    """What the user gives, as name=value. Raises InputError for anything else, before a sweep begins."""
+def given(arguments: Sequence[str], *own: str) -> dict[str, str]:
+    """What the user gives, as name=value: options of cells, and the script's own. Raises InputError for anything else,
+    before a sweep begins.
+    """
     for argument in arguments:
         if "=" not in argument:
             raise InputError(f"{argument}: expected options as name=value; --help says which")
     pairs = (argument.split("=", 1) for argument in arguments)
     chosen = {name: expanded(value) for name, value in pairs}  # of what begins with ~, all are paths
-    known = [*groups("cell"), *options(CellConfig), *OF_SCRIPTS]
+    known = [*(group for group in groups("cell") if group != "task"), *options(CellConfig), *own]
     for name in chosen:
         if name not in known and not name.startswith("hydra"):
             raise InputError(f"{name}: unknown; {nearest(name, known)}")

@@ -136,7 +136,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    chosen = given(arguments)
+    chosen = given(arguments, "designer_rooms")
     status = max([multirun("table3", sweep) for sweep in stages(chosen)])
     folder = cells_of("table3", chosen)
     show(tables(folder, some_of("room", chosen, MAIN_ITEM)))

@@ -282,7 +282,19 @@ def test_arrays_survive_packing():
 def test_a_wrong_option_of_a_table_is_answered_before_anything_is_swept(argument: str, answer: str) -> None:
     with pytest.raises(InputError, match=answer):
         given(["room=kitchen", argument])
-    assert given(["room=kitchen", "column=geometric,oracle", "method.batch=8", "floorplans=plans"])["room"] == "kitchen"
+    assert (
+        given(["room=kitchen", "column=geometric,oracle", "method.batch=8", "floorplans=plans"], "floorplans")["room"]
+        == "kitchen"
+    )
+
+
+@pytest.mark.parametrize(
+    "argument", ["floorplans=x", "designer_rooms=x", "task=bed", "scores=x", "version=3", "weights=x"]
+)
+def test_an_option_of_another_script_is_answered_before_anything_is_swept(argument: str) -> None:
+    with pytest.raises(InputError, match=rf"^{argument.partition('=')[0]}: unknown; "):
+        given([argument])
+    assert given([argument], argument.partition("=")[0])
 
 
 def test_cells_are_looked_for_where_they_are_filled_also_below_the_users_home(tmp_path, monkeypatch) -> None:
