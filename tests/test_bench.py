@@ -45,6 +45,13 @@ def configured(*overrides: str) -> BenchConfig:
     return config
 
 
+@pytest.mark.parametrize("name", ["method", "paper"])
+def test_what_learns_from_every_move_is_not_compared(name: str) -> None:
+    expected = f"^{name} of bench: expected one that learns from the moves made; got paper_every_move$"
+    with pytest.raises(InputError, match=expected):
+        configured("method=paper_every_move" if name == "method" else "method@paper=paper_every_move")
+
+
 def test_what_it_would_ignore_is_refused() -> None:
     with pytest.raises(InputError, match="a fourth term"):
         configured("reward=usable")

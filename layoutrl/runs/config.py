@@ -366,6 +366,8 @@ class BenchConfig(TrainConfig):
         super().__post_init__()
         check_method("paper", self.paper)
         one_of("method.scope of bench", self.method.scope, "item")
+        for name, method in (("method", self.method), ("paper", self.paper)):
+            within(f"{name} of bench", method.name, not method.every_move, "one that learns from the moves made")
         self.check_used()
         known = ("speed", "rooms", "memory", "growth", "demo", "training", "image", "sb3")
         for part in self.parts:
