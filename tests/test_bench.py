@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,12 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from layoutrl import InputError, bench
+from layoutrl.benchmarks import simulation
 from layoutrl.benchmarks.curves import Curve, held_out_probe, learned_by_sb3
 from layoutrl.benchmarks.learning import bare_passes, fill, untrained
 from layoutrl.benchmarks.parts import ROWS
 from layoutrl.benchmarks.simulation import with_items
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources.parts import read_parts
 from layoutrl.runs.config import BenchConfig, composed
 from tests.builders import rooms
@@ -154,6 +156,21 @@ def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) ->
     bare_passes(learner)()
     assert sorted(calls) == sorted(update)
     assert len(calls) == (4 if double else 3)
+
+
+def test_measures_are_timed_once_in_layouts_of_which_nothing_is_known(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    config = configured(f"data.root={tmp_path}")
+    training, held_out = read_parts(config.room.type, config.room.item, config.data, config.fold)
+    asked: list[list[Room]] = []
+    monkeypatch.setattr(simulation, "measured", lambda layouts, _: asked.append(layouts))
+    simulation.furnishing(config, training, held_out, CPU)
+    (layouts,) = asked
+    assert layouts == list(held_out)
+    known = {field.name for field in fields(Room)}, {field.name for field in fields(Item)}
+    assert all(vars(layout).keys() == known[0] for layout in layouts)
+    assert all(vars(item).keys() == known[1] for layout in layouts for item in layout.furniture)
 
 
 @given(room=rooms(), count=st.integers(1, 30), seed=st.integers(0, 100))
