@@ -6,7 +6,6 @@ import io
 import json
 import random
 import re
-import shutil
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -29,7 +28,7 @@ from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece
 for extra in ("starlette", "uvicorn"):
     pytest.importorskip(extra, reason="the extra demo is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="no playwright: the page is not tried in a browser")
-CHROMIUM = shutil.which("chromium-headless-shell") or browser_of()  # which takes half the time
+CHROMIUM = browser_of()
 if CHROMIUM is None:
     pytest.skip("no Chromium: the page is not tried in a browser", allow_module_level=True)
 expect = playwright.expect
