@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from http.client import HTTPConnection
 from importlib.util import find_spec
 from statistics import median
@@ -26,6 +26,7 @@ from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import resident_bytes
 
 CHROMIUM = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")  # the first takes half the time
+FURNISHED = 10  # rooms, for the first move
 ANSWERS = 3  # times that each of many clients asks
 
 
@@ -43,16 +44,19 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
     """
     looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
     # As the page asks first: for one layout, which it plays while the others are found.
-    furnishing = [look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1} for look in looks]
+    furnishing = [
+        look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1}
+        for look in looks[: min(FURNISHED, config.requests)]
+    ]
     with served() as (process, port):
-        with Client(port) as client:
-            client.seconds("furnish", furnishing[0])  # which waits until it knows rooms of this type
+        with connected(port) as connection:
+            waited(connection, "furnish", furnishing[0])  # which waits until it knows rooms of this type
         picture = {} if (seconds := first_picture(port)) is None else {"picture_seconds": seconds}
-        with Client(port) as client:
-            moves = [client.seconds("furnish", asked) for asked in furnishing[: min(10, config.requests)]]
+        with connected(port) as connection:
+            moves = [waited(connection, "furnish", asked) for asked in furnishing]
             before = resident_bytes(process.pid)
             began = time.perf_counter()
-            answers = [client.seconds("look", looks[k % len(looks)]) for k in range(config.requests)]
+            answers = [waited(connection, "look", looks[k % len(looks)]) for k in range(config.requests)]
             a_second = config.requests / (time.perf_counter() - began)
             after = resident_bytes(process.pid)
         with ThreadPoolExecutor(config.clients) as clients:
@@ -76,36 +80,27 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
     )
 
 
-class Client:
-    """One connection to the server."""
+def connected(port: int) -> closing[HTTPConnection]:
+    """A connection to the server, for as long as a `with` lasts."""
+    return closing(HTTPConnection("127.0.0.1", port, timeout=120))
 
-    def __init__(self, port: int):
-        self.connection = HTTPConnection("127.0.0.1", port, timeout=120)
 
-    def __enter__(self) -> Client:
-        """Itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the connection."""
-        self.connection.close()
-
-    def seconds(self, question: str, asked: dict[str, Any]) -> float:
-        """How long the answer takes. Raises InputError where it is an error, and OSError where none comes."""
-        body, began = json.dumps(asked), time.perf_counter()
-        self.connection.request("POST", f"/api/{question}", body, {"Content-Type": "application/json"})
-        response = self.connection.getresponse()
-        said = response.read()
-        if response.status != 200:
-            raise InputError(f"the demo answered {question} with {response.status} {said[:200]!r}; expected an answer")
-        return time.perf_counter() - began
+def waited(connection: HTTPConnection, question: str, asked: dict[str, Any]) -> float:
+    """How long the answer takes. Raises InputError where it is an error, and OSError where none comes."""
+    body, began = json.dumps(asked), time.perf_counter()
+    connection.request("POST", f"/api/{question}", body, {"Content-Type": "application/json"})
+    response = connection.getresponse()
+    said = response.read()
+    if response.status != 200:
+        raise InputError(f"the demo answered {question} with {response.status} {said[:200]!r}; expected an answer")
+    return time.perf_counter() - began
 
 
 def visited(port: int, look: dict[str, Any]) -> list[float] | None:
     """How long a client waits for each of some answers; None where one is an error."""
     try:
-        with Client(port) as client:
-            return [client.seconds("look", look) for _ in range(ANSWERS)]
+        with connected(port) as connection:
+            return [waited(connection, "look", look) for _ in range(ANSWERS)]
     except (InputError, OSError):
         return None
 
