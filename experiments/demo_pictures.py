@@ -1,18 +1,22 @@
-"""python experiments/demo_pictures.py [docs/figures]: the demo in six states, as docs/demo.md shows it.
+"""The demo in six states, as docs/demo.md shows it:
+
+    python experiments/demo_pictures.py [docs/figures]
 
 Needs Chromium, and the extras demo and dev.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from playwright.sync_api import Page, expect, sync_playwright
-
+from layoutrl import InputError
 from layoutrl.benchmarks.serving import CHROMIUM, browser_of, served
 from layoutrl.runs.commands import answers_errors
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 DESK = {"width": 1200, "height": 860}
 PHONE = {"width": 390, "height": 844}
@@ -21,9 +25,8 @@ OUTLINE = ((1, 1), (5, 1), (5, 3.2), (3.6, 3.2), (3.6, 4.6), (1, 4.6))
 
 def settled(page: Page) -> None:
     """Wait until the page shows what is wrong with what it shows, and no other choices are being found."""
-    expect(page.locator("body")).to_have_attribute("data-state", "idle", timeout=60_000)
-    for part in ("#plan", "#choices"):
-        expect(page.locator(part)).to_have_attribute("aria-busy", "false", timeout=60_000)
+    for part in ("body[data-state=idle]", "#plan[aria-busy=false]", "#choices[aria-busy=false]"):
+        page.locator(part).wait_for(state="attached")
 
 
 def screen(page: Page, x: float, y: float) -> tuple[float, float]:
@@ -39,7 +42,7 @@ def screen(page: Page, x: float, y: float) -> tuple[float, float]:
 def chosen(page: Page, room: str) -> None:
     """Take the first room of a type from the gallery."""
     page.locator("#gallery").get_by_role("button", name=room).first.click()
-    expect(page.locator("#title")).to_contain_text(room)
+    page.locator("#title", has_text=room).wait_for()
     settled(page)
 
 
@@ -65,7 +68,7 @@ def dragging(page: Page) -> None:
     page.mouse.down()
     page.mouse.move(x - 40, y + 20)
     page.mouse.move(x - 90, y + 45)
-    expect(page.locator("#plan .metres").first).to_be_attached()
+    page.locator("#plan .metres").first.wait_for(state="attached")
     settled(page)
 
 
@@ -114,10 +117,20 @@ STATES: dict[str, tuple[Any, dict[str, Any]]] = {
 }
 
 
-def main(folder: Path) -> None:
+@answers_errors()
+def main() -> None:
     """Write a PNG a state."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("docs/figures"))
+    folder = parser.parse_args().folder
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        raise InputError(
+            "playwright: expected it to be installed, as by pip install '.[dev]' in the checkout"
+        ) from None
     if (chromium := browser_of()) is None:
-        sys.exit(f"error: no browser; expected one of {', '.join(CHROMIUM)}")
+        raise InputError(f"no browser; expected one of {', '.join(CHROMIUM)}")
     with served() as (_, port), sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         for name, (state, looks) in STATES.items():
@@ -133,5 +146,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    with answers_errors():
-        main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/figures"))
+    main()
