@@ -1,4 +1,4 @@
-"""A long training under watch: memory and the run's folder, minute by minute.
+"""A long training under watch: memory and the run's folder, 300 times at most.
 
     python experiments/soak.py [--minutes 30] [--runs runs/soak] [options of layoutrl.train]
 
@@ -30,8 +30,10 @@ from layoutrl.runs.ranges import within
 UPDATES = 10**7  # more than there is time for
 
 
-def watched(command: list[str], folder: Path, minutes: float, every: float) -> list[tuple[float, float, float, float]]:
-    """(minutes, MB of memory, of checkpoints, of all other files), every so many seconds, until the time is over."""
+def watched(
+    command: list[str], folder: Path, minutes: float, seconds: float
+) -> list[tuple[float, float, float, float]]:
+    """(minutes, MB of memory, of checkpoints, of all other files), every so many `seconds`, until the time is over."""
     seen, began = [], time.monotonic()
     if resident_bytes(os.getpid()) is None:
         raise InputError("soak: expected Linux, which says how much memory a process has")
@@ -44,7 +46,7 @@ def watched(command: list[str], folder: Path, minutes: float, every: float) -> l
             saved = sum(size for file, size in files if file.parent.name == "checkpoints")
             memory = (resident_bytes(process.pid) or float("nan")) / 1e6
             seen.append((passed, memory, saved, sum(size for _, size in files) - saved))
-            time.sleep(every)
+            time.sleep(seconds)
         if process.poll() is not None:
             raise InputError(f"soak: the training ended after {passed:.1f} minutes; {folder / 'soak.log'} says why")
         process.send_signal(signal.SIGTERM)
@@ -63,7 +65,7 @@ def main() -> None:
     often = ["budget.reports=10000", "budget.evaluations=10000"]  # of so many updates
     given = [f"runs={runs}", f"method.updates.default={UPDATES}", *often]
     command = [sys.executable, "-m", "layoutrl.train", *given, *overrides]
-    seen = watched(command, runs, options.minutes, every=max(1.0, options.minutes / 5))
+    seen = watched(command, runs, options.minutes, seconds=max(1.0, options.minutes / 5))
     with (runs / "soak.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("minutes", "memory_mb", "checkpoints_mb", "other_files_mb"), *seen])
     minutes, memory, saved, other = np.array(seen).T
@@ -78,7 +80,7 @@ def main() -> None:
             axes.plot(minutes, values, label=label)
         axes.set(xlabel="minutes", ylabel="MB", xlim=(0, None), ylim=(0, None))
         axes.legend()
-        for file in save(figure, runs / "soak"):
+        for file in save(figure, runs / "soak", option="--runs"):
             print(f"wrote {file}")
 
 

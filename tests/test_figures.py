@@ -111,3 +111,6 @@ def test_a_figure_is_saved_the_same_every_time(room, tmp_path: Path):
     assert all(one.read_bytes() == two.read_bytes() for one, two in zip(*written, strict=True))
     with pytest.raises(InputError, match="out: cannot write"):
         save(figure, Path("/dev/null/here"))
+    (tmp_path / "taken.svg").mkdir()
+    with pytest.raises(InputError, match=r"^--runs: cannot write .*taken\.svg \(Is a directory\)"):
+        save(figure, tmp_path / "taken", option="--runs")

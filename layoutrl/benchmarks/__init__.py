@@ -1,1 +1,1 @@
-"""What `layoutrl.bench` measures: simulation, learning, curves, serving."""
+"""What `layoutrl.bench` measures: simulation, learning, curves, serving; parts: which is which, and their table."""

@@ -189,17 +189,19 @@ def any_script() -> Iterator[None]:
         yield
 
 
-def save(figure: Figure, path: Path, dpi: float = 150) -> list[Path]:
+def save(figure: Figure, path: Path, dpi: float = 150, option: str = "out") -> list[Path]:
     """Write `<path>.png` and `<path>.svg`, the same every time, and return them.
 
-    Raises InputError where they cannot be written.
+    Raises InputError where one cannot be written; `option` says where it was to be.
     """
     files = [path.with_name(f"{path.name}.{suffix}") for suffix in ("png", "svg")]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with any_script():
-            figure.savefig(files[0], dpi=dpi)
-            figure.savefig(files[1], dpi=dpi, metadata={"Date": None})
-    except OSError as error:
-        raise InputError(f"out: cannot write {files[0]} ({error.strerror}); expected a folder to write to") from None
+    for file in files:
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with any_script():
+                figure.savefig(file, dpi=dpi, metadata={"Date": None} if file.suffix == ".svg" else None)
+        except OSError as error:
+            raise InputError(
+                f"{option}: cannot write {file} ({error.strerror}); expected a folder to write to"
+            ) from None
     return files

@@ -34,7 +34,7 @@ def test_soak_watches_memory_checkpoints_and_other_files_until_the_time_is_over(
     monkeypatch.chdir(tmp_path)
     began, asked, told = time.monotonic(), [], soak.resident_bytes
     monkeypatch.setattr(soak, "resident_bytes", lambda process: asked.append(process) or told(process))
-    seen = soak.watched([sys.executable, "-c", STAND_IN], tmp_path, minutes=0.05, every=0.2)
+    seen = soak.watched([sys.executable, "-c", STAND_IN], tmp_path, minutes=0.05, seconds=0.2)
     assert time.monotonic() - began > 3
     assert {*asked[1:]} == {int((tmp_path / "pid").read_text())}
     minutes, memory, checkpoints, others = zip(*seen, strict=True)
@@ -47,7 +47,7 @@ def test_soak_watches_memory_checkpoints_and_other_files_until_the_time_is_over(
 
 def test_a_training_that_ends_before_the_time_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"soak: the training ended after .*soak\.log says why"):
-        soak.watched([sys.executable, "-c", "print('no')"], tmp_path, minutes=5, every=0.05)
+        soak.watched([sys.executable, "-c", "print('no')"], tmp_path, minutes=5, seconds=0.05)
     assert (tmp_path / "soak.log").read_text() == "no\n"
 
 
