@@ -27,6 +27,7 @@ from layoutrl.runs.files import write_json
 from layoutrl.runs.ranges import within
 
 KEPT = RESULTS / "well_posed"
+CLOSE = 20  # centimetres by which the designer's choice was better than its second: few would decide by them
 
 
 def ambiguity(room_type: str, seed: int, count: int) -> dict[str, float]:
@@ -43,7 +44,7 @@ def ambiguity(room_type: str, seed: int, count: int) -> dict[str, float]:
     return {
         "rooms_with_a_second_place": len(rivals) / count,
         "iou_with_second_place": float(np.mean(ious)) if ious else 0.0,
-        "margin_below_20": float((margins < 20).sum() / count),
+        f"margin_below_{CLOSE}": float((margins < CLOSE).sum() / count),
         "tries_rejected_as_ties": ties / (count + sum(len(d.rejected) for d in designs)),
     }
 

@@ -26,6 +26,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from packing import FLAG, METRES, unpacked, unpacked_iou
+from well_posed import CLOSE
 
 from layoutrl import InputError
 from layoutrl.env.simulator import Simulator
@@ -38,7 +39,6 @@ from layoutrl.runs.config import TrainConfig
 
 FAILED = 0.9
 SLIGHTLY = 0.25  # of the item's breadth along an axis
-CLOSE = 20  # centimetres by which the designer's choice was better than its second
 WORST = 10
 
 
