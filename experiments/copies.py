@@ -1,4 +1,5 @@
-"""How many held-out rooms are rooms to learn from, mirrored or turned? One type a call:
+"""How many held-out rooms are rooms to learn from, turned, or mirrored where a mirrored room is furnished alike?
+One type a call:
 
     python experiments/copies.py balcony [--rooms 1000] [--seed 0] [--results <folder>]
 
@@ -11,6 +12,7 @@ Prints the numbers and writes experiments/results/copies/<type>.json.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from table3 import METHODS
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import SYMMETRIES, Room, symmetry
 from layoutrl.runs.commands import answers_errors
+from layoutrl.runs.config import composed
 
 KEPT = RESULTS / "copies"
 TRAINING = 5000  # rooms that agents and rivals learned from
@@ -29,16 +32,22 @@ LEARNED = ("agent", "pointer in sequence", "nearest room")  # of the methods of 
 
 
 def key(room: Room) -> tuple[Any, ...]:
-    """What two rooms share, in whole centimetres, that are the same but for a mirror, a turn and their places."""
+    """What two rooms share, in whole centimetres, that are the same but for a turn, a mirror, and their places."""
     rings = [("outline", room.outline), *((opening.kind, opening.polygon) for opening in room.openings)]
     sizes = [np.rint(np.multiply(item.size, 100)).astype(int).tolist() for item in room.furniture]
     listed = sorted((item.category, item.form, *size) for item, size in zip(room.furniture, sizes, strict=True))
-    return min(tuple(sorted(seen)) for seen in _views(rings)), tuple(listed)
+    return min(tuple(sorted(seen)) for seen in _views(rings, mirrors_alike(room.room_type))), tuple(listed)
 
 
-def _views(rings: list[tuple[str, Any]]) -> Iterator[list[tuple[Any, ...]]]:
+@cache
+def mirrors_alike(room_type: str) -> bool:
+    """Whether mirrored rooms of the type are learned from."""
+    return bool(composed("train", f"room={room_type}").room.mirrors_alike)
+
+
+def _views(rings: list[tuple[str, Any]], mirrors: bool) -> Iterator[list[tuple[Any, ...]]]:
     """The corners of each ring, as sorted centimetres from the lower left of the first, in every view."""
-    for quarters, mirror in SYMMETRIES:
+    for quarters, mirror in [view for view in SYMMETRIES if mirrors or not view[1]]:
         turned = [np.array(ring) @ symmetry(quarters, mirror).T for _, ring in rings]
         corners = [np.rint(100 * (ring - turned[0].min(0))).astype(int) for ring in turned]
         yield [(kind, *sorted(map(tuple, ring.tolist()))) for (kind, _), ring in zip(rings, corners, strict=True)]

@@ -25,6 +25,13 @@ def test_a_room_that_is_turned_or_furnished_otherwise_is_a_copy(room: Room, degr
     assert copies.key(replace(room, furniture=elsewhere, target=None).rotated(degrees)) == copies.key(room)
 
 
+def test_a_mirrored_room_is_a_copy_where_mirrored_rooms_are_furnished_alike() -> None:
+    (study,) = design_rooms("study", "test", 7, 1).rooms
+    for room, alike in ((ROOMS[0], True), (study, False)):
+        assert (copies.key(room.turned(1, True)) == copies.key(room)) == alike
+        assert copies.key(room.turned(1, False)) == copies.key(room)
+
+
 def test_a_room_with_another_size_or_door_is_none() -> None:
     room = ROOMS[0]
     larger = tuple(replace(item, size=(item.size[0] + 0.02, item.size[1])) for item in room.furniture)
