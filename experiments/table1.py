@@ -5,8 +5,8 @@
 Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
 were asked for; the files have all rooms. Without a GPU the paper's network has one seed (three in bedrooms where it
 learns every move), and by method=paper it is trained in two types, unless it is asked for; the supervised networks have
-one seed, and so has PlanIT in six types.
-With budget=smoke everything has one seed.
+one seed, and so has PlanIT in six types. The agent has three, of which the first alone is kept: column=geometric seed=0
+asks for no more. With budget=smoke everything has one seed.
 """
 
 from __future__ import annotations
