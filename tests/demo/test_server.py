@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from layoutrl import InputError
-from layoutrl.benchmarks.serving import Client, visited
+from layoutrl.benchmarks.serving import connected, visited, waited
 from layoutrl.demo import listening
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_to_dict
@@ -268,8 +268,8 @@ def test_who_goes_before_all_is_said_or_answered_is_no_bug(answers, capsys):
 
 def test_fifty_at_once_are_all_answered(answers):
     def furnished(port: int, look: dict[str, Any]) -> float:
-        with Client(port) as client:
-            return client.seconds("furnish", look | {"movable": [0]})
+        with connected(port) as connection:
+            return waited(connection, "furnish", look | {"movable": [0]})
 
     with served(answers) as address, ThreadPoolExecutor(50) as clients:
         port = int(address.rpartition(":")[2])

@@ -25,7 +25,7 @@ export function say(text, bad = true) {
 // What the page does: loading, idle, asking, playing. Only while it is idle can its rooms and tools be used.
 export function become(name) {
   document.body.dataset.state = name;
-  for (const part of document.querySelectorAll("nav, aside, #type-label")) part.inert = name !== "idle";
+  for (const part of document.querySelectorAll("nav, aside, #type")) part.inert = name !== "idle";
   if (name === "idle") document.dispatchEvent(new Event("idle"));
 }
 
@@ -266,7 +266,7 @@ function renderTools() {
     $(kind).setAttribute("aria-pressed", mode === kind);
     $(kind).disabled = mode === "draw";
   }
-  $("type-label").hidden = mode === "draw";
+  $("type").hidden = mode === "draw";
   $("type").value = room.room_type;
   const entries = known.palette[room.room_type] ?? [];
   if ($("palette").dataset.type === room.room_type) return;
