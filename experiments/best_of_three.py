@@ -16,6 +16,7 @@ from kept import RESULTS, numbers, options, tell
 from layoutrl.env.measures import measured
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.pretrained import load
 
@@ -28,8 +29,8 @@ def main() -> None:
     designs = design_rooms(said.room_type, "test", said.seed, said.rooms).rooms
     briefs = [brief_of(design) for design in designs]
     furnisher = load(said.room_type, torch.device("cpu"))
-    alone = [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
-    choices = [[one.layout for one in those] for those in furnisher.furnish(briefs, 3)]
+    alone = best_layouts(furnisher, briefs)
+    choices = [[one.layout for one in those] for those in furnisher.furnish(briefs, 3, 0)]
     each = [measured(those, [design] * len(those)).iou for those, design in zip(choices, designs, strict=True)]
     rows = {
         "the only one": alone,

@@ -20,6 +20,7 @@ from kept import RESULTS, means_over_rooms, options, tell
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.rooms.brief import brief_of, largest_first
 from layoutrl.rooms.designer.generator import design_rooms
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.pretrained import load
@@ -65,7 +66,7 @@ def main() -> None:
         item = design.furniture[equals(brief.furniture[k], design)[0]]
         given.append(replace(brief, furniture=(*brief.furniture[:k], item, *brief.furniture[k + 1 :])))
     furnisher = load(said.room_type, torch.device("cpu"))
-    alone, helped = ([best.layout for best, *_ in furnisher.furnish(asked, 1)] for asked in (briefs, given))
+    alone, helped = (best_layouts(furnisher, asked) for asked in (briefs, given))
     largest, rest = np.array([compared(*those) for those in zip(alone, first, designs, strict=True)]).T
     right = largest >= RIGHT
     numbers = {

@@ -22,6 +22,7 @@ from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.disturbances import disturbed
 from layoutrl.rooms.faults import Items
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.oddities import BACK, sides_off_walls
 from layoutrl.rooms.room import Room
 from layoutrl.runs.commands import answers_errors
@@ -64,7 +65,7 @@ def main() -> None:
 
     def furnished(rooms: Sequence[Room]) -> dict[str, Any]:
         some = [rooms[k] for k in those]
-        layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(room) for room in some], 1)]
+        layouts = best_layouts(furnisher, [brief_of(room) for room in some])
         return numbers(layouts, some) | {"at_the_wall": at_the_wall(layouts, some)}
 
     rooms = {"as designed": designs, "disturbed": [room for room, _ in changed]}

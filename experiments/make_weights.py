@@ -40,6 +40,7 @@ from layoutrl.evaluation.layouts import by_category
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import FAULTS, MISSING
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.config import TrainConfig
@@ -219,7 +220,7 @@ def items_of(furnisher: Furnisher, config: Mapping[str, Any]) -> tuple[dict[str,
     """What an agent is worth in the first unseen briefs: item by item, and the IoU of each room, (B,)."""
     count = min(LOOKED_AT, config["data"]["test_rooms"])
     designs = design_rooms(config["room"]["type"], "test", config["data"]["seed"], count).rooms
-    layouts = [best.layout for best, *_ in furnisher.furnish([brief_of(design) for design in designs], 1)]
+    layouts = best_layouts(furnisher, [brief_of(design) for design in designs])
     iou = measured(layouts, designs).iou
     return {"rooms": len(designs), "iou": float(iou.mean()), "categories": by_category(layouts, designs)}, iou
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -21,6 +22,7 @@ from layoutrl.rivals.rooms.pointer import furnish as furnish_by_pointer
 from layoutrl.rivals.rooms.pointer import train_rooms_pointer
 from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import both, designs, whole_parts
 from layoutrl.runs import resume
@@ -82,21 +84,17 @@ def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
     network, categories, _ = trained_network(config, rooms.training, rooms.designs, rooms.device)
-    return by(Furnisher(network, config.method, categories), rooms)
+    return partial(best_layouts, Furnisher(network, config.method, categories), rooms.briefs)
 
 
 def by_package(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    return by(load(config.room.type, rooms.device), rooms)
+    return partial(best_layouts, load(config.room.type, rooms.device), rooms.briefs)
 
 
 def by_untrained(config: CellConfig, rooms: WholeRooms) -> Furnish:
     _, method, categories = agent(config.room.type, rooms.device)
     network = q_network(method, categories, np.random.SeedSequence(config.seed), rooms.device)
-    return by(Furnisher(network, method, categories), rooms)
-
-
-def by(furnisher: Furnisher, rooms: WholeRooms) -> Furnish:
-    return lambda: [best.layout for best, *_ in furnisher.furnish(rooms.briefs, 1)]
+    return partial(best_layouts, Furnisher(network, method, categories), rooms.briefs)
 
 
 Furnish = Callable[[], list[Room]]  # layouts; what comes before it is called is no time of furnishing

@@ -17,6 +17,7 @@ from layoutrl.evaluation.layouts import summary
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.policy import Policy
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import Room
 
 PICTURES = 4  # rooms drawn each time
@@ -57,7 +58,7 @@ class RoomsProbe:
 
     def __call__(self, furnisher: Furnisher) -> tuple[dict[str, float], list[np.ndarray]]:
         """The means of all measures, and pictures of the first rooms."""
-        layouts = [best.layout for best, *_ in furnisher.furnish(self._briefs, 1)]
+        layouts = best_layouts(furnisher, self._briefs)
         found = {name: value["mean"] for name, value in summary(measured(layouts, self._designs)).items()}
         return {name: value for name, value in found.items() if value is not None}, [
             furnished_picture(layout) for layout in layouts[:PICTURES]

@@ -39,6 +39,11 @@ class Furnishes(Protocol):
         """Of each brief one layout or up to so many different ones, best first; what is drawn hangs on the seed."""
 
 
+def best_layouts(who: Furnishes, briefs: Sequence[Room]) -> list[Room]:
+    """The best layout of each brief."""
+    return [best.layout for best, *_ in who.furnish(briefs, 1, 0)]
+
+
 Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]  # one of each brief, by these seeds
 
 

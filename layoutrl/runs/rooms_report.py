@@ -13,6 +13,7 @@ from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.layouts import summary
 from layoutrl.rivals.rooms.baselines import Library, nearest_layout, random_layout
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import Room
 
 SHOWN = {  # in the table: a measure, and its heading
@@ -40,7 +41,7 @@ def evaluate_rooms(
     random_seed, nearest_seed = seed.spawn(2)
     briefs = [brief_of(room) for room in designs]
     began = time.perf_counter()
-    layouts = [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
+    layouts = best_layouts(furnisher, briefs)
     seconds = time.perf_counter() - began
     ways: dict[str, Callable[[], list[Room]]] = {
         "agent": lambda: layouts,

@@ -21,7 +21,7 @@ def test_the_nearest_of_three_is_the_one_with_the_highest_iou(tmp_path: Path, mo
     class SecondTime:
         """Knows the designer's layout, and gives it as its second choice: the first is half a metre off."""
 
-        def furnish(self, briefs: Sequence[Room], choices: int) -> list[list[Furnished]]:
+        def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
             right = [designs[brief.id] for brief in briefs]
             wrong = [
                 replace(

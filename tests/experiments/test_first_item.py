@@ -33,7 +33,7 @@ def test_a_type_is_measured_and_the_first_item_given(tmp_path: Path, monkeypatch
     class PutsTheFirstWrong:
         """Puts all of every other room outside, unless the largest item is given; and all else right."""
 
-        def furnish(self, briefs: Sequence[Room], choices: int) -> list[list[Furnished]]:
+        def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
             assert choices == 1
             layouts = []
             for n, brief in enumerate(briefs):

@@ -36,7 +36,7 @@ class Remembers:
     def __init__(self, designs: Sequence[Room], well: bool):
         self.designs, self.well = {design.id: design for design in designs}, well
 
-    def furnish(self, briefs: Sequence[Room], choices: int) -> list[list[Furnished]]:
+    def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         assert choices == 1
         layouts = []
         for brief in briefs:
