@@ -23,7 +23,9 @@ from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
-from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, DrawnOpening, Piece, Storey, lengths, loaded, oblong
+from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Piece, Storey
+from layoutrl.rooms.sources.fields import lengths, loaded
+from layoutrl.rooms.sources.walls import DrawnOpening, oblong
 
 MODELS = "model_info.json"
 LARGEST_FILE = 2**25  # bytes; houses take a tenth

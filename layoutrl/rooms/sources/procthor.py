@@ -25,18 +25,10 @@ from layoutrl.rooms.categories import Names
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
-from layoutrl.rooms.sources.drawn import (
-    FLATTEST,
-    HIGHEST,
-    DrawnOpening,
-    Piece,
-    Storey,
-    floor_of,
-    length,
-    lengths,
-    loaded,
-    oblong,
-)
+from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Piece, Storey
+from layoutrl.rooms.sources.fields import length, lengths, loaded
+from layoutrl.rooms.sources.floors import floor_of
+from layoutrl.rooms.sources.walls import DrawnOpening, oblong
 
 ASSETS = "asset-database.json"
 SUFFIXES = (".json", ".jsonl", ".gz")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl.rooms.room import Item
-from layoutrl.rooms.sources.drawn import cut_to
+from layoutrl.rooms.sources.walls import cut_to
 from tests.builders import rectangular_room
 
 

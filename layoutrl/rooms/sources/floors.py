@@ -1,0 +1,76 @@
+"""Floors as people draw them, made tidy; metres, y up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.polygon import orient
+
+from layoutrl.rooms.documents import MOST
+from layoutrl.rooms.room import RoomError, without_narrow
+from layoutrl.rooms.sources.fields import lengths
+
+NARROW = 0.18  # metres: what is narrower of a floor is none
+JOG = 0.04  # metres: jogs of a floor's border that are smaller are slips of the hand
+LEAN = 1.0  # degrees by which a side of a floor may lean from the axes by a slip
+ROOM = 1.0  # square metres, of a part of a floor that walls cut, or of what they enclose: smaller ones are no rooms
+MOST_CROSSING = 100  # corners of a border that may cross itself
+
+
+def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
+    """The floor that a ring of points bounds, whichever way round; where it crosses itself, its largest part.
+
+    Raises RoomError where there is none.
+    """
+    if len(points) > MOST:
+        raise RoomError("outline", f"expected at most {MOST:,} corners; got {len(points):,}")
+    for point in points:
+        lengths(point)
+    if len(points) < 3:
+        raise RoomError("outline", f"expected three corners or more; got {len(points)}")
+    polygon = Polygon(points)
+    if len(points) > MOST_CROSSING and not polygon.is_valid:  # mending takes as long as there are crossings
+        raise RoomError("outline", "expected a border that does not cross itself")
+    return parts_of(shapely.make_valid(polygon))[0]
+
+
+def tidy(floor: Polygon, walls: shapely.Geometry | None) -> list[Polygon]:
+    """A floor without what walls take of it, what is too narrow to be floor, and slips of the hand; largest part first.
+
+    People trace thresholds of doors and jogs of a few centimetres, and one floor through a door frame, on both sides of
+    a wall. Raises RoomError where nothing is left.
+    """
+    free = floor if walls is None else floor.difference(walls)
+    first, *others = parts_of(without_narrow(free, NARROW))
+    return [_straight(part) for part in (first, *(part for part in others if part.area > ROOM))]
+
+
+def _straight(part: Polygon) -> Polygon:
+    # Normalised first: a ring that starts at its lowest left point starts at a true corner.
+    simple = part.normalize().simplify(JOG)
+    straight = Polygon(_upright(simple.exterior.coords[:-1]), [h.coords for h in simple.interiors])
+    return orient(straight if straight.is_valid else simple)
+
+
+def parts_of(shape: shapely.Geometry) -> list[Polygon]:
+    """The parts of a floor, the largest first."""
+    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon) and part.area > NARROW**2]
+    if not parts:
+        raise RoomError("outline", "expected a floor; it has no area to stand on")
+    return sorted(parts, key=lambda part: -part.area)
+
+
+def _upright(ring: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The ring with sides that all but lie along an axis laid along it: a jog that was cut off makes others lean."""
+    corners = np.array(ring)
+    for k in range(len(corners)):
+        n = (k + 1) % len(corners)
+        step = np.abs(corners[n] - corners[k])
+        across = int(step.argmin())
+        if step[across] < math.tan(math.radians(LEAN)) * step[1 - across]:
+            corners[[k, n], across] = corners[[k, n], across].mean()
+    return [(float(x), float(y)) for x, y in corners]

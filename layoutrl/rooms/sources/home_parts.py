@@ -1,0 +1,187 @@
+"""What the elements of a home of Sweet Home 3D draw: floors, walls, doors and windows, pieces of furniture; y up."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Polygon
+
+from layoutrl.rooms.categories import DESIGNED, Names, plain
+from layoutrl.rooms.room import FILM, TOLERANCE, Item
+from layoutrl.rooms.sources.drawn import FLATTEST, Piece
+from layoutrl.rooms.sources.floors import floor_of
+from layoutrl.rooms.sources.home_xml import GROUP, OPENING, PIECES, Element, within
+from layoutrl.rooms.sources.walls import DrawnOpening, Wall, oblong
+
+HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
+HUNG = 1.2  # metres: what bathrooms have on their walls begins lower
+FLAT = ("bathtub", "shower")  # however low
+STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins lower and is as high is walked through
+TOP = 0.02  # metres by which what stands on a piece may be off its top
+ARC_STEP = math.radians(15)  # of round walls
+WINDOWS = (  # in the languages of the names of furniture, wherever they stand in a name
+    "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
+)  # fmt: skip
+ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆(?!角)")  # in these languages, where a word begins
+
+
+@dataclass(frozen=True)
+class HomePiece(Piece):
+    """A piece of furniture, its element in the file, what stands on it and goes with it, and the level that it goes to,
+    "" for none; None: it stays on its own."""
+
+    element: Element
+    on: tuple[Element, ...] = ()
+    level: str | None = None
+
+    @property
+    def may_move(self) -> bool:
+        """Whether the home lets it move: what is part of the building does not."""
+        return self.element.flag("movable", True)
+
+    @property
+    def stood(self) -> Item:
+        """The item as it was on the level of its room."""
+        return self.item if self.level is None else replace(self.item, center=None, rotation=None)
+
+
+def traced(element: Element) -> Polygon:
+    """The floor of a room as it is drawn. Raises RoomError where it has none."""
+    return floor_of([(p.number("x") / 100, -p.number("y") / 100) for p in element.inside if p.tag == "point"])
+
+
+def walls_of(element: Element) -> list[Wall]:
+    """A wall as its centre line is drawn, longer by half its thickness where another goes on; round ones in pieces."""
+    start = np.array((element.number("xStart"), -element.number("yStart"))) / 100
+    end = np.array((element.number("xEnd"), -element.number("yEnd"))) / 100
+    thickness = element.number("thickness") / 100
+    length = float(np.hypot(*(end - start)))
+    height = element.number("height", 100.0)
+    height = max(height, element.number("heightAtEnd", height)) / 100
+    if min(thickness, length) < FILM or height < FLATTEST:  # thresholds are drawn as walls, too
+        return []
+    arc = -element.number("arcExtent", 0.0)  # y is up here
+    points = [start, end] if abs(arc) < 1e-3 else _arc(start, end, arc)
+    first, last = points[1] - points[0], points[-1] - points[-2]
+    if "wallAtStart" in element.attributes:
+        points[0] = points[0] - first / np.hypot(*first) * thickness / 2
+    if "wallAtEnd" in element.attributes:
+        points[-1] = points[-1] + last / np.hypot(*last) * thickness / 2
+    body = LineString(points).buffer(thickness / 2, cap_style="flat", join_style="mitre")
+    return [Wall(part, thickness) for part in shapely.get_parts(body) if isinstance(part, Polygon)]
+
+
+def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
+    """Points along a round wall, y up. Where `extent` is positive, the centre lies on the left of the way from start to
+    end, which turns counter-clockwise."""
+    half = max(-math.pi + 1e-3, min(math.pi - 1e-3, extent / 2))
+    middle, along = (start + end) / 2, (end - start) / 2
+    center = middle + np.array((-along[1], along[0])) / math.tan(half)
+    turns = np.linspace(0, 2 * half, max(3, 1 + math.ceil(abs(2 * half) / ARC_STEP)))
+    x, y = start - center
+    turned = np.array((x * np.cos(turns) - y * np.sin(turns), x * np.sin(turns) + y * np.cos(turns)))
+    return list(center + turned.T)
+
+
+def visible(element: Element) -> Iterator[Element]:
+    """An element and what stands in it, as far as they are visible."""
+    if element.flag("visible", True):
+        yield element
+        for inner in element.inside:
+            yield from visible(inner)
+
+
+def opens(element: Element) -> bool:
+    """Whether it is a door or window: imported ones may be pieces that say so."""
+    return element.tag == OPENING or element.flag("doorOrWindow", False)
+
+
+def gaps_of(element: Element) -> list[DrawnOpening]:
+    """The part of a door or window that lies in its wall: the model has its leaf open, or a sill."""
+    width, depth = element.number("width") / 100, element.number("depth") / 100
+    wide, deep = element.number("wallWidth", 1.0), element.number("wallThickness", 1.0)
+    if min(width * wide, depth * deep) < TOLERANCE:
+        return []
+    across = width * (element.number("wallLeft", 0.0) + wide / 2 - 0.5)
+    across *= -1 if element.flag("modelMirrored", False) else 1
+    back = depth * (element.number("wallDistance", 0.0) + deep / 2 - 0.5)
+    angle = element.number("angle", 0.0)
+    x = element.number("x") / 100 + across * math.cos(angle) - back * math.sin(angle)
+    y = element.number("y") / 100 + across * math.sin(angle) + back * math.cos(angle)
+    words = " ".join(filter(None, element.names)).casefold().replace("ê", "e")
+    elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 0.0) / 100
+    window = any(word in words for word in WINDOWS) and not (elevation < STEP and height >= HEADROOM)
+    high = elevation > HIGHEST
+    shape = oblong(x, -y, width * wide, depth * deep, -math.degrees(angle))
+    middle, to_side = np.array((x, -y)), width * wide / 2 * np.array((math.cos(angle), -math.sin(angle)))
+    axis = LineString((middle - to_side, middle + to_side))
+    return [DrawnOpening("window" if window or high else "door", shape, axis)]
+
+
+def stack(elements: list[Element], held: set[int], on: dict[int, list[Element]]) -> None:
+    """Tell of pieces, by where their tags begin, which are `held`: another that begins lower reaches up to them; and
+    what is `on` each: at its top, or where it has things put down."""
+
+    def all_of(name: str, otherwise: float | None = None) -> np.ndarray:
+        return np.array([element.number(name, otherwise) for element in elements])
+
+    width, depth, middle = all_of("width"), all_of("depth"), all_of("x") + 1j * all_of("y")
+    turn = np.exp(-1j * all_of("angle", 0.0))
+    low = all_of("elevation", 0.0) / 100
+    high, share = low + all_of("height", 100.0) / 100, all_of("dropOnTopElevation", 1.0)
+    top = np.where((share > 0) & (share < 1), low + share * (high - low), high)
+    host, hung = np.full(len(elements), -1), np.zeros(len(elements), bool)
+    for k in np.argsort(width * depth, kind="stable"):  # the largest last: a piece rests on one alone
+        off = (middle - middle[k]) * turn[k]
+        over = (abs(off.real) <= width[k] / 2) & (abs(off.imag) <= depth[k] / 2)
+        reached = over & (low > low[k]) & (low < high[k] + TOP)
+        hung |= reached
+        host[reached & (low > max(top[k] - TOP, FLATTEST))] = k
+    held |= {elements[k].start for k in np.flatnonzero(hung)}
+    for element, k in zip(elements, host, strict=True):
+        if k >= 0 and element.flag("movable", True):
+            on.setdefault(elements[k].start, []).append(element)
+
+
+def aboard(start: int, on: Mapping[int, list[Element]]) -> list[Element]:
+    """What stands on a piece, and on that."""
+    found = [*on.get(start, ())]
+    for each in found:  # and on what is added here
+        found += on.get(each.start, ())
+    return found
+
+
+def piece_of(element: Element, names: Names, held: bool) -> HomePiece | None:
+    """A piece that stands on the floor, or None: of groups the box, called as its largest part that is known.
+
+    What hangs over the floor of bathrooms is in the way there, if it is not `held` by another piece; a shower tray is
+    no rug.
+    """
+    elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 100.0) / 100
+    inner = [e for e in within(element) if e.tag in PIECES and not opens(e)]
+    if element.tag == GROUP and not inner:  # of doors and windows
+        return None
+    width = element.number("widthInPlan", element.number("width")) / 100
+    depth = element.number("depthInPlan", element.number("depth")) / 100
+    if min(width, depth) < TOLERANCE:
+        return None
+    parts = sorted(inner, key=lambda e: -e.number("width") * e.number("depth"))
+    called = next((part for part in (element, *parts) if names.knows(*part.names)), element)
+    kind = names.kind(*called.names)
+    highest = HUNG if kind in DESIGNED["bathroom"] and height >= FLATTEST and not held else HIGHEST
+    if elevation > highest or (height < FLATTEST and kind not in FLAT):
+        return None
+    found = names.category(*called.names)
+    if found is None:
+        return None
+    category, known = found
+    round_ = abs(width - depth) < 0.02 and any(ROUND.search(plain(name or "")) for name in element.names)
+    center = (element.number("x") / 100, -element.number("y") / 100)
+    rotation = (270 - math.degrees(element.number("angle", 0.0))) % 360
+    size = ((width + depth) / 2,) * 2 if round_ else (depth, width)
+    return HomePiece(Item(category, size, center, rotation, "circle" if round_ else "rectangle"), known, element)
