@@ -4,8 +4,8 @@
 
 All that somebody places is lifted and placed anew, as by `place move=all`: by the agents in the package, by the
 search, and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. What counts is what is
-wrong with the pieces that were lifted, and was not without them; *as they were drawn* is the same count of the same
-pieces, where they stood.
+wrong with the pieces that were lifted and, by them, with those that stay; *as they were drawn* is the same count where
+all stood.
 
 Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 """
@@ -42,18 +42,12 @@ def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
     }
 
 
-def placed(answers: Sequence[Answered]) -> list[list[Fault]]:
-    """What is wrong with the items that were lifted, where they stand now: not with those that stay."""
-    return [[fault for fault in answer.wrong[0] if fault[0] in answer.asked.wanted] for answer in answers]
-
-
 def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
-    """What was wrong with the same items where they stood."""
+    """What was wrong where the same items stood, as `place` tells it of a layout."""
     asked = [answer.asked.can.asked for answer in answers]
     stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(asked, answers, strict=True)]
     return [
-        [fault for fault in new_faults(faults, was) if fault[0] in answer.asked.wanted]
-        + oddities(room, answer.asked.wanted)
+        new_faults(faults, was) + oddities(room, answer.asked.wanted)
         for faults, was, room, answer in zip(faults_of_all(stood), faults_of_all(asked), stood, answers, strict=True)
     ]
 
@@ -72,7 +66,7 @@ def main() -> None:
     check_kept(file := said.results / f"{said.name}.json", result)
     for name, by in WHO.items():
         answers = [answer for answer in furnish(rooms, stood=source.stood, move="all", by=by) if answer.asked.wanted]
-        result[name] = counted(placed(answers))
+        result[name] = counted([answer.wrong[0] for answer in answers])
         print(f"{said.name}, {name}: {json.dumps(result[name])}", flush=True)
     result |= {"rooms": len(answers), "items": sum(len(answer.asked.wanted) for answer in answers)}
     result["as they were drawn"] = counted(drawn(answers))
