@@ -99,7 +99,7 @@ def name_of(config: CellConfig) -> str:
 def counting(kept: dict[str, Any]) -> dict[str, Any]:
     """What counts of a kept configuration: what its fill reads. What it does not say of how an agent learns is as it
     was before there was that."""
-    said = {name: value for name, value in kept.items() if name not in READ or kept["fill"] in READ[name]}
+    said = {name: value for name, value in kept.items() if name not in READ or kept.get("fill") in READ[name]}
     if "budget" in said:
         said["budget"] = {name: value for name, value in said["budget"].items() if name not in LOOKS}
     if said.get("fill") in AGENTS:

@@ -13,6 +13,7 @@ Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from kept import RESULTS, check_kept
 
 from layoutrl.place import furnish
 from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults
+from layoutrl.rooms.files import FORMATS, files_below
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.oddities import oddities
 from layoutrl.runs.answered import Answered
@@ -52,6 +54,12 @@ def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
     ]
 
 
+def digest(folder: Path) -> str:
+    """Of the files of a folder."""
+    files = sorted(files_below(folder, FORMATS))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+
+
 @answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -62,7 +70,7 @@ def main() -> None:
     source = opened(said.folder, move="all")
     rooms = source.collection.rooms
     print(source.collection)
-    result: dict[str, Any] = {"read": len(rooms)}
+    result: dict[str, Any] = {"read": len(rooms), "files": digest(said.folder)}
     check_kept(file := said.results / f"{said.name}.json", result)
     for name, by in WHO.items():
         answers = [answer for answer in furnish(rooms, stood=source.stood, move="all", by=by) if answer.asked.wanted]

@@ -61,7 +61,7 @@ def test_what_it_would_ignore_is_refused() -> None:
 
 def test_what_a_part_lacks_is_said_before_anything_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = "room=balcony", f"runs={tmp_path}", f"data.root={tmp_path / 'rooms'}", "device=cpu"
-    with pytest.raises(InputError, match=r"^parts: speed expects balconys with 5 items or more; there are none$"):
+    with pytest.raises(InputError, match=r"^parts: speed expects rooms with 5 items or more; no balcony has them$"):
         bench.run(configured("parts=[growth,speed]", *given))
     assert not (tmp_path / "bench").exists()
     monkeypatch.setattr("layoutrl.bench.two_parts", None)  # rooms are not made yet

@@ -493,11 +493,12 @@ def test_a_loaded_checkpoint_never_runs_code(tmp_path, capsys):
 def test_a_configuration_is_one_or_an_error_of_its_own(count, tmp_path):
     dice, read = random.Random(count), 0
     whole = OmegaConf.to_yaml(OmegaConf.structured(narrowed(composed("train", "room=kitchen"), TrainConfig))).encode()
-    for content in (
-        whole,
-        *(mutated_bytes(whole, dice) for _ in range(count)),
-    ):  # of fifty that are broken few are read
-        (tmp_path / "config.yaml").write_bytes(content)
-        read += answered(lambda: load_config(tmp_path, TrainConfig), InputError, content) is not None
-    assert 0 < read < count
+    digits = [at for at, byte in enumerate(whole) if chr(byte).isdigit()]
+    for _ in range(count):
+        another = bytearray(whole)
+        another[dice.choice(digits)] = dice.choice(b"0123456789")  # few that are broken otherwise can be read
+        for content in (mutated_bytes(whole, dice), bytes(another)):
+            (tmp_path / "config.yaml").write_bytes(content)
+            read += answered(lambda: load_config(tmp_path, TrainConfig), InputError, content) is not None
+    assert 0 < read < 2 * count
     shutil.rmtree(tmp_path)

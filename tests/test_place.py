@@ -23,7 +23,7 @@ import layoutrl.place
 import layoutrl.rooms.sources.sweethome3d
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.moving import STARTS
+from layoutrl.evaluation.moving import STARTS_A_WAY
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.evaluation.rollout import Rollout
 from layoutrl.place import furnish
@@ -135,10 +135,10 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
         class Best(GreedyPolicy):
             def rollout(self, *args: Any) -> Rollout:
                 found = super().rollout(*args)
-                way, start = np.divmod(np.arange(len(found.final)), STARTS)
+                way, start = np.divmod(np.arange(len(found.final)), STARTS_A_WAY)
                 assert way.max() == 4  # four ways, and the one that is given
                 found.promise[:] = (way == facing) + (start == 2) / 2
-                chosen.append(found.final[STARTS * facing + 2])
+                chosen.append(found.final[STARTS_A_WAY * facing + 2])
                 return found
 
         monkeypatch.setattr(

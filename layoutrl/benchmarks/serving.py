@@ -26,7 +26,7 @@ from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import resident_bytes
 
 CHROMIUM = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")  # the first takes half the time
-FURNISHED = 10  # rooms, for the first move
+ASKED = 10  # rooms, for the first move
 ANSWERS = 3  # times that each of many clients asks
 
 
@@ -46,7 +46,7 @@ def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: t
     # As the page asks first: for one layout, which it plays while the others are found.
     furnishing = [
         look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1}
-        for look in looks[: min(FURNISHED, config.requests)]
+        for look in looks[: min(ASKED, config.requests)]
     ]
     with served() as (process, port):
         with connected(port) as connection:

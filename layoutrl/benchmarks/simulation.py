@@ -56,7 +56,7 @@ def well_furnished(config: BenchConfig, rooms: Sequence[Room]) -> list[Room]:
     """The rooms with ITEMS items or more. Raises InputError where there is none."""
     furnished = [room for room in rooms if len(room.furniture) >= ITEMS]
     if not furnished:
-        raise InputError(f"parts: speed expects {config.room.type}s with {ITEMS} items or more; there are none")
+        raise InputError(f"parts: speed expects rooms with {ITEMS} items or more; no {config.room.type} has them")
     return furnished
 
 

@@ -23,7 +23,7 @@ from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.furnished import Furnished, dice, laid_out, several
 from layoutrl.rooms.room import Room
 
-STARTS = 4  # places for each way to face from which an item moves, evenly spread: little hangs on the seed
+STARTS_A_WAY = 4  # places for each way to face from which an item moves, evenly spread: little hangs on the seed
 
 
 class Mover:
@@ -59,20 +59,20 @@ class Mover:
         return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
-        """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of STARTS."""
-        method, index = self.method, np.arange(len(rooms)).repeat(STARTS)
+        """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of several."""
+        method, index = self.method, np.arange(len(rooms)).repeat(STARTS_A_WAY)
         simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), self.device)
-        moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS, 1)
-        numbers = torch.as_tensor((np.tile(spread(0, STARTS), len(rooms)) + moved_on) % 1, device=self.device)
+        moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS_A_WAY, 1)
+        numbers = torch.as_tensor((np.tile(spread(0, STARTS_A_WAY), len(rooms)) + moved_on) % 1, device=self.device)
         run = greedy(self.network, method).rollout(
             simulator,
             observation_of(method.observation, rooms, self.device, self.categories),
             index,
             simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
         )
-        value = run.promise.reshape(-1, STARTS)
+        value = run.promise.reshape(-1, STARTS_A_WAY)
         best = np.arange(len(rooms)), value.argmax(1)
-        return run.final.reshape(-1, STARTS, 2)[best], value[best]
+        return run.final.reshape(-1, STARTS_A_WAY, 2)[best], value[best]
 
 
 def facing_all_ways(room: Room, item: int) -> list[Room]:

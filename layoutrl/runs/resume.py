@@ -132,12 +132,14 @@ def session(
         if begun and (state := last_state(folder, identity, about, device)):
             with taken(folder):
                 training.load_state_dict(state["training"])
-                if "threads" in state:  # what was saved before this was kept does not say it
-                    torch.set_num_threads(state["threads"])
+                threads = state.get("threads", torch.get_num_threads())  # which older ones do not say
+                if threads != torch.get_num_threads():
+                    print(f"on {threads} threads, as it began, instead of {torch.get_num_threads()}")
+                    torch.set_num_threads(threads)
             print(f"going on after {training.updates} updates")
             seconds_before = state["seconds"]
-        threads = {"threads": torch.get_num_threads()}
-        kept = Session(training, folder, identity | threads | about, seconds_before)
+        about |= {"threads": torch.get_num_threads()}
+        kept = Session(training, folder, identity | about, seconds_before)
         with written_to(folder, config, entry_point, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:

@@ -100,8 +100,9 @@ def trained_run(config: RunConfig) -> TrainedRun:
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
     given = located(config.data)
-    trained = replace(trained, data=moved(trained.data, given))
-    check_there(folder, trained.data)
+    own, moved_to = trained.data, moved(trained.data, given)
+    check_there(folder, moved_to)
+    trained = replace(trained, data=moved_to)
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
     check_on_illegal("on_illegal", method)
     device = device_of(config.device)
@@ -109,6 +110,11 @@ def trained_run(config: RunConfig) -> TrainedRun:
     learns = trained.method.scope, trained.room.type, trained.room.item
     training, held_out = parts_of(*learns, trained.data, trained.fold)
     if digest(training) != kept.rooms:
+        if moved_to != own:
+            raise InputError(
+                f"data: {moved_to.root} has other rooms than {folder} was trained on, which are not at {own.root} any "
+                "more; expected its own: without them nobody knows which rooms it never saw"
+            )
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
 
     data, same = asked_data(trained.data, given)

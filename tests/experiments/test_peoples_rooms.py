@@ -43,7 +43,7 @@ def measured(body: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
 
 def test_what_is_placed_anew_is_held_against_what_stood_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     result = measured(FLAT, tmp_path, monkeypatch)
-    assert result.keys() == {"read", "rooms", "items", "as they were drawn", *peoples_rooms.WHO}
+    assert result.keys() == {"read", "files", "rooms", "items", "as they were drawn", *peoples_rooms.WHO}
     assert result["read"] == 2
     assert (result["rooms"], result["items"]) == (2, 2)  # a bed and a toilet; all else stays
     assert result["as they were drawn"] == {"faultless": 2, "wrong": {}}
@@ -51,7 +51,7 @@ def test_what_is_placed_anew_is_held_against_what_stood_there(tmp_path: Path, mo
         assert result[name] == {"faultless": 2, "wrong": {"off its wall": 2, "in a door's swing": 1}}
 
 
-def test_of_both_what_is_wrong_with_the_same_pieces_counts_and_what_is_odd(
+def test_of_both_what_is_wrong_with_all_furniture_counts_and_what_is_odd_about_the_same_pieces(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bed_off_its_wall, stays = BED.replace("y='104'", "y='150'"), piece("wardrobe", 510, 150, 40, 40, id="wardrobe")
@@ -66,9 +66,15 @@ def test_what_is_kept_of_other_rooms_is_not_overwritten(tmp_path: Path, monkeypa
     measured(FLAT, tmp_path, monkeypatch)
     kept = (tmp_path / "flat.json").read_bytes()
     monkeypatch.setattr(peoples_rooms, "furnish", None)  # before anything is furnished
-    with pytest.raises(SystemExit, match=r"^error: .*flat\.json is of other read; expected the same, or to be moved"):
+    with pytest.raises(
+        SystemExit, match=r"^error: .*flat\.json is of other read, files; expected the same, or to be moved"
+    ):
         measured(BED + TOILET + WALLS + room_tag(0, 0, 400, 300), tmp_path, monkeypatch)
     assert (tmp_path / "flat.json").read_bytes() == kept
+    with pytest.raises(SystemExit, match=r"^error: .*flat\.json is of other files; expected the same, or to be moved"):
+        measured(FLAT.replace("Bedroom", "Bed room"), tmp_path, monkeypatch)
     (tmp_path / "flat.json").write_text("{}")  # of something else
-    with pytest.raises(SystemExit, match=r"^error: .*flat\.json is of other read; expected the same, or to be moved"):
+    with pytest.raises(
+        SystemExit, match=r"^error: .*flat\.json is of other read, files; expected the same, or to be moved"
+    ):
         measured(FLAT, tmp_path, monkeypatch)
