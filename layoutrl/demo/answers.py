@@ -232,11 +232,12 @@ class Answers:
             raise InputError(left_out[0] if left_out else "file: expected rooms; it is empty")
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
-    def home(self, body: bytes, called: str = "") -> tuple[bytes, str]:
+    def home(self, body: bytes, called: str = "") -> tuple[bytes, str, list[int]]:
         """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from.
 
         `others` of that home's rooms are written back with it, as they are now. Those that cannot be are left as the
-        home has them, and named in the line that is returned, too. The home is `called` as when it was read.
+        home has them; a line that names them, and their indices, are returned, too. The home is `called` as when it was
+        read.
         """
         line, _, content = body.partition(b"\n")
         asked = question(line, LARGEST_LINE if content else LARGEST_BODY)
@@ -258,10 +259,11 @@ class Answers:
         if others and not content:
             raise InputError("others: expected the home that they were read from, below the line")
         if not content:
-            return new_home(room), ""
+            return new_home(room), "", []
         check_home(content)
         saved, unlike = written_back(room, content, rooms, f"{stem_of(called)}.sh3d")
-        return saved, said_of_left(unlike + unread)
+        left = unlike + unread
+        return saved, said_of_left(left), [k for k, other in enumerate(others) if other["id"] in left]
 
 
 def said_of_left(names: Sequence[str]) -> str:

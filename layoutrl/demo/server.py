@@ -33,7 +33,7 @@ from layoutrl.runs.config import DemoConfig
 LARGEST_FILE = 5_000_000  # bytes
 LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
 LINE = LARGEST_LINE + 1  # bytes above a home that is written back
-LEFT = "Layoutrl-Left"  # a header: JSON of a line on what a file is without
+LEFT = "Layoutrl-Left"  # a header: JSON of a line on what a file is without, and which of what was asked that is
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -163,8 +163,8 @@ async def body_of(request: Request, line: int) -> bytes:
 def said(answer: Any) -> Response:
     """An answer as JSON, or a file as it is with a line on what is left out of it, which a header holds."""
     if isinstance(answer, tuple):
-        content, left = answer
-        headers = {LEFT: json.dumps(left)} if left else {}
+        content, *left = answer
+        headers = {LEFT: json.dumps(left)} if any(left) else {}
         return Response(content, headers=headers, media_type="application/octet-stream")
     return Response(json.dumps(answer, allow_nan=False), media_type="application/json")
 

@@ -382,9 +382,11 @@ def test_lengths_of_rooms_in_json_are_in_the_unit_that_is_chosen(answers, tmp_pa
     assert answers.read(home, "in") == answers.read(home)  # which says itself how long a metre is
 
 
-def test_a_room_in_json_without_a_type_is_taken_for_a_bedroom(answers):
+@pytest.mark.parametrize("none", [{}, {"room_type": None}, {"room_type": ""}])
+def test_a_room_in_json_without_a_type_is_taken_for_a_bedroom(answers, none):
     document = room_to_dict(ROOMS[0]) | {"id": "x", "furniture": []}
     del document["room_type"], document["target"]
+    document |= none
     said = answers.read(json.dumps(document).encode())
     assert said["rooms"][0]["room"]["room_type"] == "bedroom"
     assert said["left_out"] == ["x: nothing tells its type; it is taken for a bedroom"]
@@ -424,8 +426,8 @@ def test_a_home_tells_what_is_fixed_and_is_saved_with_all_its_rooms(answers, tmp
     bedroom["furniture"][1]["center"] = [1.2, -1.3]
     bathroom["furniture"][0]["center"] = [5.1, -0.6]
     asked = {"room": bathroom, "others": [bedroom]}
-    saved, left = answers.home(json.dumps(asked).encode() + b"\n" + content)
-    assert left == ""
+    saved, left, without = answers.home(json.dumps(asked).encode() + b"\n" + content)
+    assert (left, without) == ("", [])
     assert [entry["room"] for entry in answers.read(saved)["rooms"]] == [bedroom, bathroom]
     for others, match in (
         (7, "others: expected a list"),
@@ -460,7 +462,7 @@ def test_rooms_of_a_home_are_called_as_its_file_which_is_no_path(answers, tmp_pa
     assert bedroom["group"] == bathroom["group"] == stem
     bathroom["furniture"][0]["center"] = [5.1, -0.6]
     body = json.dumps({"room": bedroom, "others": [bathroom]}).encode() + b"\n" + content
-    saved, left = answers.home(body, called)
+    saved, left, _ = answers.home(body, called)
     assert left == ""
     assert [entry["room"] for entry in answers.read(saved, called=called)["rooms"]] == [bedroom, bathroom]
     with pytest.raises(InputError, match="has other: save it as JSON"):
@@ -483,7 +485,8 @@ def test_other_rooms_that_cannot_be_saved_are_left_as_they_were_and_named(answer
     bathroom["furniture"][0]["center"] = [5.1, -0.6]
     unreadable = bedroom | {"furniture": 41 * bedroom["furniture"]}
     for other in (bedroom | {"furniture": []}, unreadable, bedroom | {"id": "another"}):
-        saved, left = answers.home(json.dumps({"room": bathroom, "others": [other]}).encode() + b"\n" + content)
+        saved, left, without = answers.home(json.dumps({"room": bathroom, "others": [other]}).encode() + b"\n" + content)
+        assert without == [0]
         assert left.startswith(f"home: saved, but as it was before in {other['id']!r}: ")
         assert [entry["room"] for entry in answers.read(saved)["rooms"]] == [bedroom, bathroom]
 
@@ -495,7 +498,8 @@ def test_a_home_of_many_full_rooms_is_saved_and_each_is_bounded(answers, tmp_pat
     others = [full | {"id": f"full {k}"} for k in range(99)]
     line = json.dumps({"room": bathroom, "others": others}).encode()
     assert len(line) > 200_000
-    _, left = answers.home(line + b"\n" + content)
+    _, left, without = answers.home(line + b"\n" + content)
+    assert without == [*range(99)]
     assert "'full 98'" in left
     large = json.dumps({"room": bathroom | {"more": 500_000 * "a"}, "others": [full]}).encode()
     for body in (line, large + b"\n" + content):

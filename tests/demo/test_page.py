@@ -755,9 +755,8 @@ def test_doors_and_windows_are_put_in_and_taken_out_in_turn(page):
     page.locator("#door").click()
     held, holds = [], [True]
     page.route("**/api/opening", lambda route: held.append(route) if holds else route.continue_())
-    page.mouse.click(*corner(page, 0, 1))
-    while not held:
-        page.evaluate("0")  # lets it be asked
+    with page.expect_request("**/api/opening"):
+        page.mouse.click(*corner(page, 0, 1))
     page.mouse.click(*corner(page, 3, 2))
     page.locator("#palette button").first.click()
     holds.clear()
@@ -1373,9 +1372,8 @@ def test_what_is_edited_while_a_file_is_made_is_not_saved(page):
     held = []
     page.route("**/api/home*", lambda route: held.append(route))
     page.locator("#saving summary").click()
-    page.locator("#save-sh3d").click()
-    while not held:
-        page.evaluate("0")  # lets it be asked
+    with page.expect_request("**/api/home*"):
+        page.locator("#save-sh3d").click()
     dragged(page, item(page, "stool"), 0.5, 0)
     with page.expect_download():
         held.pop().continue_()
@@ -1645,7 +1643,35 @@ def test_what_a_saved_home_does_not_keep_is_said(page, tmp_path):
     assert saved(page, "sh3d") == content
     said = "home: saved, but the type that you chose is not in it: JSON keeps that"
     expect(page.locator("#verdict")).to_have_text(said)
+    assert not is_left(page)
+    page.locator("#undo").click()
+    settled(page)
+    assert saved(page, "sh3d") == content
     assert is_left(page)
+    page.locator("#redo").click()
+    settled(page)
+    saved(page, "json")
+    assert is_left(page)
+
+
+def test_what_is_said_of_a_saved_home_is_of_rooms_that_are_saved_in_it(page, tmp_path):
+    openly(page, home_file(tmp_path / "home.sh3d").read_bytes(), "file/Bedroom")
+    item(page, "bed").focus()
+    page.keyboard.press("Delete")
+    settled(page)
+    page.locator("#adding summary").click()
+    page.locator("#palette").get_by_role("button", name="wardrobe").first.click()
+    settled(page)
+    page.locator("#type").select_option("study")
+    settled(page)
+    take(page, "bathroom")
+    item(page, "toilet").focus()
+    page.keyboard.press("ArrowDown")
+    settled(page)
+    saved(page, "sh3d")
+    expect(page.locator("#verdict")).to_contain_text("home: saved, but as it was before in 'file/Bedroom'")
+    expect(page.locator("#verdict")).not_to_contain_text("; home")
+    assert not is_left(page)
 
 
 def test_only_rooms_that_were_changed_are_sent_with_the_one_that_is_saved(page, tmp_path, monkeypatch):

@@ -27,9 +27,10 @@ export const read = (file, name, unit) =>
   json(`/api/read?${new URLSearchParams({ name, unit })}`, { method: "POST", body: file });
 
 // A home of Sweet Home 3D: a new one of the room; or the one that it was read from, by that name, with others of its
-// rooms. `left` is a line on the others that it is saved without.
+// rooms. `left` is a line on the others that it is saved without, and `without` has their places among these.
 export async function home(room, others, file, name = "") {
   const body = new Blob([`${JSON.stringify({ room, others })}\n`, file ?? ""]);
   const response = await answer(`/api/home?${new URLSearchParams({ name })}`, { method: "POST", body });
-  return { content: await response.blob(), left: JSON.parse(response.headers.get("Layoutrl-Left") ?? '""') };
+  const [left, without] = JSON.parse(response.headers.get("Layoutrl-Left") ?? '["", []]');
+  return { content: await response.blob(), left, without };
 }

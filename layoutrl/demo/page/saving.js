@@ -117,15 +117,18 @@ function saveJSON() {
   say("Saved in metres. The unit of what is opened next is auto again.", false);
 }
 
-// What a home does not keep of rooms that are saved in it, in a line.
+// What a home does not keep of rooms that are saved in it, in a line; and the ids of those that are not whole in it. What
+// stands beside a room in a new home is in it.
 function unkept(rooms, { home: whole, rooms: read }) {
-  const waits = rooms.flatMap(({ furniture }) => furniture.filter(({ center }) => !center));
-  const names = [...new Set(waits.map(({ category }) => words(category)))].join(", ");
-  const where = whole ? "stays there where it stood" : "stands beside the room there";
+  const waits = ({ furniture }) => furniture.filter(({ center }) => !center);
   const typeOf = new Map(read.map(({ room: { id, room_type } }) => [id, room_type]));
-  const other = whole && rooms.some(({ id, room_type }) => room_type !== typeOf.get(id));
-  const lines = [names && `what has no place ${where}: ${names}`, other && "the type that you chose is not in it: JSON keeps that"];
-  return lines.filter(Boolean).map((line) => `home: saved, but ${line}`).join("; ");
+  const retyped = ({ id, room_type }) => whole && room_type !== typeOf.get(id);
+  const names = [...new Set(rooms.flatMap(waits).map(({ category }) => words(category)))].join(", ");
+  const where = whole ? "stays there where it stood" : "stands beside the room there";
+  const other = rooms.some(retyped) && "the type that you chose is not in it: JSON keeps that";
+  const lines = [names && `what has no place ${where}: ${names}`, other].filter(Boolean);
+  const lost = rooms.filter((room) => retyped(room) || (whole && waits(room).length));
+  return { line: lines.map((line) => `home: saved, but ${line}`).join("; "), ids: lost.map(({ id }) => id) };
 }
 
 // The home with this room and all others of it that were changed, as they are now; or a new home.
@@ -133,12 +136,12 @@ async function saveHome() {
   const { room, source } = state;
   const changed = [...source.now].filter(([id, text]) => source.home && id !== room.id && text !== source.first.get(id));
   const others = changed.map(([, text]) => JSON.parse(text).room);
-  const lost = unkept([room, ...others], source);
   const mark = marks(source, source.home ? [...source.now.keys()] : [room.id]);
-  const { content, left } = await (source.home ? home(room, others, source.home, source.name) : home(room, []));
+  const { content, left, without } = await (source.home ? home(room, others, source.home, source.name) : home(room, []));
   download(content, "application/zip", "sh3d", source.home ? source.name : room.id);
-  if (!left) mark();
-  if (left || lost) say([left, lost].filter(Boolean).join("; "));
+  const lost = unkept([room, ...others.filter((_, k) => !without.includes(k))], source);
+  mark([...lost.ids, ...without.map((k) => others[k].id)]);
+  if (left || lost.line) say([left, lost.line].filter(Boolean).join("; "));
 }
 
 $("file").onclick = () => { $("file").value = ""; }; // the same file, too, is opened anew

@@ -39,10 +39,10 @@ function keep() {
   source.now.set(id, text);
 }
 
-// What marks rooms as saved as they are now, whatever is edited until that is done.
+// What marks rooms as saved as they are now, whatever is edited until that is done; `but` those of some ids.
 export function marks(source, ids) {
   const texts = ids.map((id) => [id, source.now.get(id)]);
-  return () => texts.forEach(([id, text]) => source.saved.set(id, text));
+  return (but = []) => texts.forEach(([id, text]) => but.includes(id) || source.saved.set(id, text));
 }
 
 export const unsaved = ({ now, saved }) => [...now].some(([id, text]) => text !== saved.get(id));
