@@ -7,7 +7,7 @@ their openings are. Inches and feet are not: a door of 36 inches may be one of 3
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import inf
 from statistics import median
 from typing import Any
@@ -22,13 +22,20 @@ LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygo
 
 def unit_of(documents: Iterable[Any]) -> str:
     """The unit of most rooms of a file."""
-    votes = Counter(unit for document in documents if (unit := _guess(document)))
+    return _most(_guess(document) for document in documents)
+
+
+def _most(told: Iterable[str | None]) -> str:
+    votes = Counter(unit for unit in told if unit)
     return votes.most_common(1)[0][0] if votes else "m"
 
 
-def unit_line(unit: str, documents: Iterable[Any]) -> str:
-    """The line that says which unit `unit_of` told of documents, and that it may be inches, as doors are narrow."""
-    line = f"lengths are read as {unit}, as rooms are large (unit=m if they are)"
+def unit_line(unit: str, documents: Sequence[Any]) -> str:
+    """The line that says which unit `unit_of` told of documents, by what: by doors where the size of rooms would tell
+    another; and that it may be inches, as doors are narrow."""
+    by_doors = unit == unit_of(documents) != _most(_guess(document, by_doors=False) for document in documents)
+    told = "doors are wide" if by_doors else "rooms are large"
+    line = f"lengths are read as {unit}, as {told} (unit=m if they are)"
     widths = [width for document in documents for width in _door_widths(document)]
     if unit != "cm" or not widths or not INCHES[0] <= median(widths) <= INCHES[1]:
         return line
@@ -43,13 +50,13 @@ def _door_widths(document: Any) -> list[float]:
         return []
 
 
-def _guess(document: Any) -> str | None:
-    """The unit of a room: that in which its doors are as wide as most are, and it is no narrower than they; else the
-    first in which it is no larger than rooms are, or its narrowest opening no wider.
+def _guess(document: Any, by_doors: bool = True) -> str | None:
+    """The unit of a room: that in which its doors are as wide as most are, and it is no narrower than they; else, or
+    where it is not told `by_doors`, the first in which it is no larger than rooms are, or its narrowest opening no wider.
     """
     try:
         across, side = sorted(_extents(document["outline"]))
-        if doors := _door_widths(document):
+        if doors := by_doors and _door_widths(document):
             for unit in ("m", "cm", "mm"):
                 if DOOR[0] <= median(doors) / UNITS[unit] <= DOOR[1] and across / UNITS[unit] >= DOOR[0]:
                     return unit

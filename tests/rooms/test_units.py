@@ -52,6 +52,19 @@ def test_the_width_of_doors_says_the_unit_before_the_size_of_the_room(
     assert unit_of([scaled(document, unit)]) == unit
 
 
+def test_what_told_the_unit_is_said() -> None:
+    door = (opening("door", 0.1, -0.2, 0.9, 0.0),)
+    hall, toilet = (room_to_dict(rectangular_room(*size, openings=door)) for size in ((6.0, 4.0), (0.9, 1.2)))
+    for document, unit, told in (
+        (toilet, "mm", "doors are wide"),  # else it would be a hall in centimetres
+        (toilet, "cm", "rooms are large"),
+        (hall, "mm", "rooms are large"),
+    ):
+        documents = [scaled(document, unit)]
+        assert unit_of(documents) == unit
+        assert unit_line(unit, documents) == f"lengths are read as {unit}, as {told} (unit=m if they are)"
+
+
 @given(st.floats(3.2, 13), st.floats(3.05, 13), st.sampled_from(["door", "window"]))
 def test_a_room_whose_only_opening_is_wide_may_be_in_centimetres(side: float, wide: float, kind: str) -> None:
     only = opening(kind, 0.0, -0.2, min(side, wide), 0.0)
