@@ -61,9 +61,9 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
 
 
 def _typed(document: Any, room_type: str) -> tuple[Any, bool]:
-    """The document of a room with the type that its id or its furniture tells, where it says none, or else this one;
-    and whether anything tells it. Of what nobody furnishes, and of what is no room, it is as it was."""
-    if not isinstance(document, dict) or "outline" not in document or "room_type" in document:
+    """The document of a room with the type that its id or its furniture tells, where it says none, null or "", or else
+    this one; and whether anything tells it. Of what nobody furnishes, and of what is no room, it is as it was."""
+    if not isinstance(document, dict) or "outline" not in document or document.get("room_type") not in (None, ""):
         return document, True
     furniture = own_names().ours(document).get("furniture")
     entries = furniture if isinstance(furniture, list) else []

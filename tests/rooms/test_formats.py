@@ -182,8 +182,12 @@ def test_rooms_of_which_nothing_tells_the_type_are_what_is_said_of_houses_and_fo
         assert f"{taken.rooms[0].id}: nothing tells its type; it is taken for a study" in taken.notes
 
 
-def test_a_room_in_json_without_a_type_is_what_its_id_or_furniture_tells_or_what_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize("none", [{}, {"room_type": None}, {"room_type": ""}])
+def test_a_room_in_json_without_a_type_is_what_its_id_or_furniture_tells_or_what_is_said(
+    none: dict[str, Any], tmp_path: Path
+) -> None:
     document = {k: value for k, value in room_to_dict(rectangular_room()).items() if k not in ("room_type", "target")}
+    document |= none
     couch = {"category": "couch", "size": [0.9, 2.0]}
     rooms_ = {"x": [], "y": [couch], "Kitchen 2": [], "Corridor": []}
     path = tmp_path / "rooms.json"
