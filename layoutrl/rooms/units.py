@@ -52,7 +52,8 @@ def _door_widths(document: Any) -> list[float]:
 
 def _guess(document: Any, by_doors: bool = True) -> str | None:
     """The unit of a room: that in which its doors are as wide as most are, and it is no narrower than they; else, or
-    where it is not told `by_doors`, the first in which it is no larger than rooms are, or its narrowest opening no wider.
+    where it is not told `by_doors`, the first in which it is no larger than rooms are, or its narrowest opening no
+    wider.
     """
     try:
         across, side = sorted(_extents(document["outline"]))
