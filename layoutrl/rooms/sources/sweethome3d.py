@@ -21,7 +21,7 @@ from shapely.geometry import Polygon
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
-from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.collection import Collection, taken_for
 from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.sources.drawn import Storey, unused
@@ -312,14 +312,16 @@ def _park(
     home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None, alone: bool
 ) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
-    type knows it and that has the floor for it. First come those of its level, then those in which it is usual, so that
-    there is who places it, then those without such a piece, with the most floor free."""
+    type knows it and that has the floor for it. First come those of which anything tells the type, then those of its
+    level, then those in which it is usual, so that there is who places it, then those without such a piece, with the
+    most floor free."""
     if into is not None and into not in home.pieces:
         why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
         said = f"expected one of {', '.join(home.pieces)}" if home.pieces else f"none could be read: {why}"
         raise InputError(f"into: {home.path} has no room {into!r} to furnish; {said}")
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
+    untold = {room.id for room in home.rooms if taken_for(room) in home.collection.notes}
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}
     given: dict[str, list[Item]] = defaultdict(list)
     for level, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
@@ -329,7 +331,10 @@ def _park(
             chosen = into
         elif fitting:
             theirs = {k: item.category in DESIGNED[rooms[k].room_type] for k in fitting}
-            chosen = min(fitting, key=lambda k: (levels[k] != level, not theirs[k], item.category in held[k], -free[k]))
+            chosen = min(
+                fitting,
+                key=lambda k: (k in untold, levels[k] != level, not theirs[k], item.category in held[k], -free[k]),
+            )
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
             home.collection.notes.append(note + alone * " (into=<id>)")

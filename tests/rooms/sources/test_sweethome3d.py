@@ -86,6 +86,16 @@ def xml_of(path: Path) -> list[ElementTree.Element]:
 # Reading
 
 
+def test_what_is_parked_goes_into_rooms_whose_type_is_told_first(tmp_path: Path) -> None:
+    """An unnamed room that is taken for a bedroom has more floor free than the bedroom."""
+    rooms = room_tag(0, 0, 400, 300) + room_tag(410, 0, 610, 300, name="Bedroom")
+    parked = piece("bed140x190", 1000, 104, 120, 200, id="bed")
+    home = flat(tmp_path, WALLS + rooms + parked, room_type="bedroom")
+    assert {room.id: len(room.furniture) for room in home.rooms} == {"flat/room 1": 0, "flat/Bedroom": 1}
+    home = flat(tmp_path, WALLS + room_tag(0, 0, 400, 300) + parked, room_type="bedroom")
+    assert [len(room.furniture) for room in home.rooms] == [1]
+
+
 def test_every_room_of_a_flat_is_a_room_with_its_walls_doors_and_pieces(tmp_path: Path) -> None:
     home = flat(tmp_path)
     bedroom, bathroom = home.rooms
