@@ -485,7 +485,9 @@ def test_other_rooms_that_cannot_be_saved_are_left_as_they_were_and_named(answer
     bathroom["furniture"][0]["center"] = [5.1, -0.6]
     unreadable = bedroom | {"furniture": 41 * bedroom["furniture"]}
     for other in (bedroom | {"furniture": []}, unreadable, bedroom | {"id": "another"}):
-        saved, left, without = answers.home(json.dumps({"room": bathroom, "others": [other]}).encode() + b"\n" + content)
+        saved, left, without = answers.home(
+            json.dumps({"room": bathroom, "others": [other]}).encode() + b"\n" + content
+        )
         assert without == [0]
         assert left.startswith(f"home: saved, but as it was before in {other['id']!r}: ")
         assert [entry["room"] for entry in answers.read(saved)["rooms"]] == [bedroom, bathroom]
