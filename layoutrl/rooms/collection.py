@@ -17,6 +17,7 @@ from layoutrl.rooms.room import FIT, Item, Room
 FOLDS = 5  # one fifth of the groups is held out
 NAMED = 3  # examples named for each reason in a summary
 ODD = (LookupError, TypeError, ValueError, ArithmeticError, AttributeError)  # what a broken field raises
+BROKEN = "a field is missing or is not of the expected kind"
 NOBODYS = "nobody furnishes such a room"
 UNTOLD = "nothing tells its type"
 
@@ -49,7 +50,7 @@ class Collection:
         except InputError as error:
             self.left_out.append((label, str(error)))
         except ODD:
-            self.left_out.append((label, "a field is missing or is not of the expected kind"))
+            self.left_out.append((label, BROKEN))
 
     def __str__(self) -> str:
         kept = {room.id for room in self.rooms}

@@ -60,6 +60,7 @@ class Storey(Generic[P]):
     notes: list[str] = field(default_factory=list)
     unsized: Counter[str] = field(default_factory=Counter)  # names of pieces of which no size is known
     odd: Counter[str] = field(default_factory=Counter)  # and of those of which a field is missing or odd
+    why_odd: str = ""  # what is expected of the first of these of which it is known
 
     @cached_property
     def _bodies(self) -> shapely.Geometry | None:
@@ -100,12 +101,15 @@ class Storey(Generic[P]):
         return bool(inside)
 
     @contextmanager
-    def or_left_out(self, called: str) -> Iterator[None]:
-        """Leave out the piece that is read inside where a field of it is missing or odd: it costs itself alone."""
+    def or_left_out(self, called: str, decor: Callable[[], bool] = bool) -> Iterator[None]:
+        """Leave out the piece that is read inside where a field of it is missing or odd: it costs itself alone. It is
+        counted unless it is `decor`."""
         try:
             yield
-        except ODD:  # a RoomError is one
-            self.odd[called] += 1
+        except ODD as error:  # a RoomError is one
+            if not decor():
+                self.odd[called] += 1
+                self.why_odd = self.why_odd or (str(error) if isinstance(error, RoomError) else "")
 
     @cached_property
     def building(self) -> shapely.Geometry:
@@ -148,12 +152,16 @@ class Storey(Generic[P]):
         What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it; `or_else` ends
         what is said of these, with an option that would.
         """
-        for what, found in (("of unknown size", self.unsized), ("with a missing or odd field", self.odd)):
+        why_odd = f" (the first: {self.why_odd})" if self.why_odd else ""
+        for what, found, why in (
+            ("of unknown size", self.unsized, ""),
+            ("with a missing or odd field", self.odd, why_odd),
+        ):
             if found:
                 called = ", ".join(f"{name[:40]} ({n})" for name, n in found.most_common(NOTED))
                 more = ", ..." if len(found) > NOTED else ""
                 said = f"pieces {what} are left out ({found.total()}), and others may be placed there"
-                self.notes.append(f"{self.prefix}: {said}: {called}{more}")
+                self.notes.append(f"{self.prefix}: {said}: {called}{more}{why}")
         taken: set[str] = set()
         bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
         shapes = shapely.STRtree([gap.shape for gap in self.gaps])

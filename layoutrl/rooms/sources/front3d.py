@@ -20,7 +20,7 @@ from shapely.geometry import Polygon
 
 from layoutrl import InputError
 from layoutrl.rooms.categories import Names
-from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.collection import BROKEN, ODD, Collection
 from layoutrl.rooms.files import files_below, name_of
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Item, RoomError
 from layoutrl.rooms.sources.drawn import FLATTEST, HIGHEST, Piece, Storey
@@ -114,16 +114,28 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
     """Put floors, openings and pieces of a house where they are. Raises what a broken document can."""
     meshes = {mesh["uid"]: mesh for mesh in document["mesh"]}
     furniture: dict[Any, Any] = {}
+    unnamed: list[Any] = []
     for piece in document["furniture"]:
-        with house.or_left_out(_called(piece)):
+        try:
             furniture[piece["uid"]] = piece
-    rooms = document["scene"]["room"]
-    placed = [(child, _ref(child)) for room in rooms for child in room["children"]]
-    for room in rooms:
-        drawn = [meshes[ref] for child in room["children"] if (ref := _ref(child)) in meshes]
+        except ODD:
+            unnamed.append(piece)
+    placed: list[tuple[Any, str | int | None]] = []
+    for number, room in enumerate(document["scene"]["room"], 1):
+        try:
+            name, label = str(room["type"]), str(room["instanceid"])[:60].replace("/", "-")
+            children = [(child, _ref(child)) for child in room["children"]]
+        except ODD:
+            house.left_out.append((f"{house.prefix}/room {number}", BROKEN))
+            continue
+        placed += children
+        drawn = [meshes[ref] for _, ref in children if ref in meshes]
         floors = [mesh for mesh in drawn if mesh["type"] == "Floor"]
-        house.draw(str(room["type"]), str(room["instanceid"])[:60].replace("/", "-"), partial(_floor, floors))
+        house.draw(name, label, partial(_floor, floors))
         house.gaps += [gap for mesh in drawn if mesh["type"] in OPENINGS and (gap := _gap(mesh))]
+    astray = sum(ref is not None and ref not in meshes and ref not in furniture for _, ref in placed)
+    for piece in [each for each in unnamed if not names.is_decor(*_said(each))][:astray]:  # no more are placed
+        house.odd[_called(piece)] += 1
     titled = [(child, furniture[ref]) for child, ref in placed if _title(furniture.get(ref)) in WIDTH]
     for child, given in titled if not house.gaps else ():  # none is cut into the walls; then these tell of them
         with house.or_left_out(_called(given)):
@@ -133,7 +145,7 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
         if ref is None:
             house.odd[_called(None)] += 1
         elif given and given.get("valid") is not False and _title(given) not in WIDTH:  # it says so of what is broken
-            with house.or_left_out(_called(given)):
+            with house.or_left_out(_called(given), partial(names.is_decor, *_said(given))):
                 if piece := _piece(child, given, models, names, house.unsized):
                     house.put(piece)
 
@@ -150,14 +162,16 @@ def _title(piece: Any) -> str:
 
 
 def _said(piece: Any) -> list[str]:
-    """What a house says that a piece is."""
+    """What a house says that a piece is; nothing of what is no piece."""
+    if not isinstance(piece, dict):
+        return []
     given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))), piece.get("category"))
     return [str(name) for name in given if name]
 
 
 def _called(piece: Any) -> str:
     """A piece before the user."""
-    return (*(_said(piece) if isinstance(piece, dict) else ()), "without a name")[0]
+    return (*_said(piece), "without a name")[0]
 
 
 def _floor(meshes: list[Any]) -> Polygon:

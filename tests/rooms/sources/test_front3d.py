@@ -202,7 +202,45 @@ def test_a_piece_with_an_odd_field_costs_itself_alone_and_is_named(
     assert not collection.left_out
     assert [item.category for item in collection.rooms[0].furniture] == ["desk"]
     said = "pieces with a missing or odd field are left out (1), and others may be placed there"
-    assert collection.notes == [f"house-1: {said}: {called} (1)"]
+    (note,) = collection.notes
+    assert note.partition(" (the first: ")[0] == f"house-1: {said}: {called} (1)"
+
+
+def test_the_first_reason_that_is_known_for_an_odd_field_is_said(tmp_path: Path) -> None:
+    document = house()
+    bed, _, desk = document["scene"]["room"][0]["children"][4:]
+    bed["pos"], desk["pos"][0] = None, math.nan
+    write(tmp_path, document)
+    (note,) = read(tmp_path, names_of()).notes
+    reason = "a number: expected a finite one of at most 1000 (metres); got nan"
+    assert note.endswith(f": bed/king-size bed (1), Desk (1) (the first: {reason})")
+
+
+def test_broken_decor_and_what_is_placed_nowhere_are_not_counted(tmp_path: Path) -> None:
+    document = house()
+    document["scene"]["room"][0]["children"][5]["pos"] = [math.nan, 0, 0]  # of the lamp
+    document["furniture"] += [{"title": "sofa"}, {"title": "table", "uid": []}, None, {"uid": "bed 2", "size": 3}]
+    write(tmp_path, document)
+    collection = read(tmp_path, names_of())
+    assert (collection.notes, collection.left_out) == ([], [])
+    document["scene"]["room"][0]["children"].append(child("lost"))
+    write(tmp_path, document)
+    (note,) = read(tmp_path, names_of()).notes
+    assert note.endswith("left out (1), and others may be placed there: sofa (1)")
+
+
+@pytest.mark.parametrize("broken", [None, {}, {"type": "Bedroom", "instanceid": "b", "children": None}])
+def test_a_broken_room_costs_itself_alone(broken: Any, tmp_path: Path) -> None:
+    document = house()
+    document["scene"]["room"].append(broken)
+    write(tmp_path, document)
+    collection = read(tmp_path, names_of())
+    assert [room.id for room in collection.rooms] == ["house-1/MasterBedroom-1"]
+    assert collection.left_out == [("house-1/room 2", "a field is missing or is not of the expected kind")]
+    document["scene"]["room"] = [broken]
+    write(tmp_path, document)
+    collection = read(tmp_path, names_of())
+    assert [where for where, _ in collection.left_out] == ["house-1/room 1"]
 
 
 def test_what_is_no_piece_at_all_and_a_titled_door_that_is_nowhere_are_named(tmp_path: Path) -> None:
@@ -210,6 +248,7 @@ def test_what_is_no_piece_at_all_and_a_titled_door_that_is_nowhere_are_named(tmp
     document["mesh"] = document["mesh"][:2]
     document["furniture"] += [None, {"title": "sofa"}, {"uid": "titled", "title": "door/single swing door"}]
     document["scene"]["room"][0]["children"] += [None, {"ref": "titled", "pos": [0, 0, 0]}, child("titled", 2, 0, 3.1)]
+    document["scene"]["room"][0]["children"] += [child("lost"), child("lost too")]
     write(tmp_path, document)
     collection = read(tmp_path, names_of())
     assert [(opening.kind, opening.shape.area) for opening in collection.rooms[0].openings] == [
