@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from layoutrl import InputError
+from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import MAIN_ITEM
 
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
@@ -26,7 +27,8 @@ LARGEST_FILE = 2**20  # bytes, of a user's own
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
 SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
 WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room has, too
-AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: the first says what it is
+AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: one says what it is
+SEATS = {"bench", "chair", "stool"}  # which say less what a thing is than the table or desk that they stand at
 UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
 FAINT = {"ensuite", "en suite", "master", "kids", "guest", "bed", "family"}  # say it where no other word of a room does
 BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
@@ -157,7 +159,10 @@ class Names:
 
         In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
         """
-        parts = [*map(self._leading, chain.from_iterable(map(_parts, names)))]
+        return self._saying([*map(self._leading, chain.from_iterable(map(_parts, names)))])
+
+    def _saying(self, parts: list[str]) -> str | None:
+        """The part of the table that says what a thing of these plain names is, of which none is several in one."""
         words = [part.split() for part in parts]
         ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
         unspaced = (word for each in words for word in reversed(each) if UNSPACED.search(word))
@@ -168,15 +173,35 @@ class Names:
     def _leading(self, part: str) -> str:
         """What of a plain name says what it is: a bed with nightstands is a bed, and so is a bed and nightstands.
 
-        It is the whole where the table has a name that goes on behind such a word, as of a cabinet with basin; and
-        where nobody knows what stands before an "and": a kitchen and dining table is a table.
+        Of names with an "and" it is the first of a category, so that no lamp hides a table; but a desk, not its chair.
+        Else it is an obstacle among them, else the whole. Nor is a name parted that the table has, as a cabinet with
+        basin.
         """
-        for sign in (WITH, AND):
-            first = sign.split(part, maxsplit=1)[0].strip()
-            starts = (at.start() for at in re.finditer(r"\S+", part) if at.start() < len(first))
-            if first != part and not any(part[start:] in self._furniture for start in starts):
-                part = first if first and (sign is WITH or self._known([first])) else part
-        return part
+        first = WITH.split(part, maxsplit=1)[0].strip()
+        part = part if not first or self._goes_on(first, part) else first
+        names = [*self._joined(part)]
+        if len(names) < 2:
+            return part
+        found = {name: self._furniture.get(self._saying([name]) or "", DECOR) for name in names}
+        placed = [name for name in names if found[name] not in (OBSTACLE, *NOTHING)]
+        seated = [name for name in placed if found[name] in HOSTS] if placed and found[placed[0]] in SEATS else []
+        standing = [name for name in names if found[name] == OBSTACLE]
+        return next(chain(seated, placed, standing), part)
+
+    def _joined(self, part: str) -> Iterator[str]:
+        """The names between which a plain name has an "and"."""
+        while part:
+            first, *others = AND.split(part, maxsplit=1)
+            if not others or self._goes_on(first, part):
+                yield part
+                return
+            if first.strip():
+                yield first.strip()
+            part = others[0].strip()
+
+    def _goes_on(self, first: str, part: str) -> bool:
+        """Whether the table has a name that begins within the first words of a part and ends with it."""
+        return any(part[at.start() :] in self._furniture for at in re.finditer(r"\S+", first))
 
     def _begins(self, words: list[str]) -> Iterator[str]:
         """The beginnings of a name that say what it is, the longest first.
