@@ -30,7 +30,9 @@ WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room 
 AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: one says what it is
 SEATS = {"bench", "chair", "stool"}  # which say less what a thing is than the table or desk that they stand at
 UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
-FAINT = {"ensuite", "en suite", "master", "kids", "guest", "bed", "family"}  # say it where no other word of a room does
+FAINT = {  # say it where no other word of a room does
+    *("ensuite", "en suite", "master", "kids", "guest", "bed", "family", "suite", "deck", "patio", "porch"),
+}
 BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
 SHAPES = {"box", "cylinder", "triangle", "cube", "sphere", "cone", "pyramid", "prism", "shape"}  # that people rename
 SIZES = {  # words that may follow an English name, with numbers or without

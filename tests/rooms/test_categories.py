@@ -274,6 +274,9 @@ def test_a_room_is_what_its_name_says_else_what_stands_in_it() -> None:
         (NO_ROOM, "Bedroom walk-in wardrobe, Master bath walk-in closet, Kitchen walk-in pantry"),
         (NO_ROOM, "Bedroom Closet, Bedroom 2 closet, Walk-in closet, Master closet, Pantry, Kitchen pantry, Laundry"),
         (NO_ROOM, "Abstellraum, Buanderie"),
+        (NO_ROOM, "Entrance porch, Garage deck, Stairs deck, Laundry suite, Dressing suite, Suite hall"),
+        ("bedroom", "Patio bedroom, Deck bedroom, Guest suite, Bedroom/Porch"),
+        ("balcony", "Porch, Deck, Pool deck"),
     ],
 )
 def test_everyday_names_of_rooms_are_known(room_type: str, called: str) -> None:
