@@ -178,9 +178,8 @@ class Storey(Generic[P]):
             items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
             near = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))]
-            gaps = sorted(near, key=lambda gap: gap.kind != "door")[
-                :MOST_OPENINGS
-            ]  # of two in one place the door counts
+            gaps = sorted(near, key=lambda gap: gap.kind != "door")  # of two in one place the door counts
+            del gaps[MOST_OPENINGS:]
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
             if walls:
                 gaps += self._passages(drawn, walls, gaps)
