@@ -34,7 +34,9 @@ FAINT = {  # say it where no other word of a room does
     *("ensuite", "en suite", "master", "kids", "guest", "bed", "family", "suite", "deck", "patio", "porch"),
 }
 BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
-SHAPES = {"box", "cylinder", "triangle", "cube", "sphere", "cone", "pyramid", "prism", "shape"}  # that people rename
+SHAPES = {  # words of names that people give a better one
+    *("box", "cylinder", "triangle", "cube", "sphere", "cone", "pyramid", "prism", "shape", "texturable", "half"),
+}
 SIZES = {  # words that may follow an English name, with numbers or without
     *("cm", "mm", "m", "inch", "inches", "ft", "feet", "wide", "high", "deep", "long"),
     *("seats", "seater", "sitzer", "persons", "personen", "people", "places", "plazas", "posti"),
@@ -152,7 +154,7 @@ class Names:
 
     def _known(self, names: list[str]) -> str | None:
         """The part of the table that says what a thing of these names is: one by which a shape is called says it."""
-        said = [name for name in names if plain(name).rpartition(" ")[2] not in SHAPES]
+        said = [name for name in names if not SHAPES.issuperset(plain(name).split())]
         return self._found(said) or self._found(names)
 
     def _found(self, names: list[str]) -> str | None:

@@ -184,6 +184,18 @@ def test_of_names_with_an_and_an_obstacle_is_in_the_way_and_none_is_lost() -> No
     assert names.category("e y " * 50) == (("e_y_" * 50)[:40], False)  # soon
 
 
+def test_only_a_shape_is_what_its_user_calls_it() -> None:
+    names = names_of()
+    for shape in ("eTeks#box", "eTeks#texturableBox", "Half cylinder", "Half sphere", "Texturable triangle"):
+        assert names.category(shape, "My wardrobe") == ("wardrobe", True)
+        assert names.category(shape, "Lamp") == ("lamp", False)
+    for piece in ("Litter box", "Window box", "Music box"):
+        assert not names.knows(piece, "Dog's bed")
+    assert names.category("Litter box", "Bed") == ("litter_box", False)
+    assert names.category("Bed", "Toy box") == names.category("Blue bed", "Toy box") == ("bed", True)
+    assert names.category("eTeks#box", "Toy box") == ("box", False)
+
+
 @pytest.mark.parametrize("name", ["Rug", "Carpet", "area rug", "Teppich 200x300", "Tapis rond", "alfombra", "地毯"])
 def test_a_rug_is_floor_by_whichever_name(name: str) -> None:
     names = names_of()
