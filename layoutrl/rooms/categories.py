@@ -26,7 +26,7 @@ NOTED = 20  # names that are not known, with a line each
 LARGEST_FILE = 2**20  # bytes, of a user's own
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
 SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
-WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w)\b")  # before what a room has, too
+WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w(?! d\b))\b")  # before what a room has, too
 AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: one says what it is
 SEATS = {"bench", "chair", "stool"}  # which say less what a thing is than the table or desk that they stand at
 UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
@@ -284,7 +284,8 @@ def _holds(part: str, named: str) -> bool:
 
 def _parts(name: str) -> list[str]:
     """A name, and its parts at slashes without what follows a dash, the last first: "table/coffee table - round"."""
-    name = re.sub(r"\bw/", "with ", name[:LONGEST])
+    name = re.sub(r"\bw/d\b", "w d", name[:LONGEST], flags=re.IGNORECASE)  # a washer and dryer
+    name = re.sub(r"\bw/", "with ", name, flags=re.IGNORECASE)
     name = BRACKETS.sub(" ", name).strip() or name
     parts = [part.partition(" - ")[0] for part in reversed(name.split("/"))]
     return [plain(part) for part in (name, *parts)]

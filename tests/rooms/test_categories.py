@@ -131,6 +131,11 @@ def test_what_a_piece_has_with_it_does_not_say_what_it_is(called: str, category:
     for name in called.split(", "):
         assert (name, names.category(name)) == (name, (category, True))
     assert names.category("Treadmill with table") == ("treadmill_with_table", False)
+    assert names.category("Treadmill W/ table") == names.category("Treadmill w/table") == ("treadmill_w_table", False)
+    assert names.category("Bed W/nightstand") == ("bed", True)
+    for name in ("W/D", "w/d", "Closet W/D", "closet w/d", "W/D (washer/dryer)"):
+        assert names.category(name) == (plain(name).replace(" ", "_"), False)
+    assert names.category("Washer/dryer") == ("washing_machine", True)
     assert names.category("And", "& bed", "with") == ("bed", True)
 
 
