@@ -60,6 +60,7 @@ class Storey(Generic[P]):
     notes: list[str] = field(default_factory=list)
     unsized: Counter[str] = field(default_factory=Counter)  # names of pieces of which no size is known
     odd: Counter[str] = field(default_factory=Counter)  # and of those of which a field is missing or odd
+    untold: set[str] = field(default_factory=set)  # ids of finished rooms of which nothing tells the type
     why_odd: str = ""  # what is expected of the first of these of which it is known
 
     @cached_property
@@ -198,6 +199,7 @@ class Storey(Generic[P]):
                 if item is not items[k]:
                     pieces[k] = replace(pieces[k], item=item, known=False)
             if told is None:
+                self.untold.add(room_id)
                 self.notes.append(taken_for(room))
             yield room, [pieces[k] for k in held]
 

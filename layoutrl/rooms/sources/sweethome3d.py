@@ -21,7 +21,7 @@ from shapely.geometry import Polygon
 from layoutrl import InputError
 from layoutrl.rooms.brief import lifted
 from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
-from layoutrl.rooms.collection import Collection, taken_for
+from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.sources.drawn import Storey, unused
@@ -166,7 +166,8 @@ def _home(
     if stay := sorted({piece.item.category for piece in walled if _moves(piece, moved, True)}):
         said = "stays where it is, at or within walls but in no drawn room"
         home.collection.notes.append(f"{said}: {', '.join(stay)} (draw its room, or park it away from all walls)")
-    _park(home, levels, parked, into, alone)
+    untold = {room_id for storey in storeys.values() for room_id in storey.untold}
+    _park(home, levels, untold, parked, into, alone)
     return home
 
 
@@ -309,10 +310,15 @@ def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
 
 
 def _park(
-    home: Home, levels: dict[str, str | None], parked: list[tuple[str | None, HomePiece]], into: str | None, alone: bool
+    home: Home,
+    levels: dict[str, str | None],
+    untold: set[str],
+    parked: list[tuple[str | None, HomePiece]],
+    into: str | None,
+    alone: bool,
 ) -> None:
     """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
-    type knows it and that has the floor for it. First come those of which anything tells the type, then those of its
+    type knows it and that has the floor for it. First come those whose type is not `untold`, then those of its
     level, then those in which it is usual, so that there is who places it, then those without such a piece, with the
     most floor free."""
     if into is not None and into not in home.pieces:
@@ -321,7 +327,6 @@ def _park(
         raise InputError(f"into: {home.path} has no room {into!r} to furnish; {said}")
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
-    untold = {room.id for room in home.rooms if taken_for(room) in home.collection.notes}
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}
     given: dict[str, list[Item]] = defaultdict(list)
     for level, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
