@@ -1,7 +1,7 @@
-"""Figures in one style: rooms, ways through them and maps over them, in metres, as PNG and SVG.
+"""Figures in one style: rooms, paths through them and maps over them, in metres, as PNG and SVG.
 
-Furniture, walls and openings have the colours of the picture that the agent sees (env/render.py); what lies over them
-is told apart by any eye. The style is `plt.style.use(STYLE)`.
+Furniture, walls and openings have the colours of the picture that the agent sees (env/render.py); the colours of what
+is drawn over them are safe for colour-blind readers. The style is `plt.style.use(STYLE)`.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE,
 from layoutrl.rooms.room import Item, Room
 
 STYLE = "layoutrl.figures.style"
-PLAIN: dict[str, Any] = {"text.parse_math": False}  # a style for names of the user's own: $ is a dollar
+PLAIN: dict[str, Any] = {"text.parse_math": False}  # a style for texts that hold users' names: $ is a dollar, not math
 BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#e69f00", "#009e73", "#cc79a7"
-# The designer's place, over all else.
+# How the designer's place is drawn, over all else.
 DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}
 
 HALO = [withStroke(linewidth=1.5, foreground="white")]
@@ -44,14 +44,14 @@ OUTLINE: dict[str, Any] = {
 }
 
 
-# Of what a picture shows: overlaps, in a wall, blocks, not reached, front.
+# Letters of the faults that a picture can show: Overlaps, in a Wall, Blocks, not Reached, Front.
 FAULT_MARKS = {OVERLAPS: "O", OUTSIDE: "W", BLOCKS: "B", OUT_OF_REACH: "R", FRONT_NOT_FREE: "F"}
 
 
 def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4) -> None:
-    """A room as designed: walls black, doors green, windows blue, the target red; a line shows an item's front.
+    """Draw a room as designed: walls black, doors green, windows blue, the target red; a line shows an item's front.
 
-    Without `moving`, the target is left out. `names` is the size of the categories' names, in points.
+    Without `moving`, the target is left out. `names` is the size of the categories' names in points; None for no names.
     """
     axes.set_aspect("equal")
     axes.axis("off")
@@ -66,20 +66,26 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
         if names:
             x0, y0, x1, y1 = item.footprint.bounds
-            along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: a narrow item has its name within it
+            along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: so the name fits into a narrow item
             name = item.category.replace("_", "\n")
             axes.text(*item.center, name, fontsize=names, rotation=along, ha="center", va="center")
     axes.autoscale_view()
 
 
 def in_drawing_order(room: Room) -> list[tuple[int, Item]]:
-    """The items that have a place, with their indices: what others stand on first, then what is under a table."""
+    """Return (index, item) of the items that have a place, in the order to draw them.
+
+    What others stand on comes first, then what is tucked under a table.
+    """
     placed = [(k, item) for k, item in enumerate(room.furniture) if item.center is not None]
     return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
 
 
 def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> list[Artist]:
-    """An item with its centre at a point; a rectangle with a line to its front. Returns what was drawn."""
+    """Draw an item centred at a point, with a line to its front if it is a filled rectangle; return what was drawn.
+
+    `looks` are properties of matplotlib's patches.
+    """
     usual: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.5}
     outline = Polygon(np.asarray(item.footprint_at((center[0], center[1])).exterior.coords), **usual | looks)
     axes.add_patch(outline)
@@ -89,13 +95,13 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
 
 
 def front(item: Item, center: Sequence[float]) -> np.ndarray:
-    """A line (2, 2) to the middle of its front, with its centre at a point."""
+    """Return a line (2, 2) to the middle of an item's front, for the item centred at a point. Metres."""
     angle = np.radians(item.degrees)
     return np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
 
 
 def draw_faults(axes: Axes, layout: Room, size: float = 5) -> None:
-    """A whole room without names: what has faults is hatched, with the first letters of each fault (FAULT_MARKS)."""
+    """Draw a whole room without names; hatch the items that have faults, and letter them as in FAULT_MARKS."""
     draw_room(axes, replace(layout, target=None), names=None)
     marks: dict[int, str] = {}
     for k, fault in faults(layout):
@@ -117,14 +123,14 @@ def draw_placed(axes: Axes, room: Room, place: Sequence[float], names: float | N
 
 
 def draw_episode(axes: Axes, room: Room, path: np.ndarray) -> None:
-    """A greedy episode: start (pale), the way (n, 2), and its end as `draw_placed` has it."""
+    """Draw a greedy episode: its start (pale), its path (n, 2) in metres, and its end as in `draw_placed`."""
     draw_placed(axes, room, path[-1])
     draw_item(axes, room.moving, path[0], facecolor=rgb(MOVING), alpha=0.25)
     axes.plot(*path.T, color="black", linewidth=1.0, marker="o", markersize=2.2)
 
 
 def room_legend(axes: Axes, rooms: Sequence[Room], **where: Any) -> None:
-    """What the colours stand for: furniture of these rooms, walls and openings, the item that moves."""
+    """Draw the legend of the colours: furniture of these rooms, walls and openings, the item that moves."""
     kinds = {"wall": BLACK, "door": DOOR, "window": WINDOW, rooms[0].moving.category: MOVING}
     kinds |= {item.category: color_of(item.category) for room in rooms for item in room.others}
     patches = [Patch(color=rgb(color), label=name.replace("_", " ")) for name, color in kinds.items()]
@@ -151,7 +157,7 @@ def metres(axes: Axes) -> None:
 
 
 def scale_bar(axes: Axes, *others: Axes) -> None:
-    """A bar of one metre under a room; the same room is drawn to the same scale in the others."""
+    """Draw a bar of one metre under a room; `others`, which show the same room, get the same limits and scale."""
     x0, x1 = axes.get_xlim()
     y0, y1 = axes.get_ylim()
     gap = 0.06 * max(x1 - x0, y1 - y0)
@@ -163,7 +169,10 @@ def scale_bar(axes: Axes, *others: Axes) -> None:
 
 
 def positions(simulator: Simulator, room: int, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where the item of a room can stand: a grid (rows, columns, 2) of positions in metres, and which are legal."""
+    """Return a grid of positions of a room's item (rows, columns, 2), and which of them are legal (rows, columns).
+
+    They are `spacing` apart. Metres.
+    """
     x0, y0, x1, y1 = simulator.legal[room].bounds
     grid = np.stack(np.meshgrid(np.arange(x0, x1 + spacing, spacing), np.arange(y0, y1 + spacing, spacing)), -1)
     legal = simulator.is_legal(np.full(grid[..., 0].size, room), grid.reshape(-1, 2))
@@ -171,28 +180,28 @@ def positions(simulator: Simulator, room: int, spacing: float) -> tuple[np.ndarr
 
 
 def draw_map(axes: Axes, grid: np.ndarray, values: np.ndarray, **looks: Any) -> QuadMesh:
-    """Values (rows, columns) of standing at each position of a grid; NaN is left open."""
+    """Draw values (rows, columns) of standing at each position of a grid (rows, columns, 2); NaN is left blank."""
     return axes.pcolormesh(grid[..., 0], grid[..., 1], values, shading="nearest", rasterized=True, **looks)
 
 
 def rgb(color: tuple[int, int, int]) -> tuple[float, float, float]:
-    """A colour of the picture, as matplotlib has it."""
+    """Convert a colour of the picture (0 to 255) to matplotlib's (0 to 1)."""
     red, green, blue = (channel / 255 for channel in color)
     return red, green, blue
 
 
 @contextmanager
 def any_script() -> Iterator[None]:
-    """A name in a script that the font lacks shows as boxes in a PNG: that is no warning."""
+    """Silence the warning about a script that the font lacks: a name in it shows as boxes in a PNG."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         yield
 
 
 def save(figure: Figure, path: Path, dpi: float = 150, option: str = "out") -> list[Path]:
-    """Write `<path>.png` and `<path>.svg`, the same every time, and return them.
+    """Write `<path>.png` and `<path>.svg`, the same every time, and return their paths.
 
-    Raises InputError where one cannot be written; `option` says where it was to be.
+    Raises InputError where one cannot be written; its message names `option`.
     """
     files = [path.with_name(f"{path.name}.{suffix}") for suffix in ("png", "svg")]
     for file in files:

@@ -1,8 +1,8 @@
-"""A room as a drawing: SVG in layers for the web and for print, to scale; PNG; and DXF for CAD.
+"""Drawings of a room: SVG in layers for the web and for print, to scale; PNG; and DXF for CAD.
 
-What is wrong with items, pairs (index, fault) as `faults` says them, is hatched and named; what has no place is named
-above the room. Below it stand a metre, how large the floor is, and the room's name, but in DXF, which has true sizes.
-Lengths are metres; y points up in DXF and down in SVG.
+Faults, pairs (index, fault) as `faults` returns them, are named at their items, which are hatched in SVG and PNG.
+Items without a place are named above the room. Below the room are a bar of one metre, the size of the floor and the
+room's id, but not in DXF, which has true sizes. Lengths are metres; y points up in DXF and down in SVG.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from layoutrl.rooms.room import Item, Point, Room
 Wrong = Iterable[tuple[int, str]]
 
 MARGIN = 0.1  # metres around the walls
-LINE = 0.2  # metres, of text
-FOOT = 0.65  # metres below, for a metre, the size of the floor and the room's name
-PRINTED = 40  # millimetres a metre in SVG: 1:25
+LINE = 0.2  # metres: the height of a line of text
+FOOT = 0.65  # metres below the room, for the bar, the size of the floor and the room's id
+PRINTED = 40  # millimetres per metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
-HALL = 7.0  # metres: in longer rooms names are as much larger
-ARC = 18  # straight lines for the leaf of a door
-POINTS = 1.6 * 72  # a metre in PNG
-WIDE = 0.6  # of a letter, as a share of its height
+HALL = 7.0  # metres: in longer rooms letters are larger in proportion
+ARC = 18  # straight lines for the arc of a door's leaf
+POINTS = 1.6 * 72  # points per metre in PNG
+WIDE = 0.6  # width of a letter, as a share of its height
 NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-MIDDLE = 5  # of a text in a DXF: its insertion point
+MIDDLE = 5  # a DXF text's attachment point: its middle
 ACI = {"A-WALL": 7, "A-DOOR": 3, "A-GLAZ": 5, "A-FURN": 8}  # layers of a DXF, and their AutoCAD colours
 
 
@@ -50,10 +50,10 @@ def draw(room: Room, wrong: Wrong, path: Path) -> None:
 
 
 def svg(room: Room, wrong: Wrong = ()) -> str:
-    """A drawing whose user units are metres, with a <g> for each layer.
+    """Return a drawing as SVG. Its user units are metres, and each layer is a <g>.
 
-    They are floor, walls, openings, leaves of doors, furniture, labels and scale. Every item is a <g> with its index as
-    data-id, its data-category, and its data-faults, if it has some.
+    The layers are floor, walls, openings, leaves of doors, furniture, labels and scale. Each item is a <g> with its
+    index as data-id, its data-category, and its data-faults, if it has some.
     """
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
@@ -101,7 +101,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
 
 
 def png(room: Room, wrong: Wrong, path: Path) -> None:
-    """The same as a picture of pixels."""
+    """Write the same drawing as PNG."""
     x0, y0, x1, y1 = sheet(room)
     with style.context([STYLE, PLAIN]), any_script():
         figure = Figure(figsize=(POINTS / 72 * (x1 - x0), POINTS / 72 * (y1 - y0)))
@@ -129,7 +129,10 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
 
 
 def dxf(room: Room, wrong: Wrong, path: Path) -> None:
-    """The same for CAD: closed polylines and circles, y up, the unit a metre. Needs ezdxf, the extra `dxf`."""
+    """Write a drawing for CAD: closed polylines and circles, y up, the unit a metre.
+
+    It needs ezdxf, the extra `dxf`. Raises ImportError without it.
+    """
     from ezdxf import units
     from ezdxf.filemanagement import new
 
@@ -168,14 +171,14 @@ def sheet(room: Room) -> tuple[float, float, float, float]:
 
 
 def _metre(x0: float, y0: float) -> list[Point]:
-    """A bar of one metre, with an upright at each end, in the corner (x0, y0) of a sheet."""
+    """Return the bar of one metre, with an upright at each end, for a sheet whose lower left corner is (x0, y0)."""
     left, low = x0 + MARGIN, y0 + MARGIN + 2 * LINE
     right, high = left + 1, low + MARGIN
     return [(left, high), (left, low), (right, low), (right, high)]
 
 
 def _size(room: Room) -> str:
-    """How large the floor is: the sides of the box around it, and its area."""
+    """Return the size of the floor as text: the sides of its bounding box, and its area."""
     x0, y0, x1, y1 = room.indoor.bounds
     return f"{x1 - x0:.2f} by {y1 - y0:.2f} m, {room.indoor.area:.1f} m²"
 
@@ -218,9 +221,10 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
 
 
 def _label(item: Item, faults: Sequence[str], coarse: float) -> str:
-    """The category, a word a line, and below it what is wrong, within the item where that can be read.
+    """Return an item's label: its category, one word per line, and below it the faults.
 
-    It is turned where its letters are much larger so.
+    The letters are as large as fit in the item, within the limits of `_letters`. The label is turned by a quarter where
+    that makes them much larger.
     """
     assert item.center is not None
     x0, y0, x1, y1 = item.footprint.bounds
@@ -240,18 +244,18 @@ def _label(item: Item, faults: Sequence[str], coarse: float) -> str:
 
 
 def _letters(lines: Sequence[str], width: float, height: float = np.inf, coarse: float = 1.0) -> float:
-    """The height of letters in metres by which lines are within width and height, where that can be read."""
+    """Return the height of letters in metres at which the lines fit width and height, within LETTERS times `coarse`."""
     least, most = LETTERS[0] * coarse, LETTERS[1] * coarse
     return min(max(min(width / (WIDE * max(1, *map(len, lines))), height / len(lines)), least), most)
 
 
 def _leaves(room: Room) -> list[np.ndarray]:
-    """The leaf of each door that has one, open, and the way to where it is shut: (n, 2) each."""
+    """Return for each door with a leaf the line (n, 2) along the open leaf and the arc to where it is shut."""
     return [np.vstack([leaf.hinge, leaf.arc(ARC)[::-1]]) for leaf in drawn_leaves(room) if leaf]
 
 
 def _coarse(room: Room) -> float:
-    """How many times larger letters are than LETTERS: on a screen a hall is shown as small as a room."""
+    """Return how many times larger letters are than LETTERS: a screen shows a hall as small as a room."""
     x0, y0, x1, y1 = room.envelope.bounds
     return max(1.0, max(x1 - x0, y1 - y0) / HALL)
 
@@ -261,7 +265,7 @@ def _text(text: str, x: float, y: float, size: float) -> str:
 
 
 def in_xml(text: str) -> str:
-    """Text without the characters that XML cannot hold, as controls: they are replaced."""
+    """Replace the characters that XML cannot hold, such as control characters, by U+FFFD."""
     return NOT_IN_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
@@ -278,7 +282,7 @@ def _points(ring: Iterable[Point]) -> str:
 
 
 def _number(metres: float) -> str:
-    """To a tenth of a millimetre, as far as 100 km from the origin."""
+    """Format metres to a tenth of a millimetre, as far as 100 km from the origin."""
     return f"{round(float(metres), 4) + 0.0:.9g}"
 
 

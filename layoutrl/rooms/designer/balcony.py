@@ -14,13 +14,16 @@ from layoutrl.rooms.designer.shell import Box, Dice, Gap, Shell
 from layoutrl.rooms.designer.template import RoomType, Template
 
 DOOR_STRIP = 70  # kept empty along the door
-POST = 15  # solid at either end of the glass; unsourced
-CORNER = 65  # of house wall at either end of most doors, room for the laundry or a chair; unsourced
-OFF_CENTRE = 20  # at least, of a door from the middle, so that one end is the far one; unsourced
+POST = 15  # solid wall at either end of the glass; unsourced
+CORNER = 65  # house wall on both sides of most doors: room for the laundry or a chair; unsourced
+OFF_CENTRE = 20  # the least distance of a door's middle from the balcony's, so that one end is the far one; unsourced
 
 
 def shell(dice: Dice) -> Shell:
-    """The first window is the glass; most have one short side glazed too, some a column in a corner by the house."""
+    """Draw a bare balcony.
+
+    Its first window is the glass front. Most have one short side glazed too, some a column in a corner by the house.
+    """
     while True:
         depth, length = dice.between(110, 180, 5), dice.spread(240, 300, 360, 425, 450)
         if not 30000 <= depth * length <= 65000:
@@ -48,7 +51,7 @@ def shell(dice: Dice) -> Shell:
 
 
 def _column(dice: Dice, width: int, height: int, house: int) -> tuple[Box]:
-    """In one of the two corners by the house."""
+    """Return a column in one of the two corners by the house; `house` is the direction from there to the glass."""
     a, b = dice.between(25, 45, 5), dice.between(25, 45, 5)
     low, right = (dice.chance(50), house == 2) if house % 2 == 0 else (house == 1, dice.chance(50))
     x, y = width - a if right else 0, 0 if low else height - b
@@ -56,27 +59,27 @@ def _column(dice: Dice, width: int, height: int, house: int) -> tuple[Box]:
 
 
 def off_the_way(plan: Plan, place: Place) -> int:
-    """It leaves the strip before the doors."""
+    """YES if it leaves the strip in front of the doors free."""
     return NO if any(place.box.overlaps(door.strip(DOOR_STRIP)) for door in plan.shell.doors) else YES
 
 
 def at_house(plan: Plan, place: Place) -> int:
-    """Its back to the wall with the door."""
+    """YES if its back is to the wall with the door."""
     return YES if place.wall == plan.shell.entrance.wall else NO
 
 
 def solid_end(plan: Plan, place: Place) -> int:
-    """It touches no glazed short side."""
+    """YES if it touches no glazed short side."""
     return NO if any(place.box.gap(window.strip(1)) == 0 for window in plan.shell.windows[1:]) else YES
 
 
 def looks_out(plan: Plan, place: Place) -> int:
-    """Through the glass."""
+    """YES if it faces the glass front."""
     return YES if place.facing == plan.shell.entrance.wall.normal else NO
 
 
 def other_end(plan: Plan, place: Place) -> int:
-    """It touches the end without the laundry, but not with its back to the glass."""
+    """YES if it touches a short side far from the laundry, but not with its back to the glass front."""
     ends = [w for w in plan.shell.walls if (w.normal - plan.shell.entrance.wall.normal) % 2]
     at_end = any(place.box.side((wall.normal + 2) % 4) == wall.at for wall in ends)
     away = place.box.gap(plan["laundry_cabinet"].box) > plan.shell.long // 4
@@ -84,7 +87,7 @@ def other_end(plan: Plan, place: Place) -> int:
 
 
 def opposite_door(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Against the glass, in view from the house, flush with either jamb."""
+    """Propose places against the glass front, in view from the house, flush with either jamb of the door."""
     door, front = plan.shell.entrance, plan.shell.windows[0].wall
     for lo in (door.lo, door.hi - piece.width):
         yield against(piece, front, lo)
@@ -103,7 +106,7 @@ def across(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def long_cabinet(dice: Dice, shell: Shell) -> Piece:
-    """Along the house wall, as long as leaves room for what stands between it and the corner or the door."""
+    """Return a cabinet for the house wall that leaves room for what stands beside it, at the corner or the door."""
     width = min(dice.between(120, 150, 5), beside_door(shell) // 5 * 5 - 60)
     return Piece("laundry_cabinet", width, 60, front=60)
 

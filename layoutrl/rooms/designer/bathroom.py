@@ -1,6 +1,6 @@
 """Bathrooms: the vanity by the door, the shower or bathtub at the far end, the toilet between them.
 
-Sizes and clearances after the NKBA's guidelines and Chinese practice; floors as in GB 50096-2011.
+Sizes and clearances follow the NKBA's guidelines and Chinese practice; floor areas are as in GB 50096-2011.
 Shares, and sizes without a source, are unsourced conventions.
 """
 
@@ -42,14 +42,14 @@ SHELLS = Shells(
 
 
 def toilet(dice: Dice) -> Piece:
-    """As much room on its left as on its right, counted from its axis."""
+    """Return a toilet that keeps TOILET_AXIS free on both sides of its axis."""
     width = dice.between(38, 42, 2)
     side = TOILET_AXIS - width // 2
     return Piece("toilet", width, dice.between(65, 75, 5), front=60, sides=((side, side),))
 
 
 def shower(dice: Dice, widest: int) -> Piece:
-    """A square tray, or a round one."""
+    """Return a square or round shower, 80 to 100 centimetres wide and at most `widest`, which is 90 or more."""
     if dice.chance(33):
         side = dice.pick({90: 60, 100: 40}) if widest >= 100 else 90
         return Piece("shower", side, side, front=60, circle=True)
@@ -58,7 +58,7 @@ def shower(dice: Dice, widest: int) -> Piece:
 
 
 def bathtub(dice: Dice, length: int) -> Piece:
-    """So many centimetres long."""
+    """Return a bathtub of this length in centimetres."""
     return Piece("bathtub", length, dice.between(70, 80, 5))
 
 
@@ -75,33 +75,33 @@ def vanity(dice: Dice, lowest: int, highest: int) -> Piece:
 
 
 def on_wall_of(category: str) -> Rule:
-    """Its back to the same wall as what is placed already."""
+    """Return a rule: YES if its back is to the same wall as a placed piece of the category."""
     return lambda plan, place: YES if any(place.wall == host.wall for host in plan.all(category)) else NO
 
 
 def on_long_wall(plan: Plan, place: Place) -> int:
-    """Its back to a wall as long as the room, but for a shaft."""
+    """YES if its back is to a wall as long as the room, but for a shaft."""
     assert place.wall is not None
     return YES if place.wall.length >= plan.shell.long - SHELLS.notch[1] else NO
 
 
 def fills_wall(plan: Plan, place: Place) -> int:
-    """From one end of its wall to the other."""
+    """YES if it reaches from one end of its wall to the other."""
     return YES if place.wall and place.wall.length == place.piece.width else NO
 
 
 def deeper_than_vanity(plan: Plan, place: Place) -> int:
-    """Farther from the door than the vanity."""
+    """YES if it is farther from the entrance than the vanity."""
     return YES if far_from("entrance")(plan, place) > far_from("entrance")(plan, plan["vanity"]) else NO
 
 
 def before_bathing(plan: Plan, place: Place) -> int:
-    """Nearer to the door than the shower or bathtub, which stands already."""
+    """YES if it is nearer to the entrance than the shower or bathtub, which is placed first."""
     return YES if near("entrance")(plan, place) > near("entrance")(plan, plan.places[0]) else NO
 
 
 def beside_something(plan: Plan, place: Place) -> int:
-    """No farther than it must be from a wall or a fixture on one of its sides."""
+    """YES if, on one of its sides, a wall or a fixture is as near as its clearance allows."""
     for keep in (place.box.beyond((place.facing + side) % 4, place.sides[0] + 1) for side in (1, -1)):
         if not plan.shell.holds(keep) or any(keep.overlaps(other.box) for other in plan.places):
             return YES
@@ -109,14 +109,14 @@ def beside_something(plan: Plan, place: Place) -> int:
 
 
 def wet_wall(plan: Plan, place: Place) -> int:
-    """Another fixture stands against the wall behind it."""
+    """YES if another fixture stands against the same wall."""
     assert place.wall is not None
     behind = place.wall.box(place.wall.lo, place.wall.hi, 1)
     return YES if any(behind.overlaps(other.box) for other in plan.places) else NO
 
 
 def row(shell: Shell) -> int:
-    """How long a row of fixtures may be: the shortest long wall without the door."""
+    """Return how long a row of fixtures may be: the shortest long wall without the entrance; 0 if there is none."""
     lowest = shell.long - SHELLS.notch[1]
     return min((w.length for w in shell.walls if w.length >= lowest and w != shell.entrance.wall), default=0)
 

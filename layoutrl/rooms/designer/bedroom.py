@@ -1,7 +1,7 @@
 """Bedrooms: the headboard on a solid wall at right angles to the window, the wardrobe by the door.
 
-Sides of rooms, widths of doors and windows as in the authors' 41 real bedrooms; clearances after HUD 1973 and Neufert.
-Shares, and sizes without a source, are unsourced conventions.
+Sides of rooms and widths of doors and windows are as in the authors' 41 real bedrooms; clearances follow HUD 1973
+and Neufert. Shares, and sizes without a source, are unsourced conventions.
 """
 
 from __future__ import annotations
@@ -57,14 +57,17 @@ def longest_solid_wall(shell: Shell) -> int:
 
 
 def double_bed(dice: Dice, shell: Shell) -> Piece:
-    """Both sides are walked along; before the foot a passage, a narrow one in a narrow room."""
+    """Return a double bed with floor to walk on at both sides and before its foot, where a narrow room has less."""
     width = dice.pick({150: 60, 180: 40}) if is_roomy(shell) else 150
     front = 80 if is_roomy(shell) else 60
     return Piece("bed", width, dice.between(200, 210, 5), front, sides=((60, 60), (60, 30), (30, 60)))
 
 
 def wardrobe(dice: Dice, shell: Shell, shortest: int = 150, longest: int = 240) -> Piece:
-    """Shorter, with a narrower passage before it, in a narrow room."""
+    """Return a wardrobe, `shortest` to `longest` centimetres wide.
+
+    In a narrow room it is 120 to 180 wide instead, with a narrower passage before it.
+    """
     if is_roomy(shell):
         return Piece("wardrobe", dice.between(shortest, longest, 5), dice.pick({60: 70, 55: 30}), front=90, tall=True)
     return Piece("wardrobe", dice.between(120, 180, 5), dice.pick({60: 50, 55: 50}), front=75, tall=True)

@@ -1,6 +1,6 @@
 """Dining rooms: the table in the middle of the free floor, chairs around it, the sideboard away from the door.
 
-Clearances before the table after the NKBA's guidelines, floors without a window after GB 50096; other sizes and
+Clearances before the table follow the NKBA's guidelines, floor areas without a window GB 50096; other sizes and
 shares are unsourced conventions.
 """
 
@@ -37,7 +37,7 @@ SHELLS = Shells(
 
 
 def shell(dice: Dice) -> Shell:
-    """Without a window only up to 10 square metres (GB 50096)."""
+    """Draw a bare dining room; one without a window has at most 10 square metres (GB 50096)."""
     while True:
         drawn = SHELLS.draw(dice)
         if drawn.windows or drawn.area <= 100000:
@@ -45,24 +45,24 @@ def shell(dice: Dice) -> Shell:
 
 
 def clear_around(plan: Plan, place: Place) -> int:
-    """How far the nearest wall, placed piece or door's swing is."""
+    """The distance to the nearest wall, placed piece or door's swing, along x plus along y."""
     sides = [wall.box(wall.lo, wall.hi, -1) for wall in plan.shell.walls]
     return min(place.box.gap(box) for box in (*sides, *plan.shell.swings, *(other.box for other in plan.places)))
 
 
 def in_free_floor(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """In the middle of the floor that no door sweeps, or of the whole floor."""
+    """Propose the middles of the empty floor that no door sweeps, then those of all empty floor."""
     yield from in_the_middle(plan, piece)
     yield from in_the_middle(replace(plan, shell=replace(plan.shell, doors=())), piece)
 
 
 def off_door_walls(plan: Plan, place: Place) -> int:
-    """No door in the wall behind it, near or far."""
+    """YES if there is no door anywhere in the wall behind it."""
     return NO if any(door.wall == place.wall for door in plan.shell.doors) else YES
 
 
 def seat(percent: int, *sides: int) -> Where:
-    """A chair at one of these sides of the table, looking at it."""
+    """Propose a place for a chair at each of these sides of the table, facing it, `percent` of the way along."""
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for side in sides:
@@ -72,12 +72,15 @@ def seat(percent: int, *sides: int) -> Where:
 
 
 def chairs(*seats: tuple[int, int]) -> list[Step]:
-    """One at each (side, percent along it) of the table."""
+    """Return the steps for a chair at each (side, percent along it) of the table."""
     return [Step(CHAIR, seat(percent, side)) for side, percent in seats]
 
 
 def sideboard(dice: Dice, shell: Shell) -> list[Step]:
-    """At a solid wall away from the doors; only where it leaves room for the table."""
+    """Return the step for a sideboard at a solid wall away from the doors, or no step.
+
+    There is none in narrow rooms, where the table needs the floor, and in a tenth of the others.
+    """
     if shell.short < 270 or not dice.chance(90):
         return []
     piece = Piece("sideboard", dice.between(100, 180, 10), dice.pick({40: 60, 45: 40}), front=SIDEBOARD_FRONT)

@@ -1,6 +1,7 @@
-"""Designed rooms by type, part, seed and index: the same in any order, by any number of processes, on any machine.
+"""Designed rooms: each follows from its type, part, seed and index alone.
 
-NumPy may change its streams of random numbers from one version to another; a test would tell.
+It is the same in any order, by any number of processes, on any machine. NumPy may change its streams of random
+numbers from one version to another; a test would tell.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ ROOM_TYPES = {
 Part = Literal["train", "test"]
 PARTS: tuple[Part, ...] = ("train", "test")  # their seeds differ
 NAMED = 3  # reasons named for each template in a summary
-FEW = 100  # rooms for which starting more processes takes longer than it saves
-TASK = 10  # rooms a process designs at a time, and Ctrl-C waits for
-MOST_PROCESSES = 61  # that Windows can wait for
+FEW = 100  # rooms: for so few, starting processes takes longer than it saves
+TASK = 10  # rooms that a process designs at a time: Ctrl-C waits for them
+MOST_PROCESSES = 61  # the most that Windows can wait for
 
 
 @dataclass
@@ -57,7 +58,10 @@ class Design:
 
 
 def design_room(room_type: str, part: Part, seed: int, index: int) -> Design:
-    """One room. Shells in which the template cannot be built are drawn anew, and the reasons kept."""
+    """Design one room.
+
+    Where the template cannot be built in the shell, keep the reason, and draw a new shell and template.
+    """
     kind = ROOM_TYPES[room_type]
     dice = Dice(seed, PARTS.index(part), list(MAIN_ITEM).index(room_type), index)
     rejected: list[tuple[str, str]] = []
@@ -116,7 +120,10 @@ def joined(parts: Iterable[Designs]) -> Designs:
 
 
 def design_each(room_type: str, part: Part, seed: int, indices: Sequence[int]) -> Generator[Designs, None, None]:
-    """Rooms in the order of their indices, one at a time, designed on all cores. Who wants no more must close it."""
+    """Design the rooms with these indices on all cores and yield them in order, one at a time.
+
+    A caller that stops early must close the generator.
+    """
     one = partial(_one, room_type, part, seed)
     shown = partial(_shown, f"designing {room_type} rooms, {part}", len(indices))
     if len(indices) <= FEW:
@@ -126,14 +133,14 @@ def design_each(room_type: str, part: Part, seed: int, indices: Sequence[int]) -
     pool = ProcessPoolExecutor(min(cores, len(indices) // TASK, MOST_PROCESSES), initializer=_begin_worker)
     try:
         with _deaf_to_ctrl_c():
-            designed = pool.map(one, indices, chunksize=TASK)  # which begins all workers
+            designed = pool.map(one, indices, chunksize=TASK)  # starts all workers
         yield from shown(designed)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
 def _shown(what: str, total: int, designed: Iterable[Designs]) -> Iterator[Designs]:
-    # No bar in under a second, or in a file.
+    # No bar in the first second, or where the output is no terminal.
     with tqdm(desc=what, total=total, unit="room", delay=1, disable=None) as bar:
         for one in designed:
             bar.update()
@@ -142,7 +149,10 @@ def _shown(what: str, total: int, designed: Iterable[Designs]) -> Iterator[Desig
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """What is started inside ignores Ctrl-C from its first moment, so that no import ends in a traceback."""
+    """Let processes that are started inside ignore Ctrl-C from their first moment.
+
+    Otherwise Ctrl-C during their imports ends in a traceback.
+    """
     if threading.current_thread() is not threading.main_thread():  # elsewhere signals cannot be set
         yield
         return
@@ -154,18 +164,18 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 
 def _begin_worker() -> None:
-    """Ctrl-C, which every process of a terminal gets, is left to the process that wants the rooms."""
+    """Ignore Ctrl-C, which reaches every process of a terminal: the parent handles it. End with the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """A worker whose parent is killed would wait for work for ever."""
+    """Wait for the parent to end, and exit: a worker whose parent is killed would wait for work for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     try:
         parent.join()
-    except ValueError:  # forked by a worker of joblib, it is told of no end to wait for
+    except ValueError:  # forked by a worker of joblib, it has nothing to join
         while os.getppid() == parent.ident:
             time.sleep(1)
     os._exit(1)
@@ -177,7 +187,7 @@ def _one(room_type: str, part: Part, seed: int, index: int) -> Designs:
 
 
 def _room(room_id: str, room_type: str, shell: Shell, places: Sequence[Place]) -> Room:
-    """In metres, the origin in the lower left corner of the shell's box."""
+    """Convert a shell and its places to a room in metres, the origin in the lower left corner of the shell's box."""
     outline = tuple((x / 100, y / 100) for x, y in shell.outline)
     openings = (
         *(Opening("door", _band(shell, door)) for door in shell.doors),
@@ -196,7 +206,7 @@ def _band(shell: Shell, gap: Gap) -> tuple[tuple[float, float], ...]:
 
 
 def item_of(place: Place) -> Item:
-    """What is placed, in metres and degrees."""
+    """Convert a place to an item, in metres and degrees."""
     piece = place.piece
     center = (place.twice_center[0] / 200, place.twice_center[1] / 200)
     form: Literal["rectangle", "circle"] = "circle" if piece.circle else "rectangle"

@@ -1,7 +1,7 @@
 """Kitchens: from the fridge by the door over the sink at the window and a counter to prepare on, to the cooktop.
 
-The order, with counters between and beside, is that of the NKBA's guidelines, but the legs of their work triangle are
-not enforced; floors as in GB 50096-2011. Shares, and sizes without a source, are unsourced conventions.
+The order, with counters between and beside, follows the NKBA's guidelines, but the legs of their work triangle are
+not enforced; floor areas are as in GB 50096-2011. Shares, and sizes without a source, are unsourced conventions.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from layoutrl.rooms.designer.search import Piece, Place, Plan, Rule, Step, Where
 from layoutrl.rooms.designer.shell import Dice, Shell, Shells
 from layoutrl.rooms.designer.template import RoomType, Template
 
-DEPTH = 60  # of counters and of what is let into them
-CORNER = 90  # of a counter in a corner, so that who stands before it reaches it
+DEPTH = 60  # of counters and of what is built into them
+CORNER = 90  # width of a counter in a corner, so that a person before it reaches it
 LANDING = 30  # the least counter on either side of the cooktop
 PREPARATION = 60  # the least counter between sink and cooktop
-OFF_WINDOW = 30  # the cooktop, whose flame a draught would blow out
-AISLE = 90  # before a run, to a wall or another run
+OFF_WINDOW = 30  # from the cooktop, whose flame a draught would blow out, to a window
+AISLE = 90  # from the front of a run to a wall or another run
 SHORTEST_RUN = 300  # fridge, sink, counter, cooktop and counter, with a hand to spare
 
 SHELLS = Shells(
@@ -50,12 +50,12 @@ SHELLS = Shells(
 
 
 def longest_run(shell: Shell) -> int:
-    """The longest wall without the entrance."""
+    """Return the length of the longest wall without the entrance."""
     return max(wall.length for wall in shell.walls if wall != shell.entrance.wall)
 
 
 def widest(shell: Shell) -> int:
-    """Of an appliance: 60 where the longest run has just room for all, up to 90 where it is longer."""
+    """Return the greatest width of an appliance: 60 where the longest run just holds all, up to 90 in longer ones."""
     return max(60, min(90, 60 + (longest_run(shell) - SHORTEST_RUN) // 4))
 
 
@@ -66,7 +66,7 @@ def fridge(dice: Dice, shell: Shell) -> Piece:
 
 
 def sink(dice: Dice, shell: Shell) -> Piece:
-    """As wide as the kitchen allows."""
+    """Return a sink, from 60 centimetres to as wide as the kitchen allows."""
     return Piece("sink", dice.between(60, widest(shell), 10), DEPTH, front=AISLE)
 
 
@@ -76,12 +76,12 @@ def cooktop(dice: Dice, shell: Shell, highest: int = 90) -> Piece:
 
 
 def counter(least: int) -> Piece:
-    """At least so many centimetres wide."""
+    """Return a counter, at least `least` centimetres wide: `filling` may widen it."""
     return Piece("counter", least, DEPTH)
 
 
 def run_ends(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Where a run of counters may begin: at a wall's end, or where a door's swing cuts it short."""
+    """Propose where a run of counters may begin: at a wall's end, or where a door's swing cuts the wall short."""
     for wall in plan.shell.walls:
         for lo, hi in free_spans(plan, wall, piece.depth):
             for start in (lo, hi - piece.width):
@@ -89,10 +89,10 @@ def run_ends(plan: Plan, piece: Piece) -> Iterator[Place]:
 
 
 def under_window(after: int, beyond: int) -> Where:
-    """Centred on the window, but for what must fit between here and the next obstacle on either side.
+    """Propose places under each window, as near to its middle as the clearances allow.
 
-    On the fridge's wall the sink stands beside the fridge, or beyond a counter at least `after` long; `beyond` is kept
-    on the other side, and on both sides of a wall without the fridge.
+    `beyond` is kept free on both sides, but on the fridge's wall only on the side away from the fridge; there the sink
+    stands right beside the fridge, or leaves at least `after` for a counter between them.
     """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
@@ -120,7 +120,7 @@ def under_window(after: int, beyond: int) -> Where:
 
 
 def past_sink(preparation: int) -> Where:
-    """In line with the sink, a counter away from it and well past the window."""
+    """Propose places against the sink's wall, `preparation` from it, or farther to be OFF_WINDOW past a window."""
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for side in (LEFT, RIGHT):
@@ -137,33 +137,33 @@ def past_sink(preparation: int) -> Where:
 
 
 def off_window(plan: Plan, place: Place) -> int:
-    """Well away from any window."""
+    """YES if it is at least OFF_WINDOW away from any window."""
     return YES if not plan.shell.windows or far_from("window")(plan, place) >= OFF_WINDOW else NO
 
 
 def on_window_wall(plan: Plan, place: Place) -> int:
-    """Its back to a wall with a window."""
+    """YES if its back is to a wall with a window."""
     return YES if any(window.wall == place.wall for window in plan.shell.windows) else NO
 
 
 def beside_window_wall(plan: Plan, place: Place) -> int:
-    """Its wall meets that of a window."""
+    """YES if its wall is at right angles to that of a window."""
     return YES if any((window.wall.normal - place.facing) % 2 for window in plan.shell.windows) else NO
 
 
 def on_side_wall(plan: Plan, place: Place) -> int:
-    """Along the room."""
+    """YES if its back is to a long side of the room."""
     along = 0 if plan.shell.height >= plan.shell.width else 1
     return YES if place.facing % 2 == along else NO
 
 
 def without_holes(plan: Plan, place: Place) -> int:
-    """The sink touches its neighbours on both sides, so that the run is whole."""
+    """YES if the sink touches at least two other pieces, so that the run has no gap at it."""
     return YES if sum(plan["sink"].box.gap(other.box) == 0 for other in plan.places) > 2 else NO  # itself counts
 
 
 def across_from(category: str) -> Rule:
-    """It faces what is placed already."""
+    """Return a rule: YES if it and the first placed piece of the category face opposite ways."""
     return lambda plan, place: YES if (place.facing - plan[category].facing) % 4 == 2 else NO
 
 
@@ -222,7 +222,10 @@ def two_line(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def sink_in_line(beyond: int) -> Where:
-    """Under the window of the fridge's wall, or beside the fridge where that wall has none."""
+    """Propose places under the window of the fridge's wall, or beside the fridge where that wall has none.
+
+    `beyond` is as in `under_window`.
+    """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         if on_window_wall(plan, plan["fridge"]):
@@ -234,25 +237,28 @@ def sink_in_line(beyond: int) -> Where:
 
 
 def clear_width(shell: Shell) -> int:
-    """Across the room, between a shaft and the wall ahead of it."""
+    """Return the width across the room, less the largest shaft."""
     if shell.width <= shell.height:
         return shell.width - max((notch.x1 - notch.x0 for notch in shell.notches), default=0)
     return shell.height - max((notch.y1 - notch.y0 for notch in shell.notches), default=0)
 
 
 def suits_one_line(shell: Shell) -> bool:
-    """Too narrow for two runs; a window within the run takes some of its length."""
+    """Return whether the room is too narrow for two runs, but long enough for one.
+
+    A window within the run takes some of its length.
+    """
     needed = SHORTEST_RUN + (30 if any(window.wall.length > SHORTEST_RUN - 60 for window in shell.windows) else 0)
     return shell.short <= 200 and clear_width(shell) >= DEPTH + AISLE and longest_run(shell) >= needed
 
 
 def suits_l(shell: Shell) -> bool:
-    """A window in a long wall."""
+    """Return whether the room is wide enough and a long wall has a window."""
     return clear_width(shell) >= 180 and any(window.wall.length >= 240 for window in shell.windows)
 
 
 def suits_u(shell: Shell) -> bool:
-    """A window in a short wall, between two runs."""
+    """Return whether a short wall with a window fits two runs and an aisle, and some wall is long enough for a run."""
     wide = DEPTH + AISLE + DEPTH
     end = any(wide <= window.wall.length < 250 for window in shell.windows)
     return end and clear_width(shell) >= 180 and longest_run(shell) >= SHORTEST_RUN

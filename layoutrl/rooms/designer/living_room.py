@@ -102,7 +102,7 @@ class Corridors(Shells):
 
 
 def corridor(shell: Shell) -> Box:
-    """The arm: of the two strips beside the notch the narrower."""
+    """Return the arm: the narrower of the strips of floor beside the notch."""
     (notch,) = shell.notches
     flanks = (
         Box(notch.x0, notch.y1, notch.x1, shell.height),
@@ -125,7 +125,7 @@ CORRIDORS = Corridors(
 
 
 def shell(dice: Dice) -> Shell:
-    """One in five is entered through a corridor; most are lit from a short side. Unsourced."""
+    """Draw a bare living room: one in five is entered through a corridor, most are lit from a short side. Unsourced."""
     kind = CORRIDORS if dice.chance(20) else PLAIN
     from_any_side = dice.chance(30)
     while True:
@@ -142,7 +142,7 @@ def lit_from_short_side(shell: Shell) -> bool:
 
 
 def off_the_route(plan: Plan, place: Place) -> int:
-    """No door opens, and no straight way from door to door runs, between it and what it looks at."""
+    """YES if no door opens, and no straight way from door to door runs, between it and what it faces."""
     view = shapely.box(*place.box.beyond(place.facing, TO_TV[1]))
     doors = [shapely.box(*swing).centroid for swing in plan.shell.swings]
     ways = [*doors, *(shapely.LineString(pair) for pair in combinations(doors, 2))]
@@ -150,8 +150,9 @@ def off_the_route(plan: Plan, place: Place) -> int:
 
 
 def at_right_angles(along: int = 0) -> Where:
-    """Facing the coffee table from one of its ends, clear of the sofa: away from walls, or with its back against one.
+    """Propose seats that face the coffee table from one of its ends, clear of the sofa.
 
+    A seat with less than SQUEEZE behind it moves back to the wall, if that is no farther than FAR_SEAT from the table.
     `along` is how far its middle lies off the coffee table's, away from the sofa.
     """
 
@@ -171,7 +172,7 @@ def at_right_angles(along: int = 0) -> Where:
 
 
 def next_armchair(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """In line with the first armchair, on its side away from the sofa, and as far from the wall."""
+    """Propose the place beside the first armchair, away from the sofa, if it is as far from the wall."""
     first = plan["armchair"]
     second = replace(first, box=moved(first.box, plan["sofa"].facing, piece.width + BETWEEN))
     if behind(plan.shell, second) == behind(plan.shell, first):
@@ -185,13 +186,13 @@ def moved(box: Box, direction: int, by: int) -> Box:
 
 
 def behind(shell: Shell, place: Place) -> int:
-    """How far it is from its back to the wall."""
+    """Return the distance from its back to the wall, at most SQUEEZE."""
     back = (place.facing + 2) % 4
     return next((d for d in range(SQUEEZE) if not shell.holds(place.box.beyond(back, d + 1))), SQUEEZE)
 
 
 def sofa(dice: Dice, shell: Shell) -> Piece:
-    """Shorter in a narrow room. A hand's breadth at its ends."""
+    """Return a sofa, shorter in a narrow room, with a hand's breadth free at its ends."""
     widest = max(180, min(240, shell.short * 55 // 100))
     return Piece("sofa", dice.between(180, widest, 10), dice.between(85, 100, 5), front=TO_TABLE, sides=((20, 20),))
 
@@ -216,7 +217,7 @@ def side_table(dice: Dice) -> Piece:
 
 
 def shelf(dice: Dice) -> Step:
-    """Books in a corner far from the sofa, or plants in one by the window."""
+    """Return the step for books in a corner far from the entrance, or for plants in one by the window."""
     if dice.chance(60):
         bookcase = Piece("bookcase", dice.between(80, 160, 10), dice.pick({30: 60, 35: 40}), front=75, tall=True)
         return Step(bookcase, only(apart(CLEAR), only(in_corner, ends)), (far_from("entrance"),), optional=True)
@@ -283,7 +284,7 @@ def island(dice: Dice, shell: Shell) -> list[Step]:
 
 
 def deep(shell: Shell) -> bool:
-    """So deep that the far wall is too far to watch, and lit from the side of who looks that way."""
+    """Return whether the room is too long to watch from wall to wall, and lit from the side as one looks along it."""
     return shell.long >= 520 and not lit_from_short_side(shell)
 
 

@@ -1,7 +1,7 @@
-"""Where a piece may come to stand: each function names the places worth a look, and the search drops what does not fit.
+"""Candidate places of a piece: each function proposes some, and the search drops those that do not fit.
 
 Nobody places furniture at a random centimetre: a piece touches a corner, a neighbour or the edge of a
-door's swing, or it is centred on something. So a handful of places a wall is all there is to try.
+door's swing, or it is centred on something. So a handful of places per wall is enough to try.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from dataclasses import replace
 from layoutrl.rooms.designer.search import Piece, Place, Plan, Rule, Where
 from layoutrl.rooms.designer.shell import Box, Wall
 
-LEFT, RIGHT = 1, -1  # quarters from the direction that a piece faces
+LEFT, RIGHT = 1, -1  # quarter turns from the direction that a piece faces
 
 
 def free_spans(plan: Plan, wall: Wall, depth: int, tall: bool = False) -> list[tuple[int, int]]:
-    """The stretches of a wall before which `depth` centimetres are empty, and no window's daylight if `tall`.
+    """Return the stretches (lo, hi) of a wall that have nothing within `depth` centimetres before them.
 
-    A stretch may still be too shallow, as the room may end sooner: Plan.fits decides.
+    Pieces, doors' swings and notches count, and the daylight of windows if `tall`. A stretch may still be too shallow,
+    as the room may end sooner: Plan.fits decides.
     """
     strip = wall.box(wall.lo, wall.hi, depth)
     blocks = [place.box for place in plan.places] + list(plan.shell.swings) + list(plan.shell.notches)
@@ -34,13 +35,13 @@ def free_spans(plan: Plan, wall: Wall, depth: int, tall: bool = False) -> list[t
 
 
 def against(piece: Piece, wall: Wall, lo: int, sides: tuple[int, int] = (0, 0), host: Place | None = None) -> Place:
-    """Its back to a wall, from `lo` along it on."""
+    """Return the place of a piece with its back to a wall, from `lo` along it on."""
     box = wall.box(lo, lo + piece.width, piece.depth)
     return Place(piece, box, wall.normal, wall, sides, host)
 
 
 def ends(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Against any wall, at either end of what is free there."""
+    """Propose places against any wall, at either end of each free stretch."""
     for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
         at_lo, at_hi = _along(wall, sides)
         yield against(piece, wall, lo + at_lo, sides)
@@ -48,30 +49,33 @@ def ends(plan: Plan, piece: Piece) -> Iterator[Place]:
 
 
 def middles(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Against any wall, in the middle of what is free there."""
+    """Propose places against any wall, in the middle of each free stretch."""
     for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
         yield against(piece, wall, (lo + hi - piece.width) // 2, sides)
 
 
 def walls(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Against any wall, at either end or in the middle of what is free there."""
+    """Propose places against any wall, at either end and in the middle of each free stretch."""
     yield from ends(plan, piece)
     yield from middles(plan, piece)
 
 
 def only(rule: Rule, where: Where) -> Where:
-    """Those places alone that keep a yes-or-no rule."""
+    """Keep the proposed places for which a yes-or-no rule says YES."""
     return lambda plan, piece: (place for place in where(plan, piece) if rule(plan, place))
 
 
 def at_window(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Under a window, centred on it."""
+    """Propose places under each window, centred on it."""
     for window in plan.shell.windows:
         yield against(piece, window.wall, (window.lo + window.hi - piece.width) // 2)
 
 
 def beside(category: str, side: int, gap: int = 0) -> Where:
-    """To the LEFT or RIGHT of what is placed already (left of who sits on it), against the same wall."""
+    """Propose places beside each placed piece of a category, `gap` centimetres from it, against the same wall.
+
+    `side` is LEFT or RIGHT, as seen by someone who sits on that piece.
+    """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for host in plan.all(category):
@@ -85,12 +89,15 @@ def beside(category: str, side: int, gap: int = 0) -> Where:
 
 
 def either_side(category: str, gap: int = 0) -> Where:
-    """Beside what is placed already, left or right."""
+    """Propose places beside each placed piece of a category, left and right."""
     return lambda plan, piece: (p for side in (LEFT, RIGHT) for p in beside(category, side, gap)(plan, piece))
 
 
 def round_corner(category: str) -> Where:
-    """Against the next wall, from the front of what stands in the corner on: the two make an L."""
+    """Propose places that make an L with a piece in a corner.
+
+    They are against the wall that the piece's side touches, and begin at its front.
+    """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for host in plan.all(category):
@@ -106,7 +113,10 @@ def round_corner(category: str) -> Where:
 
 
 def filling(category: str) -> Where:
-    """Against the wall of what is placed already, from its side to what comes next: the piece's width is the least."""
+    """Propose to fill the stretch of wall between a placed piece and the next obstacle.
+
+    The piece is made as wide as the stretch; its own width is the least.
+    """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for host in plan.all(category):
@@ -121,9 +131,9 @@ def filling(category: str) -> Where:
 
 
 def before(category: str, gap: int, turn: int = 2) -> Where:
-    """In front of what is placed already, `gap` away (under it, if negative), centred on it.
+    """Propose a place in front of each placed piece of a category, `gap` away (under it, if negative), centred on it.
 
-    `turn` is where it faces, in quarters from the host: 2 looks back at it, 0 away from it.
+    `turn` says where it faces, in quarters from the host: 2 looks back at it, 0 away from it.
     """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
@@ -134,7 +144,11 @@ def before(category: str, gap: int, turn: int = 2) -> Where:
 
 
 def around(host: Place, piece: Piece, side: int, percent: int, gap: int, turn: int = 2) -> Place:
-    """At one side of a host: `side` in quarters from its front, `percent` of the way along that side."""
+    """Return the place of a piece `gap` away from one side of a host.
+
+    `side` is in quarters from the host's front; the piece's middle is `percent` of the way along that side. `turn` says
+    where it faces, in quarters from the direction of that side: 2 looks at the host, 0 away from it.
+    """
     direction = (host.facing + side) % 4
     facing = (direction + turn) % 4
     across, out = (piece.width, piece.depth) if turn % 2 == 0 else (piece.depth, piece.width)
@@ -151,7 +165,7 @@ def around(host: Place, piece: Piece, side: int, percent: int, gap: int, turn: i
 
 
 def opposite(category: str) -> Where:
-    """Against the wall that a placed piece looks at, as near to its axis as there is room."""
+    """Propose places against the walls that a placed piece faces, as near to its axis as there is room."""
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for host in plan.all(category):
@@ -167,9 +181,9 @@ def opposite(category: str) -> Where:
 
 
 def face_to_face(other: Piece, low: int, high: int) -> Where:
-    """Against a wall, on one axis with `other` against the wall ahead, `low` to `high` away from it.
+    """Propose places against a wall so that `other` can face the piece from the wall ahead, on the same axis.
 
-    The axis lies midway on what is free before both walls.
+    Between their fronts lie `low` to `high` centimetres. The axis is in the middle of what is free before both walls.
     """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
@@ -187,7 +201,7 @@ def face_to_face(other: Piece, low: int, high: int) -> Where:
 
 
 def in_the_middle(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Free-standing, in the middle of an empty rectangle of floor, lengthwise in it."""
+    """Propose free-standing places in the middle of each empty rectangle of floor, lengthwise in it."""
     for floor in free_floors(plan):
         width, height = floor.x1 - floor.x0, floor.y1 - floor.y0
         facing = 1 if width >= height else 0  # the width of a piece that faces up runs along x
@@ -197,7 +211,7 @@ def in_the_middle(plan: Plan, piece: Piece) -> Iterator[Place]:
 
 
 def free_floors(plan: Plan) -> list[Box]:
-    """The largest empty rectangles of floor: none lies within another. Largest first."""
+    """Return the maximal empty rectangles of floor (none lies within another), largest first."""
     shell = plan.shell
     blocks = [*(place.box for place in plan.places), *shell.swings, *shell.notches]
     floors = [Box(0, 0, shell.width, shell.height)]
@@ -223,7 +237,7 @@ def _within(inner: Box, outer: Box) -> bool:
 
 
 def _rooms_at_walls(plan: Plan, piece: Piece) -> Iterator[tuple[Wall, int, int, tuple[int, int]]]:
-    """Every stretch of wall that is long enough for the piece and what it keeps free beside it."""
+    """Yield (wall, lo, hi, sides) of each free stretch that holds the piece and what `sides` keep free beside it."""
     for wall in plan.shell.walls:
         for lo, hi in free_spans(plan, wall, piece.depth, piece.tall):
             for sides in piece.sides:
@@ -232,13 +246,13 @@ def _rooms_at_walls(plan: Plan, piece: Piece) -> Iterator[tuple[Wall, int, int, 
 
 
 def _along(wall: Wall, sides: Sequence[int]) -> tuple[int, int]:
-    """(left, right) of who looks away from the wall, as (at lo, at hi) along it."""
+    """Convert (left, right), as seen by someone who looks away from the wall, to (at lo, at hi) along it."""
     left, right = sides
     return (right, left) if wall.normal in (0, 3) else (left, right)
 
 
 def _lies_ahead(host: Place, wall: Wall) -> bool:
-    """Whether the wall crosses the strip that the host looks along."""
+    """Return whether the wall lies ahead of the host and crosses the strip in front of it."""
     lo, hi = host.box.span(host.facing)
     front = host.box.side(host.facing)
     return wall.lo < hi and lo < wall.hi and (wall.at > front if host.facing < 2 else wall.at < front)

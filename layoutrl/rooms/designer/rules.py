@@ -1,4 +1,4 @@
-"""By what a designer prefers one place to another. A rule is a number, more is better: centimetres, or YES and NO."""
+"""Rules by which the designer ranks places: each is a number, more is better, in centimetres or YES or NO."""
 
 from __future__ import annotations
 
@@ -9,49 +9,49 @@ YES, NO = 100, 0
 
 
 def solid_behind(plan: Plan, place: Place) -> int:
-    """No window and no door in the wall behind it."""
+    """YES if no window and no door is right behind it."""
     behind = place.box.beyond((place.facing + 2) % 4, 1)
     gaps = [gap.strip(-1) for gap in (*plan.shell.doors, *plan.shell.windows)]
     return NO if any(behind.overlaps(gap) for gap in gaps) else YES
 
 
 def across_daylight(plan: Plan, place: Place) -> int:
-    """Its back to a wall at right angles to that of the largest window, so that light falls in from the side."""
+    """YES if it faces at right angles to the light of the largest window, or if there is no window."""
     if not plan.shell.windows:
         return YES
     return YES if (place.facing - plan.shell.largest_window.wall.normal) % 2 else NO
 
 
 def light_from_left(plan: Plan, place: Place) -> int:
-    """Who sits at it, looking at its back, has the largest window on the left."""
+    """YES if the largest window is on the left of someone who sits before it and looks at it; NO without one."""
     if not plan.shell.windows:
         return NO
-    # Who sits at it looks against its facing; what comes from the left moves to that person's right.
+    # Someone who sits at it looks against its facing, and light from the left travels to that person's right.
     return YES if (plan.shell.largest_window.wall.normal - place.facing) % 4 == 1 else NO
 
 
 def in_corner(plan: Plan, place: Place) -> int:
-    """One of its sides touches a wall as well as its back."""
+    """YES if its left or right side touches a wall. Its back is taken to touch one."""
     return YES if any(not plan.shell.holds(place.box.beyond((place.facing + s) % 4, 1)) for s in (1, 3)) else NO
 
 
 def faces_door(plan: Plan, place: Place) -> int:
-    """Its back to a wall opposite that of the entrance."""
+    """YES if it faces the wall of the entrance, its back to the opposite side."""
     return YES if (place.facing - plan.shell.entrance.wall.normal) % 4 == 2 else NO
 
 
 def across_door(plan: Plan, place: Place) -> int:
-    """Its back to a wall at right angles to that of the entrance."""
+    """YES if it faces at right angles to the wall of the entrance."""
     return YES if (place.facing - plan.shell.entrance.wall.normal) % 2 else NO
 
 
 def looks_at_door(plan: Plan, place: Place) -> int:
-    """The entrance lies on the side that it faces."""
+    """YES if the entrance lies ahead of its front, at least in part."""
     return YES if _ahead(place, plan.shell.entrance.strip(1)) else NO
 
 
 def looks_past_door(plan: Plan, place: Place) -> int:
-    """Who comes in does not stand right before it."""
+    """YES unless the entrance lies straight ahead of it."""
     lo, hi = place.box.span(place.facing)
     door = plan.shell.entrance.strip(1)
     start, end = door.span(place.facing)
@@ -59,27 +59,33 @@ def looks_past_door(plan: Plan, place: Place) -> int:
 
 
 def touches(category: str) -> Rule:
-    """Side by side with it, without a gap."""
+    """Return a rule: YES if it touches a placed piece of the category."""
     return lambda plan, place: YES if any(place.box.gap(other.box) == 0 for other in plan.all(category)) else NO
 
 
 def apart(clear: int) -> Rule:
-    """At least `clear` centimetres, along x plus along y, from everything that is placed."""
+    """Return a rule: YES if it is at least `clear` centimetres, along x plus along y, from every placed piece."""
     return lambda plan, place: NO if any(place.box.gap(other.box) < clear for other in plan.places) else YES
 
 
 def far_from(what: str) -> Rule:
-    """Distance from the nearest door, window or placed piece of a category."""
+    """Return a rule: the distance, along x plus along y, to the nearest of `what`; 0 where there is none.
+
+    `what` is "entrance", "door", "window" or a category of placed pieces.
+    """
     return lambda plan, place: min((place.box.gap(box) for box in _boxes(plan, what)), default=0)
 
 
 def near(what: str) -> Rule:
-    """How little distance there is to the nearest door, window or placed piece of a category."""
+    """Return a rule: the distance of `far_from`, negated."""
     return lambda plan, place: -far_from(what)(plan, place)
 
 
 def away_from(what: str) -> Rule:
-    """Distance of its middle from that of the nearest door, window or placed piece, along x plus along y."""
+    """Return a rule: the distance of its middle from that of the nearest of `what`, which is as in `far_from`.
+
+    It is measured along x plus along y.
+    """
 
     def rule(plan: Plan, place: Place) -> int:
         x, y = place.twice_center
@@ -90,7 +96,10 @@ def away_from(what: str) -> Rule:
 
 
 def no_slit(plan: Plan, place: Place) -> int:
-    """What stands beside it, wall or piece, touches it or leaves a hand's breadth (15 cm, unsourced) to clean."""
+    """YES if it leaves no gap that is too narrow to clean.
+
+    Each piece, and each wall on its left and right, touches it or is at least a hand's breadth (15 cm, unsourced) away.
+    """
     if any(0 < place.box.gap(other.box) < 15 for other in plan.places):
         return NO
     for side in (1, 3):
@@ -101,7 +110,7 @@ def no_slit(plan: Plan, place: Place) -> int:
 
 
 def centred_on(category: str) -> Rule:
-    """How little it stands off the axis of a placed piece."""
+    """Return a rule: how far its middle is off the axis of the first placed piece of the category, negated."""
 
     def rule(plan: Plan, place: Place) -> int:
         hosts = plan.all(category)
@@ -115,7 +124,7 @@ def centred_on(category: str) -> Rule:
 
 
 def long_wall(plan: Plan, place: Place) -> int:
-    """How long the wall behind it is."""
+    """The length of its wall; 0 if it has none."""
     return place.wall.length if place.wall else 0
 
 

@@ -1,8 +1,8 @@
-"""How a design is found: pieces are placed one after another, each at the best place that leaves room for the rest.
+"""The search for a design: pieces are placed one after another, each at the best place that leaves room for the rest.
 
-A template is a list of steps. A step says what is placed, which places come into question, and by
-which rules, in a fixed order, one place is better than another. What breaks a hard rule is
-dropped; the first complete layout in the order of the rules is the design. No dice are thrown here.
+A template is a list of steps. A step says which piece is placed, which places are candidates, and by which rules,
+in order of priority, they are ranked. Places that break a hard rule (`Plan.fits`) are dropped. The search goes
+depth-first, best places first, and the first complete layout is the design. Nothing in it is random.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ import shapely
 from layoutrl.rooms.designer.shell import Box, Shell, Wall
 
 TRIES = 4  # places of a piece that are tried before giving up
-NODES = 80  # places that are tried in a room before giving up
+NODES = 80  # places that are tried in a room, over all its pieces, before giving up
 TIE = 5  # centimetres: a difference that no designer would decide by
-SAME_PLACE = 0.9  # IoU above which two places are one
+SAME_PLACE = 0.9  # IoU from which two places count as one
 
 
 @dataclass(frozen=True)
 class Piece:
     """A piece of furniture and the floor that it needs. Centimetres.
 
-    `width` runs along the wall behind it, `depth` away from it. `front` is kept free before it.
-    `sides` are kept free on its left and right, seen by someone who sits on it: alternatives, of
-    which the first that fits is taken. Nothing `tall` stands before a window. A `tucked` piece stands under its host.
-    A `raised` one is floor to walk on, as a platform. `back` is kept free behind one that stands off the walls.
-    A `circle` is as deep as wide; no other piece may enter its square, but who walks past it may.
+    `width` runs along the wall behind it, `depth` away from it. `front` is kept free before it, `back` behind one that
+    stands off the walls. `sides` are kept free on its left and right, as seen by someone who sits on it: alternatives,
+    of which the first that fits is taken. Nothing `tall` stands before a window. A `tucked` piece stands under its
+    host. A `raised` one is floor to walk on, like a platform. A `circle` is as deep as wide; no other piece may enter
+    its square, but a person may walk through its corners.
     """
 
     category: str
@@ -46,11 +46,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class Place:
-    """A piece at a place: `facing` is a direction, `host` what it belongs to.
+    """A piece at a place: `facing` is its direction, `host` the piece that it belongs to.
 
-    It may stand in the floor that its host keeps free. `wall` is the wall whose strip it stands in: its back touches
-    it, but for a desk that stands off it and faces it, its user between the two. None for what stands in the
-    middle of the floor or is placed round its host, even with a wall behind it.
+    It may stand on the floor that its host keeps free. `wall` is the wall that its back touches, or, for a desk that
+    stands off a wall and faces it with its user in between, that wall. It is None for what stands in the middle of the
+    floor or is placed around its host, even with a wall behind it.
     """
 
     piece: Piece
@@ -79,7 +79,7 @@ class Place:
 
     @property
     def twice_center(self) -> tuple[int, int]:
-        """Of its box: whole centimetres."""
+        """Twice the centre of its box, so that it is in whole centimetres."""
         return self.box.x0 + self.box.x1, self.box.y0 + self.box.y1
 
 
@@ -91,7 +91,7 @@ class Plan:
     places: tuple[Place, ...] = ()
 
     def __getitem__(self, category: str) -> Place:
-        """The first placed piece of a category. Raises KeyError."""
+        """Return the first placed piece of a category. Raises KeyError where there is none."""
         for place in self.places:
             if place.piece.category == category:
                 return place
@@ -102,7 +102,13 @@ class Plan:
         return [place for place in self.places if place.piece.category == category]
 
     def fits(self, place: Place) -> bool:
-        """Whether the place breaks no hard rule."""
+        """Return whether the place breaks no hard rule.
+
+        The piece and the floor that it keeps free lie indoors. The piece stays within the ends of its wall, off the
+        doors' swings and, if tall, out of the daylight. It overlaps neither other pieces nor the floor that they keep
+        free, and they do not overlap the floor that it keeps free. Its host is excepted: each may stand on the floor
+        that the other keeps free, and a tucked piece stands under its host.
+        """
         body, shell = place.box, self.shell
         if not shell.holds(body) or not all(shell.holds(keep) for keep in place.keeps):
             return False
@@ -131,9 +137,9 @@ Rule = Callable[[Plan, Place], int]  # centimetres, or 100 for yes and 0 for no;
 
 @dataclass(frozen=True)
 class Step:
-    """Place `piece` at the best place of `where` by `rules`.
+    """Place `piece` at the candidate of `where` that is best by `rules`; earlier rules take priority.
 
-    An `optional` one is left out where it fits nowhere, or where the rest would not fit beside it.
+    An `optional` piece is left out where it fits nowhere, or where the rest would not fit beside it.
     """
 
     piece: Piece
@@ -146,7 +152,7 @@ class Step:
 class Choice:
     """A decision of the designer: the place taken, the next best other place, and by how much it is worse.
 
-    `margin` is the difference in the first rule that tells the two apart, None where there was no other place.
+    `margin` is the difference in the first rule that tells the two apart, 0 if none does, None without another place.
     """
 
     place: Place
@@ -155,7 +161,7 @@ class Choice:
 
     @property
     def is_tie(self) -> bool:
-        """Whether another place was as good, but for what no designer would decide by."""
+        """Whether another place was as good, within a difference that no designer would decide by."""
         return self.margin is not None and self.margin < TIE
 
 
@@ -164,10 +170,10 @@ class NoDesign(Exception):
 
 
 def design(shell: Shell, steps: Sequence[Step], passage: int) -> list[Choice]:
-    """The first complete layout in the order of the rules, within TRIES and NODES; one choice a piece.
+    """Return the first complete layout found within TRIES and NODES, as one choice per placed piece.
 
-    `passage` is the diameter of who walks there, in centimetres.
-    Raises NoDesign with the reason: a piece without a place, one that cannot be reached, a tie.
+    `passage` is the diameter of a person who walks there, in centimetres.
+    Raises NoDesign with the reason: a piece without a place, a piece or door that cannot be reached, or a tie.
     """
     search = _Search(passage)
     choices = search.complete(Plan(shell), tuple(steps))
@@ -187,7 +193,7 @@ class _Search:
         self.deepest = -1
 
     def complete(self, plan: Plan, steps: tuple[Step, ...]) -> list[Choice] | None:
-        """The first layout in the order of the rules that holds all steps; None where there is none."""
+        """Return the choices for all steps that lead to the first complete layout; None where there is none."""
         if not steps:
             lost = unreached(plan, self.passage)
             if lost:
@@ -217,7 +223,10 @@ Score = tuple[int, ...]
 
 
 def _ranked(plan: Plan, step: Step) -> list[tuple[Score, Place]]:
-    """The places that break no hard rule, best first."""
+    """Return the places that break no hard rule with their scores, best first.
+
+    Each has the first alternative of its piece's sides that fits.
+    """
     places: list[Place] = []
     for place in step.where(plan, step.piece):
         for sides in step.piece.sides:
@@ -238,15 +247,16 @@ def _choice(score: Score, place: Place, others: Sequence[tuple[Score, Place]]) -
 
 
 def unreached(plan: Plan, passage: int) -> str:
-    """What a disc of this diameter cannot touch that enters through the entrance; "" where all is well.
+    """Return what a disc that enters by the entrance cannot reach: "door", a category, or "" if nothing.
 
-    Tucked pieces are moved aside, raised ones walked on. All doors must be reached.
+    `passage` is its diameter in centimetres. Tucked and raised pieces are not in its way: they are moved aside or
+    walked on. All doors must be reached.
     """
     radius = passage / 2
     room, doors, closed = _empty(plan.shell)
     in_the_way = [_footprint(place) for place in plan.places if not (place.piece.tucked or place.piece.raised)]
     blocks = shapely.union_all([closed, *in_the_way])
-    # Where its centre can be. Half a centimetre of slack: who fits exactly, passes.
+    # Where its centre can be. With half a centimetre of slack, a disc that fits exactly passes.
     walkable = room.difference(blocks.buffer(radius - 0.5, quad_segs=8))
     entered = [part for part in shapely.get_parts(walkable) if part.intersects(doors[0])]
     reach = shapely.union_all(entered)
@@ -258,9 +268,12 @@ def unreached(plan: Plan, passage: int) -> str:
     return ""
 
 
-@lru_cache(maxsize=1)  # of one shell many plans are made
+@lru_cache(maxsize=1)  # a shell has many plans, one after the other
 def _empty(shell: Shell) -> tuple[shapely.Polygon, list[shapely.Polygon], shapely.Geometry]:
-    """A shell's floor, its doors with a centimetre of floor on both sides, and what of its border is no door."""
+    """Return a shell's floor, its doors, and the rest of its border.
+
+    Doors are boxes that reach a centimetre to both sides of the border.
+    """
     room = shapely.Polygon(shell.outline)
     doors = [shapely.box(*door.strip(1)).union(shapely.box(*door.strip(-1))) for door in shell.doors]
     return room, doors, room.exterior.difference(shapely.union_all(doors))

@@ -1,7 +1,7 @@
 """Bare rooms: outline, walls, doors and windows, drawn from what is usual for a type.
 
 The designer works in whole centimetres, so that every comparison is exact and the same seed
-gives the same room on any machine. Directions are quarters: 0 +x, 1 +y, 2 -x, 3 -y.
+gives the same room on any machine. Directions are quarter turns: 0 +x, 1 +y, 2 -x, 3 -y.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import shapely
 
 T = TypeVar("T")
 
-LEAF_OFF_CORNER = 5  # at least, from a door to a convex corner
-CLEAR_OUTSIDE = 90  # unsourced: clear outside a door, beyond the wall
+LEAF_OFF_CORNER = 5  # the least distance from a door to a convex corner
+CLEAR_OUTSIDE = 90  # unsourced: depth of clear floor outside a door, beyond the wall
 WINDOW_OFF_CORNER = 20
-WINDOW_DEPTH = 50  # in front of a window nothing tall may stand (SceneEval)
+WINDOW_DEPTH = 50  # so far in front of a window nothing tall may stand (SceneEval)
 SLIDING_DEPTH = 10  # kept free before a sliding door, which swings nowhere
-WINDOW_HEIGHT = 150  # unsourced: of a window above its sill, to turn glazing into a width
+WINDOW_HEIGHT = 150  # unsourced: of a window's glass, to turn its area into a width
 GLAZING = 7  # the floor is at most seven times the glazing (GB 50096, 7.1)
 
 
 class Box(NamedTuple):
-    """An upright rectangle, x0 < x1 and y0 < y1, in centimetres."""
+    """An axis-aligned rectangle, x0 < x1 and y0 < y1, in centimetres."""
 
     x0: int
     y0: int
@@ -39,7 +39,7 @@ class Box(NamedTuple):
         return (self.x1 - self.x0) * (self.y1 - self.y0)
 
     def overlaps(self, other: Box) -> bool:
-        """Whether they have more in common than a border."""
+        """Return whether the boxes share area; touching is not enough."""
         return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
     def shared(self, other: Box) -> int:
@@ -49,13 +49,13 @@ class Box(NamedTuple):
         return max(0, width) * max(0, height)
 
     def gap(self, other: Box) -> int:
-        """How far apart, along x plus along y; 0 where they touch or overlap."""
+        """Return the distance along x plus that along y; 0 where the boxes touch or overlap."""
         dx = max(self.x0 - other.x1, other.x0 - self.x1, 0)
         dy = max(self.y0 - other.y1, other.y0 - self.y1, 0)
         return dx + dy
 
     def beyond(self, direction: int, depth: int) -> Box:
-        """The strip of this depth outside one side."""
+        """Return the strip outside the side in this direction, `depth` deep."""
         return (
             Box(self.x1, self.y0, self.x1 + depth, self.y1),
             Box(self.x0, self.y1, self.x1, self.y1 + depth),
@@ -64,16 +64,16 @@ class Box(NamedTuple):
         )[direction]
 
     def side(self, direction: int) -> int:
-        """Where the side in this direction lies on its axis."""
+        """Return the coordinate of the side in this direction: x for 0 and 2, y for 1 and 3."""
         return (self.x1, self.y1, self.x0, self.y0)[direction]
 
     def span(self, direction: int) -> tuple[int, int]:
-        """From where to where the sides across `direction` reach: along y for 0 and 2, along x for 1 and 3."""
+        """Return the extent (low, high) across `direction`: along y for 0 and 2, along x for 1 and 3."""
         return (self.y0, self.y1) if direction % 2 == 0 else (self.x0, self.x1)
 
 
 class Wall(NamedTuple):
-    """A straight piece of the outline: from `lo` to `hi` along the line `at`, the room on its `normal`'s side."""
+    """A straight part of the outline, from `lo` to `hi` along the line `at`; `normal` points into the room."""
 
     normal: int
     at: int
@@ -87,7 +87,7 @@ class Wall(NamedTuple):
         return self.hi - self.lo
 
     def box(self, lo: int, hi: int, depth: int) -> Box:
-        """What reaches `depth` from this wall into the room (out of it, if negative), between lo and hi along it."""
+        """Return the box between lo and hi that reaches `depth` into the room, or out of it if negative."""
         near, far = sorted((self.at, self.at + (depth if self.normal < 2 else -depth)))
         return Box(near, lo, far, hi) if self.normal % 2 == 0 else Box(lo, near, hi, far)
 
@@ -106,12 +106,12 @@ class Gap(NamedTuple):
         return self.hi - self.lo
 
     def strip(self, depth: int) -> Box:
-        """What reaches `depth` from it into the room (out of it, if negative)."""
+        """Return the box as wide as the opening that reaches `depth` into the room, or out of it if negative."""
         return self.wall.box(self.lo, self.hi, depth)
 
     @property
     def swing(self) -> Box:
-        """What a door's leaf sweeps: a square of the door's width."""
+        """The floor that a door needs to open: a square of its width, or a narrow strip if it slides."""
         return self.strip(SLIDING_DEPTH if self.sliding else self.width)
 
 
@@ -128,7 +128,7 @@ class Shell:
 
     @cached_property
     def outline(self) -> tuple[tuple[int, int], ...]:
-        """Corners, counter-clockwise, from the lowest of the leftmost."""
+        """The corners, counter-clockwise, from the leftmost on, or the lowest of these."""
         shape = shapely.box(0, 0, self.width, self.height).difference(
             shapely.union_all([_shape(n) for n in self.notches])
         )
@@ -173,7 +173,7 @@ class Shell:
 
     @cached_property
     def daylight(self) -> tuple[Box, ...]:
-        """Where nothing tall may stand."""
+        """The strips in front of the windows, where nothing tall may stand."""
         return tuple(window.strip(WINDOW_DEPTH) for window in self.windows)
 
     @property
@@ -183,7 +183,7 @@ class Shell:
 
     @property
     def largest_window(self) -> Gap:
-        """Raises ValueError where there is none."""
+        """The widest window. Raises ValueError where there is none."""
         return max(self.windows, key=lambda window: window.width)
 
     def holds(self, box: Box) -> bool:
@@ -193,7 +193,10 @@ class Shell:
         return not any(box.overlaps(notch) for notch in self.notches)
 
     def leads_out(self, door: Gap) -> bool:
-        """Whether who leaves by the door stands outside, not in another part of this room beyond a narrow recess."""
+        """Return whether the door leads out of the room.
+
+        It does not where another part of the room lies close behind it, beyond a narrow recess.
+        """
         beyond = door.strip(-self.thickness - CLEAR_OUTSIDE)
         indoors = beyond.shared(Box(0, 0, self.width, self.height))
         return indoors == sum(beyond.shared(notch) for notch in self.notches)
@@ -204,17 +207,17 @@ class Shell:
 
 
 class Dice:
-    """Whole numbers from a seed."""
+    """A seeded generator of random whole numbers."""
 
     def __init__(self, *seed: int):
         self._rng = np.random.default_rng(seed)
 
     def between(self, low: int, high: int, step: int = 1) -> int:
-        """One of low, low + step, ..., high."""
+        """Return one of low, low + step, ... up to high, each as likely."""
         return low + step * int(self._rng.integers((high - low) // step + 1))
 
     def pick(self, weights: Mapping[T, int]) -> T:
-        """A key, as often as its weight says."""
+        """Return a key, drawn in proportion to the weights."""
         drawn = int(self._rng.integers(sum(weights.values())))
         for choice, weight in weights.items():
             drawn -= weight
@@ -223,28 +226,28 @@ class Dice:
         raise AssertionError("weights are above zero")
 
     def chance(self, percent: int) -> bool:
-        """True so often in a hundred."""
+        """Return True with a probability of `percent`."""
         return int(self._rng.integers(100)) < percent
 
     def spread(self, lowest: int, p10: int, median: int, p90: int, highest: int) -> int:
-        """A number with these quantiles, even between them."""
+        """Draw a number with these quantiles, uniform between neighbouring ones."""
         low, high = self.pick({(lowest, p10): 10, (p10, median): 40, (median, p90): 40, (p90, highest): 10})
         return self.between(low, high)
 
 
 @dataclass(frozen=True)
 class Shells:
-    """What bare rooms of a type are like. Lengths in centimetres; shares are weights.
+    """The distribution of bare rooms of a type. Lengths are in centimetres; mappings give each value its weight.
 
-    `short` and `long` are the sides' lowest, 10%, middle, 90% and highest values; `area` is the
-    band of the floor in square metres, outside which a shell is drawn anew.
+    `short` and `long` are the minimum, 10% quantile, median, 90% quantile and maximum of the two sides.
+    `area` is the range of the floor in square metres; a shell outside it is drawn anew.
     """
 
     short: tuple[int, int, int, int, int]
     long: tuple[int, int, int, int, int]
     area: tuple[float, float]
     corners: Mapping[int, int] = field(default_factory=lambda: {4: 100})
-    notch: tuple[int, int] = (60, 150)  # sides of what is cut out
+    notch: tuple[int, int] = (60, 150)  # the least and the greatest side of what is cut out
     thickness: Mapping[int, int] = field(default_factory=lambda: {20: 65, 12: 20, 10: 15})
     doors: Mapping[int, int] = field(default_factory=lambda: {1: 100})
     door_width: Mapping[int, int] = field(default_factory=lambda: {90: 70, 80: 30})
@@ -253,7 +256,7 @@ class Shells:
     window_wall: Mapping[str, int] = field(default_factory=lambda: {"opposite": 50, "beside": 50})
 
     def draw(self, dice: Dice) -> Shell:
-        """A bare room, drawn anew until all of it fits."""
+        """Draw bare rooms until the area is in range and all doors and windows fit; return the first such."""
         while True:
             shell = self._outline(dice)
             if not self.area[0] <= shell.area / 10000 <= self.area[1]:
@@ -274,7 +277,7 @@ class Shells:
                 return dice.between(min(self.notch[0], side * 45 // 100), min(self.notch[1], side * 45 // 100))
 
             a, b = (cut(width), cut(height)), (cut(width), cut(height))
-            # A corner (L); two corners of one side (a bay between them) or across (Z); the middle of a side (recess).
+            # One corner (L); two corners of one side (bay) or opposite ones (across, Z); the middle of a side (recess).
             form = "corner" if corners == 6 else dice.pick({"bay": 40, "recess": 40, "across": 20})
             turn = dice.between(0, 3)
             if form == "recess":
@@ -341,7 +344,10 @@ class Shells:
 
 
 def _reach(shell: Shell, wall: Wall, off: int) -> tuple[int, int]:
-    """Where an opening may lie: at a reflex corner the walls behind it overlap, so it keeps their thickness away."""
+    """Return from where to where along a wall an opening may lie.
+
+    It keeps `off` from corners, and from a reflex corner at least the walls' thickness, as the walls overlap behind it.
+    """
     margins = [off if convex else max(off, shell.thickness) for convex in wall.convex]
     return wall.lo + margins[0], wall.hi - margins[1]
 
@@ -355,7 +361,7 @@ def _corner(width: int, height: int, size: tuple[int, int], corner: int) -> Box:
 
 
 def _recess(width: int, height: int, size: tuple[int, int], side: int, dice: Dice) -> Box:
-    """A notch somewhere in the middle of one side."""
+    """Return a notch of this size in the middle three fifths of a side; `side` is the normal of its wall."""
     a, b = size
     if side % 2:
         x = dice.between(width // 5, max(width // 5, width * 4 // 5 - a))

@@ -1,6 +1,6 @@
 """Studies: the desk where daylight falls in from the side, its user's back to a wall of books or facing it.
 
-Sizes and clearances after Time-Saver Standards and measured tables of furniture; shares are unsourced conventions.
+Sizes and clearances follow Time-Saver Standards and measured tables of furniture; shares are unsourced conventions.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ SHELLS = Shells(
     window_wall={"opposite": 55, "beside": 45},
 )
 
-SEAT = 90  # between a desk and what stands behind who sits at it
+SEAT = 90  # between a desk and what stands behind its user
 BOOKS = 30  # depth of a bookcase
 BESIDE = 60  # to walk round a desk
-TO_BED = 120  # before a desk, to a bed
+TO_BED = 120  # from the front of a desk to a bed
 
 
 def desk(width: int, depth: int, front: int = SEAT) -> Piece:
-    """`front` is where the user sits."""
+    """Return a desk; `front` is the depth of floor for its user."""
     return Piece("desk", width, depth, front=front)
 
 
 def bookcase(width: int) -> Piece:
-    """So many centimetres wide."""
+    """Return a bookcase of this width in centimetres."""
     return Piece("bookcase", width, BOOKS, front=60, tall=True)
 
 
@@ -57,7 +57,11 @@ CHAIR = Step(Piece("chair", 50, 50, tucked=True), before("desk", -20))
 
 
 def into_the_room(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """Off a wall, room for the user and books behind it: in the middle, or one side at a wall where it bars the way."""
+    """Propose places for a desk that stands off a wall and faces it, its user and books in between.
+
+    It is in the middle of a free stretch if that leaves BESIDE on each side, or else at either end with BESIDE on the
+    other.
+    """
     off = SEAT + BOOKS
     for wall in plan.shell.walls:
         for lo, hi in free_spans(plan, wall, off + piece.depth):
@@ -69,12 +73,12 @@ def into_the_room(plan: Plan, piece: Piece) -> Iterator[Place]:
 
 
 def off_desk(plan: Plan, place: Place) -> int:
-    """Not squeezed in beside the desk."""
+    """YES if it is at least BESIDE away from the desk."""
     return YES if place.box.gap(plan["desk"].box) >= BESIDE else NO
 
 
 def user_sees_door(plan: Plan, place: Place) -> int:
-    """Who sits at it has the entrance ahead: all of it beyond the near edge of the desk."""
+    """YES if the whole entrance lies ahead of the user, beyond the near edge of the desk."""
     door = plan.shell.entrance.strip(1)
     ahead = (place.facing + 2) % 4
     edge, start = place.box.side(place.facing), door.side(place.facing)
@@ -82,7 +86,7 @@ def user_sees_door(plan: Plan, place: Place) -> int:
 
 
 def user_backs_on_wall(plan: Plan, place: Place) -> int:
-    """No window and no door behind who sits at it."""
+    """YES if there is no window and no door behind the user, up to the wall SEAT + BOOKS away."""
     behind = place.box.beyond(place.facing, SEAT + BOOKS + 1)
     gaps = [gap.strip(-1) for gap in (*plan.shell.doors, *plan.shell.windows)]
     return NO if any(behind.overlaps(gap) for gap in gaps) else YES

@@ -1,7 +1,7 @@
 """Tatami rooms: a raised platform built in between walls and wardrobe, a desk on the strip of floor that is left.
 
-Sides, door, window, platform, wardrobe, desk and stool as in the authors' 85 real rooms, where the wardrobe stands on
-the platform's end; here it stands beside it. Shares are unsourced.
+Sides, door, window, platform, wardrobe, desk and stool are as in the authors' 85 real rooms, but there the wardrobe
+stands on the platform's end, and here beside it. Shares are unsourced.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ STRIP = (100, 130)  # of floor beside the platform, where the desk fits from wal
 
 
 def shell(dice: Dice) -> Shell:
-    """The window is 1.2 m wide, sometimes up to 1.5."""
+    """Draw a bare tatami room. Its window is 1.2 m wide, sometimes up to 1.5."""
     width = dice.pick({120: 75, 135: 10, 150: 15})
     return replace(SHELLS, window_width=(width, width)).draw(dice)
 
 
 def extents(shell: Shell) -> tuple[int, int]:
-    """(from the door wall to the one opposite, along the door wall)"""
+    """Return the sides of the room: (from the door's wall to the opposite one, along the door's wall)."""
     sides = (shell.width, shell.height)
     return sides if shell.entrance.wall.normal % 2 == 0 else sides[::-1]
 
 
 def platform(dice: Dice, length: int, across: int) -> Piece:
-    """As deep as leaves the strip."""
+    """Return a platform `length` long and 160 to 210 deep that leaves the STRIP in a room `across` deep."""
     depth = dice.between(max(160, across - STRIP[1]), min(210, across - STRIP[0]))
     return Piece("platform", length, depth, raised=True)
 
 
 def at_its_end(plan: Plan, piece: Piece) -> Iterator[Place]:
-    """At either end of the platform, looking along it."""
+    """Propose places at either end of the platform, looking along it."""
     for side in (LEFT, RIGHT):
         yield around(plan["platform"], piece, side, 50, 0)
 
 
 def across_strip(plan: Plan, place: Place) -> int:
-    """At an end of the strip, its back to a wall at right angles to the one behind the platform."""
+    """YES if its back is to an end of the strip: a wall at right angles to the one behind the platform."""
     return YES if (place.facing - plan["platform"].facing) % 2 else NO
 
 
@@ -109,7 +109,7 @@ def suits_l_shape(shell: Shell) -> bool:
 
 
 def suits_across(shell: Shell) -> bool:
-    """Not too deep for a platform and the strip before it."""
+    """Return whether the room's depth suits a platform and the strip before it."""
     deep, _ = extents(shell)
     return 260 <= deep <= 340
 

@@ -1,4 +1,4 @@
-"""What a type of room is to the designer."""
+"""Templates and room types of the rule-based designer."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from layoutrl.rooms.designer.shell import Dice, Shell
 
 
 def any_shell(shell: Shell) -> bool:
-    """A template that suits every shell."""
+    """Suit every shell."""
     return True
 
 
 @dataclass(frozen=True)
 class Template:
-    """A way to furnish: its steps in a shell, how often it is chosen among those that suit the shell."""
+    """A way to furnish a room: `steps` returns the steps for a shell.
+
+    `share` is its weight in the draw among the templates that suit the shell; `suits` says whether it suits one.
+    """
 
     steps: Callable[[Dice, Shell], Sequence[Step]]
     share: int
@@ -25,7 +28,7 @@ class Template:
 
 @dataclass(frozen=True)
 class RoomType:
-    """Bare rooms, and the templates by name."""
+    """A type of room: `shell` draws bare rooms; `templates` are the ways to furnish them, by name."""
 
     name: str
     shell: Callable[[Dice], Shell]
