@@ -1,4 +1,4 @@
-"""Where rooms come from: the designer, whose training and test rooms have seeds of their own, and files."""
+"""Sources of rooms: the designer, whose training and test rooms have different seeds, and readers of files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FILES = ("floorplans", "designer_rooms", "json", *READERS)
 
 
 def main_item(source: str, room_type: str) -> str:
-    """The category that `main` chooses in rooms of a source: the paper's, or what floor plans hold."""
+    """Return the category of the item that `main` chooses: the paper's, or for floor plans one that they hold."""
     return floorplans.MAIN_ITEM[room_type] if source == "floorplans" else MAIN_ITEM[room_type]
 
 
@@ -30,7 +30,11 @@ def read_files(
     unit: str,
     categories: Path | None,
 ) -> Collection:
-    """The rooms of one type that a source's files hold. Raises InputError where the source or its files are unknown."""
+    """Return the rooms of one type in a source's files.
+
+    `labels` is used by floorplans alone, `strict` and `unit` by json, `categories` by homes and houses. Raises
+    InputError for an unknown source, no root, a root without files, and a room type that the source does not have.
+    """
     if source not in FILES:
         raise InputError(f"data.source: expected one of designer, {', '.join(FILES)}; got {source}")
     if root is None:
@@ -54,9 +58,10 @@ def read_homes(
     unit: str = "auto",
     room_type: str | None = None,
 ) -> Collection:
-    """The rooms of all types in files of a source whose files do not say which type they hold.
+    """Return the rooms of all types in files of a source that mixes them: json or one of READERS.
 
-    `room_type` is that of rooms of which nothing tells it. Raises InputError for categories of rooms in JSON.
+    `room_type` is assigned to rooms whose type nothing tells; without it they are left out. Raises InputError where
+    there are no files, and where `categories` are given for json.
     """
     if source == "json":
         check_unsaid(root, categories=categories)

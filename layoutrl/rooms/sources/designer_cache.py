@@ -1,8 +1,8 @@
-"""Rooms of the rule-based designer, kept in files: designed once, read ever after.
+"""A cache of the rule-based designer's rooms: each room is designed once, and read from a file afterwards.
 
 A file holds up to 100 rooms. Its first line is the SHA-256 of its name and of the rest. The rest is JSON: the rooms
-without their numbers, how often each template was made and rejected, and the numbers of all rooms, which are
-little-endian float64 in base64, since decimals take longer to read.
+without their numbers, how often each template was made and rejected, and the numbers of all rooms as little-endian
+float64 in base64, since decimals take longer to read.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from layoutrl.rooms.designer.generator import Designs, Part, design_each, joined
 from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Opening, Ring, Room
 
-BLOCK = 100  # rooms a file
+BLOCK = 100  # rooms per file
 LARGEST_FILE = 2**20  # bytes; 100 rooms take less than a fifth of it
 
 
 def read(root: Path | None, room_type: str, part: Part, seed: int, count: int) -> Designs:
-    """The first `count` rooms of a part; `root` is the cache's folder, by default below the user's own cache.
+    """Return the first `count` rooms of a part, read from the cache or designed now.
 
-    Each block of rooms is kept as soon as it is designed, so that a start that is stopped is gone on with by the
-    next. A file that is not whole, or is none of the cache's, is made anew; one that cannot be written is done without.
+    `root` is the cache's folder, None for `default_cache()`. Each block of rooms is written as soon as it is designed,
+    so that a run that is stopped is continued by the next. A file that is incomplete, or not of the cache, is designed
+    anew. If one cannot be written, standard error says so, and no more are written.
     """
     folder = default_cache() if root is None else root
     blocks = [range(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
@@ -53,7 +54,7 @@ def read(root: Path | None, room_type: str, part: Part, seed: int, count: int) -
 
 
 def default_cache() -> Path:
-    """`layoutrl` below the user's own cache."""
+    """Return the folder `layoutrl` in $XDG_CACHE_HOME or ~/.cache, or in the temporary folder if there is no home."""
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "layoutrl"
     except RuntimeError:  # a user without a home
@@ -62,14 +63,14 @@ def default_cache() -> Path:
 
 @cache
 def rules_hash() -> str:
-    """Of the source code of the designer, of clearances and of what a room is: a changed rule never meets old rooms."""
+    """Return a hash of the code of designer, clearances and rooms, so that rooms of old rules are never read."""
     rules = sorted(Path(designer.__path__[0]).glob("*.py"))
     code = b"".join(file.read_bytes() for file in [*rules, Path(clearances.__file__), Path(room.__file__)])
     return hashlib.sha256(code).hexdigest()[:12]
 
 
 def _read(file: Path, room_type: str, count: int) -> Designs | None:
-    """What a file of `count` rooms holds; None where there is none, or anything else."""
+    """Return the rooms of a file; None if it is missing, broken, or does not hold `count` rooms."""
     try:
         if not file.is_file() or file.stat().st_size > LARGEST_FILE:
             return None
@@ -83,9 +84,9 @@ def _read(file: Path, room_type: str, count: int) -> Designs | None:
 
 
 def _written(file: Path, designs: Designs) -> bool:
-    """Whether the file could be written."""
+    """Write rooms to a file, and return whether that worked."""
     content = _packed(designs)
-    partial = file.with_suffix(f".{uuid4().hex}")  # others may design the same rooms now
+    partial = file.with_suffix(f".{uuid4().hex}")  # other processes may design the same rooms now
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -94,7 +95,7 @@ def _written(file: Path, designs: Designs) -> bool:
         finally:
             partial.unlink(missing_ok=True)
     except OSError as error:
-        print(f"designed rooms are not kept: {error}", file=sys.stderr)  # standard output may be rooms
+        print(f"designed rooms are not kept: {error}", file=sys.stderr)  # standard output may carry rooms
         return False
     return True
 
@@ -125,10 +126,10 @@ def _packed(designs: Designs) -> bytes:
 
 
 def _unpacked(content: bytes, room_type: str) -> Designs:
-    """The reverse of `_packed`. Raises any exception for what cannot be its result."""
+    """Undo `_packed`. Raises an exception of any kind for content that `_packed` does not write."""
     packed, made, rejected, encoded = json.loads(content)
     array = np.frombuffer(base64.b64decode(encoded), dtype="<f8")
-    if not (np.abs(array) <= LARGEST).all():  # or one is NaN
+    if not (np.abs(array) <= LARGEST).all():  # fails for NaN, too
         raise ValueError
     numbers = iter(array.tolist())
 
@@ -158,7 +159,7 @@ def _unpacked(content: bytes, room_type: str) -> Designs:
             tuple([ring(wall) for wall in walls]),
             tuple([opening(*parts) for parts in openings]),
             tuple([item(*parts) for parts in items]),
-            range(len(items))[target],  # there is such an item
+            range(len(items))[target],  # raises where there is no such item
         )
 
     rooms = [unpacked(*parts) for parts in packed]

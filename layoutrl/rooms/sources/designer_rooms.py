@@ -30,7 +30,7 @@ from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, TOLERANCE, Item, Opening,
 
 FILES = {"bedroom": "bedroom/*/*.json", "tatami": "tatami/*.json"}
 
-# Nobody published what the ids mean: read off from sizes and places in every layout.
+# The meaning of the ids was not published: it was read off from sizes and places in every layout.
 # In bedrooms 2, 9, 10 and the pair 7 and 8 are the wardrobe of the templates one-line, L-shape, U-shape and two-line.
 CATEGORIES = {
     "bedroom": {
@@ -52,11 +52,11 @@ LARGEST = 1e6  # millimetres, of a coordinate
 
 
 class Unreadable(InputError):
-    """Why a layout is left out: a fixed sentence, so that equal reasons can be counted."""
+    """A layout cannot be used. The message is a fixed sentence, so that equal reasons can be counted."""
 
 
 def read(root: Path, room_type: str) -> Collection:
-    """Every layout of `room_type` under `root`, in metres.
+    """Return every layout of `room_type` under `root` that can be used, in metres.
 
     Layouts of one room, and of rooms that are the same up to rotation and mirroring, share a `group`.
     Raises InputError for a room type that this source lacks and for a `root` without its files.
@@ -64,7 +64,7 @@ def read(root: Path, room_type: str) -> Collection:
     if room_type not in FILES:
         raise InputError(f"room: expected {' or '.join(FILES)} for data=designer_rooms; got {room_type}")
     root = Path(root)
-    paths = sorted(root.glob(FILES[room_type]), key=lambda path: path.parts)  # alike on all systems
+    paths = sorted(root.glob(FILES[room_type]), key=lambda path: path.parts)  # the same order on all systems
     if not paths:
         raise InputError(
             f"no {room_type} layouts in {root.absolute()}: expected files {FILES[room_type]} of the repository "
@@ -89,7 +89,7 @@ def read(root: Path, room_type: str) -> Collection:
 
 
 def layouts_in(path: Path) -> Iterator[Any]:
-    """The JSON objects of a file, one after another; None stands for the rest where that is no JSON."""
+    """Yield the JSON objects of a file; None at the end where the file, or the rest of it, cannot be read as JSON."""
     try:
         text = path.read_text(encoding="utf-8-sig").strip()
         if not text:
@@ -150,7 +150,7 @@ def rectangle(points: Any) -> Polygon:
 
 def enclosed(walls: list[Polygon]) -> Polygon:
     """The area that the walls enclose."""
-    # Walls are grown, so that those which meet in a point or not quite still close the room; then the room is grown.
+    # Walls that meet in a point, or not quite, still have to close the room: grow the walls, then grow the room back.
     union = shapely.union_all([wall.buffer(CORNER_GAP / 2, join_style="mitre") for wall in walls])
     inside = [Polygon(hole) for part in shapely.get_parts(union) for hole in part.interiors]
     if not inside:
@@ -160,7 +160,7 @@ def enclosed(walls: list[Polygon]) -> Polygon:
 
 
 def with_corners(walls: list[Polygon], outline: Polygon) -> list[Polygon]:
-    """The walls, each reaching around a corner that all leave open: tatami rooms draw walls as long as the room."""
+    """Extend walls around corners that all of them leave open: tatami rooms draw walls only as long as the room."""
     thinnest = min(min(math.dist(a, b) for a, b in pairwise(wall.exterior.coords)) for wall in walls)
     band = outline.buffer(thinnest, join_style="mitre").difference(outline)
     walls = list(walls)
@@ -210,7 +210,7 @@ def items_of(zone: dict[str, Any], categories: dict[int, str]) -> list[Item]:
 
 
 def runs(shape: Polygon, category: str) -> list[Item]:
-    """An L- or U-shaped item as its straight runs, which face the hollow between them."""
+    """Split an L- or U-shaped item into its straight runs, each of which faces the hollow between them."""
     steps = pairwise(shape.exterior.coords)
     if not shape.is_valid or not shape.area or any(ax != bx and ay != by for (ax, ay), (bx, by) in steps):
         raise Unreadable("an item's polygon is not made of axis-parallel edges")
@@ -228,10 +228,10 @@ def runs(shape: Polygon, category: str) -> list[Item]:
 
 
 def rectangles(shape: Polygon) -> list[Polygon]:
-    """The least number of rectangles that a counter-clockwise polygon of axis-parallel edges splits into.
+    """Split a counter-clockwise polygon of axis-parallel edges into as few rectangles as possible.
 
-    Of such splits the one whose smallest rectangle is largest. A least split cuts from reflex corners
-    only; all orders of cuts are tried, for there are one or two such corners.
+    Of several such splits, return the one whose smallest rectangle is largest. A least split cuts from
+    reflex corners only; all orders of cuts are tried, since there are only one or two such corners.
     """
     corners = shape.exterior.coords[:-1]
     reach = 2 * max(abs(v) for v in shape.bounds) + 1
@@ -249,7 +249,7 @@ def rectangles(shape: Polygon) -> list[Polygon]:
 
 
 def grouped(rooms: list[Room]) -> list[Room]:
-    """The rooms, with one group for those groups that hold the same room under several names."""
+    """Merge the groups of rooms that are the same (`same_room`) under different names, and return the rooms."""
     group = {room.group: room.group for room in rooms}
     distinct: list[Room] = []
     for room in rooms:
@@ -268,7 +268,7 @@ def same_room(a: Room, b: Room) -> bool:
         return False
     if abs(a.indoor.area - b.indoor.area) > TOLERANCE * a.indoor.length:
         return False
-    if np.abs(sides_of(a) - sides_of(b)).max() > 2 * TOLERANCE:  # quickly told, of most
+    if np.abs(sides_of(a) - sides_of(b)).max() > 2 * TOLERANCE:  # a quick test that settles most pairs
         return False
     borders, bare = borders_of(a), replace(b, walls=(), furniture=(), target=None)
     turns = (bare.turned(quarters, mirror) for quarters, mirror in SYMMETRIES)
@@ -279,7 +279,7 @@ def same_room(a: Room, b: Room) -> bool:
 
 
 def sides_of(room: Room) -> np.ndarray:
-    """How long the sides of the indoor area's bounding box are, the shorter first: metres (2,)."""
+    """Return the side lengths (2,) of the indoor area's bounding box in metres, the shorter first."""
     x0, y0, x1, y1 = room.indoor.bounds
     return np.sort([x1 - x0, y1 - y0])
 

@@ -1,4 +1,4 @@
-"""Rooms from what plans draw of a storey: floors, walls, doors, windows and pieces of furniture; metres, y up."""
+"""Build the rooms of a storey from a drawing of floors, walls, doors, windows and furniture; metres, y up."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from layoutrl.rooms.room import FILM, Item, Room, RoomError
 from layoutrl.rooms.sources.floors import NARROW, ROOM, tidy
 from layoutrl.rooms.sources.walls import ACROSS, LEAST, NEAR, DrawnOpening, Wall, room_of
 
-MOST_OPENINGS = 30  # that are looked at about one room
+MOST_OPENINGS = 30  # that are considered for one room
 HIGHEST = 0.3  # metres: what hangs higher is decor
 FLATTEST = 0.1  # metres: carpets are lower
 
@@ -42,7 +42,7 @@ class DrawnRoom(Generic[P]):
     """A room as it is drawn: what it is called, its floor as traced and tidied, and what stands there."""
 
     name: str | None
-    label: str  # in its id: its name, or a number
+    label: str  # its part of the room's id: the name, or a number
     traced: Polygon
     floor: Polygon
     pieces: list[P] = field(default_factory=list)
@@ -50,7 +50,11 @@ class DrawnRoom(Generic[P]):
 
 @dataclass
 class Storey(Generic[P]):
-    """What is drawn of the rooms of one level; `prefix` begins their ids."""
+    """The drawing of one level. The ids of its rooms begin with `prefix`.
+
+    Fill it in this order, since unions of shapes are cached: all `walls`, all rooms (`draw`), all pieces (`put`).
+    Set `gaps` before `finished` makes rooms of it.
+    """
 
     prefix: str
     walls: list[Wall] | None = None  # None where the format draws none
@@ -58,10 +62,10 @@ class Storey(Generic[P]):
     rooms: list[DrawnRoom[P]] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    unsized: Counter[str] = field(default_factory=Counter)  # names of pieces of which no size is known
-    odd: Counter[str] = field(default_factory=Counter)  # and of those of which a field is missing or odd
-    untold: set[str] = field(default_factory=set)  # ids of finished rooms of which nothing tells the type
-    why_odd: str = ""  # what is expected of the first of these of which it is known
+    unsized: Counter[str] = field(default_factory=Counter)  # pieces left out since their size is unknown, by name
+    odd: Counter[str] = field(default_factory=Counter)  # pieces left out since a field is missing or odd, by name
+    untold: set[str] = field(default_factory=set)  # ids of finished rooms whose type nothing tells
+    why_odd: str = ""  # the first RoomError of an odd piece
 
     @cached_property
     def _bodies(self) -> shapely.Geometry | None:
@@ -69,7 +73,10 @@ class Storey(Generic[P]):
 
     @property
     def enclosed(self) -> list[Polygon]:
-        """The floors that walls enclose, the largest first, as `tidy` has floors: no slit leads out of them."""
+        """The areas that walls enclose, the largest first, without those of at most ROOM.
+
+        Gaps in walls that are narrower than NARROW count as closed, as in `tidy`.
+        """
         if self._bodies is None:
             return []
         closed = self._bodies.buffer(NARROW / 2, join_style="mitre").buffer(-NARROW / 2, join_style="mitre")
@@ -77,7 +84,10 @@ class Storey(Generic[P]):
         return sorted((part for part in floors if part.area > ROOM), key=lambda part: -part.area)
 
     def draw(self, name: str | None, label: str, floor: Callable[[], Polygon]) -> None:
-        """Add a room, or several where walls cut its floor; or the reason to leave it out. Walls are there before."""
+        """Add a room, or several where walls cut its floor.
+
+        `floor` returns the floor as traced; where it raises RoomError, the room is left out.
+        """
         try:
             traced = floor()
             self.rooms += [DrawnRoom(name, label, traced, part) for part in tidy(traced, self._bodies)]
@@ -89,9 +99,10 @@ class Storey(Generic[P]):
         return shapely.STRtree([room.traced for room in self.rooms])
 
     def put(self, piece: P) -> bool:
-        """Put a piece into the room that it stands in; whether there is one. Rooms are there before.
+        """Put a piece into the room that its centre is in, and return whether there is one.
 
-        Of rooms in each other it is one with a name, then the smallest: people draw slabs and ceilings as rooms, too.
+        Where rooms overlap, it is the one whose tidied floor is nearest, then one with a name, then the smallest:
+        people draw slabs and ceilings as rooms, too.
         """
         center = shapely.Point(piece.item.center)
         inside = [self.rooms[k] for k in self._traced.query(center, predicate="intersects")]
@@ -103,22 +114,27 @@ class Storey(Generic[P]):
 
     @contextmanager
     def or_left_out(self, called: str, decor: Callable[[], bool] = bool) -> Iterator[None]:
-        """Leave out the piece that is read inside where a field of it is missing or odd: it costs itself alone. It is
-        counted unless it is `decor`."""
+        """Leave out the piece that is read in this context, and nothing else, where a field of it is missing or odd.
+
+        It is counted in `odd` as `called`, unless `decor()` is true.
+        """
         try:
             yield
-        except ODD as error:  # a RoomError is one
+        except ODD as error:  # includes RoomError
             if not decor():
                 self.odd[called] += 1
                 self.why_odd = self.why_odd or (str(error) if isinstance(error, RoomError) else "")
 
     @cached_property
     def building(self) -> shapely.Geometry:
-        """All rooms and walls, and what walls enclose. Rooms are there before."""
+        """The union of all rooms, all walls and what walls enclose."""
         return shapely.union_all([_filled(self._bodies), *(room.traced for room in self.rooms)])
 
     def leave(self, piece: P) -> None:
-        """Leave a piece that stands in no room where it is: in the way of the room that it reaches into most."""
+        """Add a piece that stands in no room to the room that it reaches into most, if by more than LEAST.
+
+        It is marked as not known, so that it stays where it is.
+        """
         shape = piece.item.footprint
         beside = [self.rooms[k] for k in self._traced.query(shape, predicate="intersects")]
         shared = {k: room.floor.intersection(shape).area for k, room in enumerate(beside)}
@@ -127,13 +143,13 @@ class Storey(Generic[P]):
             beside[most].pieces.append(replace(piece, known=False))
 
     def _passages(self, room: DrawnRoom[P], walls: Sequence[Wall], gaps: Sequence[DrawnOpening]) -> list[DrawnOpening]:
-        """Where a floor goes on into another room's with none of the walls between: ways through, as doors are.
+        """Return where a floor adjoins another room's with no wall or opening between, as doors.
 
-        Each lies along one side, and begins a little beyond its ends.
+        Each lies along one side of the floor, is at least PASSAGE wide, and keeps NEAR off corners, walls and openings.
         """
         near = [self.rooms[k] for k in sorted(self._traced.query(room.floor.buffer(NEAR), predicate="intersects"))]
         floors = [other.floor for other in near if other is not room]
-        beside = [floor for floor in floors if floor.intersection(room.floor).area < ROOM]  # no slabs, nor ceilings
+        beside = [floor for floor in floors if floor.intersection(room.floor).area < ROOM]  # without slabs and ceilings
         solid = [*(wall.body for wall in walls), *(gap.shape for gap in gaps)]
         border = room.floor.exterior.intersection(shapely.union_all(beside).buffer(NEAR))
         ends = shapely.MultiPoint(room.floor.exterior.coords)
@@ -148,10 +164,11 @@ class Storey(Generic[P]):
         moves: Callable[[P], bool] = lambda _: False,
         or_else: str = "",
     ) -> Iterator[tuple[Room, list[P]]]:
-        """(room, its pieces) of every room of a type that is furnished; `left_out` and `notes` tell of the others.
+        """Yield (room, its pieces) for every room that has a type and can be made; add the others to `left_out`.
 
-        What `moves` says yes to has no pose. `room_type` is that of rooms of which nothing tells it; `or_else` ends
-        what is said of these, with an option that would.
+        Pieces for which `moves` is true have no pose in the room: they are to be placed. `room_type` is assigned to
+        rooms whose type neither name nor furniture tells. If it is None, they are left out, and `or_else` ends the
+        reason with an option that would help.
         """
         why_odd = f" (the first: {self.why_odd})" if self.why_odd else ""
         for what, found, why in (
@@ -179,7 +196,7 @@ class Storey(Generic[P]):
             items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
             near = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))]
-            gaps = sorted(near, key=lambda gap: gap.kind != "door")  # of two in one place the door counts
+            gaps = sorted(near, key=lambda gap: gap.kind != "door")  # doors first: of two in one place the first counts
             del gaps[MOST_OPENINGS:]
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
             if walls:
@@ -210,7 +227,7 @@ def _filled(walls: shapely.Geometry | None) -> shapely.Geometry:
 
 
 def unused(name: str, taken: set[str]) -> str:
-    """The name, with a number behind it where it is taken; from now on it is taken."""
+    """Return the name, with a number behind it if it is in `taken`, and add the result to `taken`."""
     numbered = (f"{name} ({k})" if k > 1 else name for k in count(1))
     found = next(each for each in numbered if each not in taken)
     taken.add(found)
@@ -218,7 +235,7 @@ def unused(name: str, taken: set[str]) -> str:
 
 
 def _tucked(items: list[Item]) -> list[Item]:
-    """The items, of which chairs that stand partly under a table or desk do so by intent."""
+    """Return the items, with chairs and stools marked as tucked that overlap a table or desk."""
     hosts = [item.footprint for item in items if item.category in HOSTS and item.center]
     return [
         replace(item, tucked=True)

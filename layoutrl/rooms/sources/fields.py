@@ -1,4 +1,4 @@
-"""Values of documents of houses: JSON, and lengths in it. Raises RoomError for what is none."""
+"""Parse the JSON documents of houses and check the lengths in them."""
 
 from __future__ import annotations
 
@@ -11,21 +11,24 @@ from layoutrl.rooms.room import RoomError
 
 
 def loaded(text: bytes) -> Any:
-    """A document of JSON. Raises RoomError for what is none."""
+    """Parse a JSON document. Raises RoomError where the text is not JSON."""
     try:
         return json.loads(text)
-    except (ValueError, RecursionError) as error:  # brackets or digits without end, too
+    except (ValueError, RecursionError) as error:  # also for brackets or digits without end
         reason = error.msg if isinstance(error, json.JSONDecodeError) else "numbers and nesting of a usual size"
         raise RoomError("text", f"expected whole JSON; {reason}") from None
 
 
 def lengths(values: Iterable[Any]) -> tuple[float, ...]:
-    """Numbers of a document, metres. Raises RoomError for what is none, or is no length in a house."""
+    """Return numbers of a document as floats, in metres. Raises RoomError as `length` does."""
     return tuple(map(length, values))
 
 
 def length(number: Any) -> float:
-    """A number of a document, as `lengths` has them."""
+    """Return a number of a document as a float, in metres.
+
+    Raises RoomError unless it is a number of at most LARGEST in absolute value.
+    """
     if isinstance(number, bool) or not isinstance(number, int | float) or not abs(number) <= LARGEST:
         raise RoomError("a number", f"expected a finite one of at most {LARGEST:g} (metres); got {_short(number)}")
     return float(number)

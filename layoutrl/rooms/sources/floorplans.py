@@ -50,18 +50,19 @@ def read(root: Path, room_type: str, labels: Literal["snapped", "raw"] = "snappe
     """All rooms of `room_type` ("bathroom" or "kitchen") under `root`, in metres, y up.
 
     Bath rooms, toilet rooms and washing rooms are bathrooms; the id tells which: `<plan>#restroom-1`. `labels`
-    says where the furniture stands: "raw" as drawn, "snapped" without the slack of the drawing, which edits the
-    truth and has to be said beside every number. Plans that are near copies of each other share a `group`.
+    says where the furniture stands: "raw" as drawn, "snapped" without the slack of the drawing (`_snapped`). Snapping
+    edits the truth, so every number has to say which labels it uses. Plans that are near copies of each other share a
+    `group`.
 
-    A plan with a bad row is left out as a whole, since it may lack a wall. Raises InputError, a ValueError, for a
-    room type that the source does not have and for a root without its files.
+    A plan with a bad row is left out as a whole, since it may lack a wall. Raises InputError for a room type that
+    the source does not have, for other labels and for a root without its files.
     """
     if room_type not in MAIN_ITEM:
         raise InputError(f"room: expected {' or '.join(MAIN_ITEM)} for data=floorplans; got {room_type}")
     if labels not in ("snapped", "raw"):
         raise InputError(f"data.labels: expected snapped or raw; got {labels}")
     folder = Path(root) / PLANS
-    files = sorted(folder.rglob("*.txt"), key=lambda file: file.parts)  # alike on all systems
+    files = sorted(folder.rglob("*.txt"), key=lambda file: file.parts)  # the same order on all systems
     if not files:
         raise InputError(f"no floor plans: expected .txt files under {folder}; set data.root to the folder above data/")
     group_of = near_copies(Path(root) / NEAR_COPIES)
@@ -89,7 +90,7 @@ def read(root: Path, room_type: str, labels: Literal["snapped", "raw"] = "snappe
 
 
 def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, group: str) -> Room | str:
-    """The room that a face is, or why it cannot be used."""
+    """Return the room in a face, or the reason why it cannot be used."""
     if len(set(map(kind_of, plan.labels[face]))) > 1:
         return "open plan: several kinds of room share the face"
     inner = inner_area(plan, face)
@@ -130,15 +131,17 @@ def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, gr
         holes=holes,
         group=group,
     )
-    # Both label sets are asked, so that they hold the same rooms.
+    # Check both label sets, so that they hold the same rooms.
     if not all(room.holds(item) for item in drawn + moved):
         return "its furniture reaches beyond the outer walls"
     return room
 
 
 def _item_name(category: str, style: int, room_type: str) -> str:
-    """What the designer calls an icon. A washing_basin is a vanity, a fridge or a washing machine: its style tells, and
-    the room if dashed."""
+    """Return the category of an icon.
+
+    A washing_basin is a vanity or a washing machine by its style; a dashed one is a fridge in kitchens.
+    """
     if category != "washing_basin":
         return {"cooking_counter": "counter"}.get(category, category)
     if style == BASIN:
@@ -154,10 +157,10 @@ def _item(name: str, bounds: Bounds, rotation: float) -> Item:
 
 
 def _back(bounds: Bounds, drawn: int, name: str, rings: tuple[Ring, ...]) -> int:
-    """The side of an icon's back: as drawn for toilets and basins, else the side nearest to a wall.
+    """Return the side of an icon's back, a key of FACING: as drawn for toilets and basins, else nearest to a wall.
 
-    The drawing tells no more than the axis for a bathtub or a counter, whose back is a long side, and mostly
-    nothing for an appliance.
+    For a bathtub or a counter, whose back is a long side, the drawing tells only the axis; for an appliance it
+    mostly tells nothing.
     """
     if name in ("toilet", "vanity"):
         return drawn
@@ -171,7 +174,10 @@ def _back(bounds: Bounds, drawn: int, name: str, rings: tuple[Ring, ...]) -> int
 
 
 def _snapped(bounds: Bounds, toilet: bool, rings: tuple[Ring, ...]) -> Bounds:
-    """Where an icon stands without the slack of the drawing: a fixed rule that looks at icon and room only."""
+    """Return an icon's bounds without the slack of the drawing, by a fixed rule that looks at icon and room only.
+
+    An icon is moved flush to a near wall, or stretched between two; a toilet is centred between those at its sides.
+    """
     long_axis = int(bounds[3] - bounds[1] > bounds[2] - bounds[0])
     placed = []
     for axis in (0, 1):
@@ -191,13 +197,13 @@ def _snapped(bounds: Bounds, toilet: bool, rings: tuple[Ring, ...]) -> Bounds:
 
 
 def _spaces(bounds: Bounds, axis: int, rings: tuple[Ring, ...]) -> tuple[float, float]:
-    """Signed distances of an icon's lower and upper side to the nearest wall that faces it; inf without one."""
+    """Return the signed distances of an icon's lower and upper side to the nearest wall that faces it, or inf."""
     below, above = [math.inf], [math.inf]
     for ring in rings:
         for p, q in zip(ring, ring[1:] + ring[:1], strict=True):
             start, stop = sorted((p[1 - axis], q[1 - axis]))
             overlap = min(stop, bounds[3 - axis]) - max(start, bounds[1 - axis])
-            if p[axis] != q[axis] or overlap <= SNAP_GAP:  # oblique, or beside the icon but for the slack
+            if p[axis] != q[axis] or overlap <= SNAP_GAP:  # oblique, or facing the icon by no more than the slack
                 continue
             # The indoor area lies on the left of an edge, so the edge's direction tells which side it bounds.
             if (q[1 - axis] > p[1 - axis]) == (axis == 1):

@@ -1,4 +1,4 @@
-"""Floors as people draw them, made tidy; metres, y up."""
+"""Tidy the floors that people draw; metres, y up."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.room import RoomError, without_narrow
 from layoutrl.rooms.sources.fields import lengths
 
-NARROW = 0.18  # metres: what is narrower of a floor is none
-JOG = 0.04  # metres: jogs of a floor's border that are smaller are slips of the hand
-LEAN = 1.0  # degrees by which a side of a floor may lean from the axes by a slip
-ROOM = 1.0  # square metres, of a part of a floor that walls cut, or of what they enclose: smaller ones are no rooms
-MOST_CROSSING = 100  # corners of a border that may cross itself
+NARROW = 0.18  # metres: narrower parts of a floor do not count
+JOG = 0.04  # metres: smaller jogs of a floor's border are slips of the hand
+LEAN = 1.0  # degrees: sides of a floor that lean less from an axis do so by a slip
+ROOM = 1.0  # square metres: smaller areas that walls cut off or enclose are no rooms
+MOST_CROSSING = 100  # corners: a border with more must not cross itself
 
 
 def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
-    """The floor that a ring of points bounds, whichever way round; where it crosses itself, its largest part.
+    """Return the floor that a ring of points bounds, in either direction; where it crosses itself, its largest part.
 
-    Raises RoomError where there is none.
+    Raises RoomError where the points bound no area, are too many or too far off, or where a ring of more than
+    MOST_CROSSING crosses itself.
     """
     if len(points) > MOST:
         raise RoomError("outline", f"expected at most {MOST:,} corners; got {len(points):,}")
@@ -33,16 +34,16 @@ def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
     if len(points) < 3:
         raise RoomError("outline", f"expected three corners or more; got {len(points)}")
     polygon = Polygon(points)
-    if len(points) > MOST_CROSSING and not polygon.is_valid:  # mending takes as long as there are crossings
+    if len(points) > MOST_CROSSING and not polygon.is_valid:  # the more crossings, the longer mending takes
         raise RoomError("outline", "expected a border that does not cross itself")
     return parts_of(shapely.make_valid(polygon))[0]
 
 
 def tidy(floor: Polygon, walls: shapely.Geometry | None) -> list[Polygon]:
-    """A floor without what walls take of it, what is too narrow to be floor, and slips of the hand; largest part first.
+    """Return the parts of a floor that walls leave, without narrow strips and small jogs, the largest first.
 
     People trace thresholds of doors and jogs of a few centimetres, and one floor through a door frame, on both sides of
-    a wall. Raises RoomError where nothing is left.
+    a wall. Parts of at most ROOM are left out, but for the largest. Raises RoomError where nothing is left.
     """
     free = floor if walls is None else floor.difference(walls)
     first, *others = parts_of(without_narrow(free, NARROW))
@@ -57,7 +58,7 @@ def _straight(part: Polygon) -> Polygon:
 
 
 def parts_of(shape: shapely.Geometry) -> list[Polygon]:
-    """The parts of a floor, the largest first."""
+    """Return the parts of a floor, the largest first, without tiny ones. Raises RoomError where none is left."""
     parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon) and part.area > NARROW**2]
     if not parts:
         raise RoomError("outline", "expected a floor; it has no area to stand on")
@@ -65,7 +66,7 @@ def parts_of(shape: shapely.Geometry) -> list[Polygon]:
 
 
 def _upright(ring: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The ring with sides that all but lie along an axis laid along it: a jog that was cut off makes others lean."""
+    """Return the ring with sides that lean less than LEAN laid along an axis: cutting off a jog makes others lean."""
     corners = np.array(ring)
     for k in range(len(corners)):
         n = (k + 1) % len(corners)

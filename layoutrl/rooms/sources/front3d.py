@@ -1,7 +1,7 @@
 """Houses of 3D-FRONT (Fu et al. 2021): a JSON file each; y is up, in metres.
 
-Seen from above x is to the right and z is down. A piece faces along its own z. What a file says neither size nor
-category of, `model_info.json` of the data set does, if it lies beside the houses.
+Seen from above x is to the right and z is down. A piece faces along its own z. Sizes and categories that a house does
+not give are those of the data set's `model_info.json`, if it lies beside the houses.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MODELS = "model_info.json"
 LARGEST_FILE = 2**25  # bytes; houses take a tenth
 SEAM = 0.005  # metres: floors are drawn in parts that all but touch
 MOST = 5000  # triangles of a floor, and corners of a door
-WIDTH = {"door": 0.8, "window": 1.5}  # metres, of those that are titled alone, before they are scaled
+WIDTH = {"door": 0.8, "window": 1.5}  # metres, before scaling, of openings known by a title alone
 OPENINGS: dict[str, Literal["door", "window"]] = {
     "Door": "door",
     "Window": "window",
@@ -39,7 +39,7 @@ OPENINGS: dict[str, Literal["door", "window"]] = {
     "Hole": "door",  # a passage without a leaf
 }
 
-# What the ids of categories mean, where a piece has no title: read off from files that have both.
+# What the category ids mean, for pieces without a title: read off from files that have both.
 SOURCE_CATEGORIES = {
     "1462419b-2462-4632-aaaa-246285c9c07f": "dresser",
     "14d0d6c8-6857-4bbf-8c4a-26bf6c25c968": "sideboard",
@@ -68,9 +68,10 @@ SOURCE_CATEGORIES = {
 
 
 def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
-    """The rooms of all houses below a folder, or of one file; of `room_type` where nothing tells it.
+    """Return the rooms of one file, or of all houses below a folder.
 
-    Raises InputError where there is no house.
+    `room_type` is assigned to rooms whose type nothing tells; without it they are left out. Raises InputError where
+    there is no file of a house, and where model_info.json cannot be read.
     """
     folder = root.parent if root.is_file() else root
     files = files_below(root, (".json",), (MODELS,))
@@ -100,7 +101,7 @@ def _text(file: Path) -> bytes:
 
 
 def _models(file: Path) -> dict[str, Any]:
-    """What is known of models by their id; nothing where there is no such file."""
+    """Return models by their id, none where there is no such file. Raises InputError where it cannot be read."""
     if not file.is_file():
         return {}
     try:
@@ -111,7 +112,7 @@ def _models(file: Path) -> dict[str, Any]:
 
 
 def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names: Names) -> None:
-    """Put floors, openings and pieces of a house where they are. Raises what a broken document can."""
+    """Add the floors, openings and pieces of a document to a house. Raises one of ODD for a broken document."""
     meshes = {mesh["uid"]: mesh for mesh in document["mesh"]}
     furniture: dict[Any, Any] = {}
     unnamed: list[Any] = []
@@ -134,35 +135,35 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
         house.draw(name, label, partial(_floor, floors))
         house.gaps += [gap for mesh in drawn if mesh["type"] in OPENINGS and (gap := _gap(mesh))]
     astray = sum(ref is not None and ref not in meshes and ref not in furniture for _, ref in placed)
-    for piece in [each for each in unnamed if not names.is_decor(*_said(each))][:astray]:  # no more are placed
+    for piece in [each for each in unnamed if not names.is_decor(*_said(each))][:astray]:  # only so many can be placed
         house.odd[_called(piece)] += 1
     titled = [(child, furniture[ref]) for child, ref in placed if _title(furniture.get(ref)) in WIDTH]
-    for child, given in titled if not house.gaps else ():  # none is cut into the walls; then these tell of them
+    for child, given in titled if not house.gaps else ():  # these count only where no mesh is an opening
         with house.or_left_out(_called(given)):
             house.gaps.append(_titled(child, _title(given)))
     for child, ref in placed:
         given = furniture.get(ref)
         if ref is None:
             house.odd[_called(None)] += 1
-        elif given and given.get("valid") is not False and _title(given) not in WIDTH:  # it says so of what is broken
+        elif given and given.get("valid") is not False and _title(given) not in WIDTH:  # it is False for broken ones
             with house.or_left_out(_called(given), partial(names.is_decor, *_said(given))):
                 if piece := _piece(child, given, models, names, house.unsized):
                     house.put(piece)
 
 
 def _ref(child: Any) -> str | int | None:
-    """Of which mesh or piece a child is one; None where it does not say so."""
+    """Return the uid of the mesh or piece that a child of a room refers to; None where there is none."""
     ref = child.get("ref") if isinstance(child, dict) else None
     return ref if isinstance(ref, str | int) else None
 
 
 def _title(piece: Any) -> str:
-    """What the title of a piece says that it is, before all else."""
+    """Return the first part of a piece's title, up to a slash: what the piece is."""
     return str((piece or {}).get("title")).partition("/")[0]
 
 
 def _said(piece: Any) -> list[str]:
-    """What a house says that a piece is; nothing of what is no piece."""
+    """Return the names that a house gives a piece, the most telling first; none if it is not a dictionary."""
     if not isinstance(piece, dict):
         return []
     given = (piece.get("title"), SOURCE_CATEGORIES.get(str(piece.get("sourceCategoryId"))), piece.get("category"))
@@ -170,12 +171,15 @@ def _said(piece: Any) -> list[str]:
 
 
 def _called(piece: Any) -> str:
-    """A piece before the user."""
+    """Return the name of a piece for messages."""
     return (*_said(piece), "without a name")[0]
 
 
 def _floor(meshes: list[Any]) -> Polygon:
-    """The union of all triangles: several levels of detail overlap."""
+    """Return the largest part of the union of all triangles: several levels of detail overlap.
+
+    Raises RoomError where there is no area, or too many triangles.
+    """
     triangles: list[np.ndarray] = []
     for mesh in meshes:
         corners = _corners(mesh)
@@ -197,7 +201,7 @@ def _floor(meshes: list[Any]) -> Polygon:
 
 
 def _corners(mesh: Any) -> np.ndarray:
-    """The corners (n, 2) of a mesh, seen from above with y up."""
+    """Return the corners (n, 2) of a mesh in metres, seen from above with y up."""
     values = mesh["xyz"]
     if len(values) > 9 * MOST:
         raise RoomError("mesh", f"expected at most {MOST:,} triangles")
@@ -214,7 +218,7 @@ def _gap(mesh: Any) -> DrawnOpening | None:
 
 
 def _titled(child: Any, title: str) -> DrawnOpening:
-    """The door or window that a piece is by its title, as wide as most of them are."""
+    """Return the door or window that a piece is by its title, of the usual width (WIDTH) times its scale."""
     x, _, z = lengths(child["pos"])
     wide = WIDTH[title] * abs(lengths(child["scale"])[0])
     shape = oblong(x, -z, max(wide, WALL_THICKNESS + TOLERANCE), WALL_THICKNESS, _yaw(child))
@@ -228,7 +232,7 @@ def _yaw(child: Any) -> float:
 
 
 def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names, unsized: Counter[str]) -> Piece | None:
-    """A piece that stands on the floor; None for decor, and for what no size is known of, which `unsized` counts."""
+    """Return a piece that stands on the floor; None for decor, and if its size is unknown, which `unsized` counts."""
     x, y, z = lengths(child["pos"])
     if y > HIGHEST:
         return None
@@ -250,9 +254,9 @@ def _piece(child: Any, piece: Any, models: Mapping[str, Any], names: Names, unsi
 
 
 def _size(piece: Any, model: Any) -> tuple[float, float, float] | None:
-    """Width, height and depth: `size` and models have width, depth, height, `bbox` has them in order.
+    """Return (width, height, depth) in metres; None where nothing tells it.
 
-    Lengths are metres, and those of models centimetres.
+    A piece's `bbox` has this order. Its `size` has width, depth, height, as models have, which are in centimetres.
     """
     if piece.get("size"):
         width, depth, height = lengths(piece["size"])

@@ -1,4 +1,4 @@
-"""What the elements of a home of Sweet Home 3D draw: floors, walls, doors and windows, pieces of furniture; y up."""
+"""Convert elements of a Sweet Home 3D home to floors, walls, openings and pieces of furniture; metres, y up."""
 
 from __future__ import annotations
 
@@ -19,21 +19,24 @@ from layoutrl.rooms.sources.home_xml import GROUP, OPENING, PIECES, Element, wit
 from layoutrl.rooms.sources.walls import DrawnOpening, Wall, oblong
 
 HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
-HUNG = 1.2  # metres: what bathrooms have on their walls begins lower
-FLAT = ("bathtub", "shower")  # however low
-STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins lower and is as high is walked through
+HUNG = 1.2  # metres, instead of HIGHEST, for furniture of bathrooms: it hangs on their walls
+FLAT = ("bathtub", "shower")  # count as furniture however low they are
+STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins below STEP and is at least HEADROOM high is walked through
 TOP = 0.02  # metres by which what stands on a piece may be off its top
-ARC_STEP = math.radians(15)  # of round walls
-WINDOWS = (  # in the languages of the names of furniture, wherever they stand in a name
+ARC_STEP = math.radians(15)  # at most, between corners of round walls
+WINDOWS = (  # words for it in the languages of furniture names, anywhere in a name
     "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
 )  # fmt: skip
-ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆(?!角)")  # in these languages, where a word begins
+ROUND = re.compile(r"\b(round|rund|rond|redond|rotond|tond)|圆(?!角)")  # in these languages, at the start of a word
 
 
 @dataclass(frozen=True)
 class HomePiece(Piece):
-    """A piece of furniture, its element in the file, what stands on it and goes with it, and the level that it goes to,
-    "" for none; None: it stays on its own."""
+    """A piece of furniture of a home, and its element in the file.
+
+    `on` are the elements that stand on it and move with it. `level` is the id of the level that it moves to, "" for one
+    without an id; None if it stays on its level.
+    """
 
     element: Element
     on: tuple[Element, ...] = ()
@@ -41,12 +44,12 @@ class HomePiece(Piece):
 
     @property
     def may_move(self) -> bool:
-        """Whether the home lets it move: what is part of the building does not."""
+        """Whether the home lets it move: parts of the building may not."""
         return self.element.flag("movable", True)
 
     @property
     def stood(self) -> Item:
-        """The item as it was on the level of its room."""
+        """The item as the home has it; without a pose if it stood on another level than that of its room."""
         return self.item if self.level is None else replace(self.item, center=None, rotation=None)
 
 
@@ -56,7 +59,10 @@ def traced(element: Element) -> Polygon:
 
 
 def walls_of(element: Element) -> list[Wall]:
-    """A wall as its centre line is drawn, longer by half its thickness where another goes on; round ones in pieces."""
+    """Return a wall around its centre line, a polyline if it is round; nothing for a threshold.
+
+    An end at which another wall goes on is extended by half the thickness.
+    """
     start = np.array((element.number("xStart"), -element.number("yStart"))) / 100
     end = np.array((element.number("xEnd"), -element.number("yEnd"))) / 100
     thickness = element.number("thickness") / 100
@@ -77,8 +83,10 @@ def walls_of(element: Element) -> list[Wall]:
 
 
 def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
-    """Points along a round wall, y up. Where `extent` is positive, the centre lies on the left of the way from start to
-    end, which turns counter-clockwise."""
+    """Return points along a round wall, y up.
+
+    Where `extent` (radians) is positive, it turns counter-clockwise from start to end, around a centre on its left.
+    """
     half = max(-math.pi + 1e-3, min(math.pi - 1e-3, extent / 2))
     middle, along = (start + end) / 2, (end - start) / 2
     center = middle + np.array((-along[1], along[0])) / math.tan(half)
@@ -89,7 +97,7 @@ def _arc(start: np.ndarray, end: np.ndarray, extent: float) -> list[np.ndarray]:
 
 
 def visible(element: Element) -> Iterator[Element]:
-    """An element and what stands in it, as far as they are visible."""
+    """Yield an element and its descendants, without invisible ones and what is in these."""
     if element.flag("visible", True):
         yield element
         for inner in element.inside:
@@ -97,12 +105,15 @@ def visible(element: Element) -> Iterator[Element]:
 
 
 def opens(element: Element) -> bool:
-    """Whether it is a door or window: imported ones may be pieces that say so."""
+    """Whether an element is a door or window: imported ones may be pieces with a flag for it."""
     return element.tag == OPENING or element.flag("doorOrWindow", False)
 
 
 def gaps_of(element: Element) -> list[DrawnOpening]:
-    """The part of a door or window that lies in its wall: the model has its leaf open, or a sill."""
+    """Return the part of a door or window that lies in its wall, without an open leaf or a sill of the model.
+
+    The list is empty where that part is too small.
+    """
     width, depth = element.number("width") / 100, element.number("depth") / 100
     wide, deep = element.number("wallWidth", 1.0), element.number("wallThickness", 1.0)
     if min(width * wide, depth * deep) < TOLERANCE:
@@ -124,8 +135,12 @@ def gaps_of(element: Element) -> list[DrawnOpening]:
 
 
 def stack(elements: list[Element], held: set[int], on: dict[int, list[Element]]) -> None:
-    """Tell of pieces, by where their tags begin, which are `held`: another that begins lower reaches up to them; and
-    what is `on` each: at its top, or where it has things put down."""
+    """Find which pieces others carry: add to `held` those that are carried, and to `on` those that stand on each.
+
+    Both know pieces by `Element.start`. A piece is held if its centre is over another that begins lower and reaches up
+    to it. It stands on that one if it begins no lower than its top, or than its `dropOnTopElevation`: of several, on
+    the largest, and only if the home lets it move.
+    """
 
     def all_of(name: str, otherwise: float | None = None) -> np.ndarray:
         return np.array([element.number(name, otherwise) for element in elements])
@@ -136,7 +151,7 @@ def stack(elements: list[Element], held: set[int], on: dict[int, list[Element]])
     high, share = low + all_of("height", 100.0) / 100, all_of("dropOnTopElevation", 1.0)
     top = np.where((share > 0) & (share < 1), low + share * (high - low), high)
     host, hung = np.full(len(elements), -1), np.zeros(len(elements), bool)
-    for k in np.argsort(width * depth, kind="stable"):  # the largest last: a piece rests on one alone
+    for k in np.argsort(width * depth, kind="stable"):  # the largest last, which wins: a piece stands on one alone
         off = (middle - middle[k]) * turn[k]
         over = (abs(off.real) <= width[k] / 2) & (abs(off.imag) <= depth[k] / 2)
         reached = over & (low > low[k]) & (low < high[k] + TOP)
@@ -149,22 +164,23 @@ def stack(elements: list[Element], held: set[int], on: dict[int, list[Element]])
 
 
 def aboard(start: int, on: Mapping[int, list[Element]]) -> list[Element]:
-    """What stands on a piece, and on that."""
+    """Return what stands on a piece, directly or on what stands on it."""
     found = [*on.get(start, ())]
-    for each in found:  # and on what is added here
+    for each in found:  # also those that are added here
         found += on.get(each.start, ())
     return found
 
 
 def piece_of(element: Element, names: Names, held: bool) -> HomePiece | None:
-    """A piece that stands on the floor, or None: of groups the box, called as its largest part that is known.
+    """Return a piece that stands on the floor, or None.
 
-    What hangs over the floor of bathrooms is in the way there, if it is not `held` by another piece; a shower tray is
-    no rug.
+    A group is one piece, its bounding box, called by its own name or, if that is unknown, as its largest known part.
+    What hangs over the floor of bathrooms is in the way there, unless it is `held` by another piece. Bathtubs and
+    shower trays count however low they are: they are no rugs.
     """
     elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 100.0) / 100
     inner = [e for e in within(element) if e.tag in PIECES and not opens(e)]
-    if element.tag == GROUP and not inner:  # of doors and windows
+    if element.tag == GROUP and not inner:  # a group of doors and windows
         return None
     width = element.number("widthInPlan", element.number("width")) / 100
     depth = element.number("depthInPlan", element.number("depth")) / 100

@@ -1,6 +1,6 @@
-"""Home.xml of a home of Sweet Home 3D, a ZIP: read into elements, and written with other values of attributes.
+"""Read Home.xml of a Sweet Home 3D home, a ZIP, into elements, and write it back with attributes changed.
 
-Nothing but these values changes: every other byte of Home.xml, and every other entry of the ZIP, is as it was.
+Nothing else changes: every other byte of Home.xml, and every other entry of the ZIP, stays as it was.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ HOME = "Home.xml"
 LARGEST_XML = 2**23  # bytes unpacked; homes of many storeys take a tenth
 MOST = {"room": 100, "wall": 400, "opening": 500, "piece": 2000, "point": 3000}  # in a home: more is no dwelling
 MOST_ELEMENTS = 100_000
-DEEPEST = 100  # elements in each other
+DEEPEST = 100  # nested elements
 LARGEST = 1e5  # centimetres, of any length
 OPENING, GROUP = "doorOrWindow", "furnitureGroup"
 PIECES = ("pieceOfFurniture", "light", "shelfUnit")
 BOX = {"x", "y", "width", "depth", "elevation", "height"}
-SAME_PLACE, SAME_ANGLE = 0.02, 1e-5  # centimetres and radians: what is read is rounded
+SAME_PLACE, SAME_ANGLE = 0.02, 1e-5  # centimetres and radians: smaller differences are rounding
 ATTRIBUTE = re.compile(rb"\s+([^\s=>/]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 
 
 @dataclass
 class Element:
-    """An element of Home.xml that matters, where its tag begins in the file, and what stands in it."""
+    """An element of Home.xml, the byte offset `start` of its tag in the file, and the elements `inside` it."""
 
     tag: str
     attributes: dict[str, str]
@@ -45,7 +45,10 @@ class Element:
     inside: list[Element] = field(default_factory=list)
 
     def number(self, name: str, otherwise: float | None = None) -> float:
-        """A length in centimetres, or an angle in radians. Raises RoomError for what is none."""
+        """Return an attribute as a number: lengths are centimetres, angles radians; a missing one is `otherwise`.
+
+        Raises RoomError if it is missing and `otherwise` is None, and unless it is a number of at most LARGEST.
+        """
         text = self.attributes.get(name)
         if text is None and otherwise is not None:
             return otherwise
@@ -59,29 +62,32 @@ class Element:
         return value
 
     def has(self, name: str, value: float) -> bool:
-        """Whether a number has this value already, but for the rounding of what is read; one that is not there is 0."""
+        """Whether an attribute has this value already, up to rounding and full turns; a missing one is 0."""
         off = self.number(name, 0.0) - value
         if name == "angle":
             return abs((off + math.pi) % math.tau - math.pi) < SAME_ANGLE
         return abs(off) < SAME_PLACE
 
     def flag(self, name: str, otherwise: bool) -> bool:
-        """A true or false."""
+        """Return an attribute as a boolean, `otherwise` where it is missing."""
         return self.attributes.get(name, str(otherwise)).lower() == "true"
 
     @property
     def called(self) -> str:
-        """What to call it before the user."""
+        """The element for messages: its tag, and its name or id."""
         return f"{self.tag} {(self.attributes.get('name') or self.attributes.get('id') or '')[:40]!r}"
 
     @property
     def names(self) -> tuple[str | None, str | None]:
-        """Its names that may say what it is: of the catalogue, which is in English, and the user's."""
+        """The names that may tell its category: that of the catalogue, in English, and the user's."""
         return self.attributes.get("catalogId"), self.attributes.get("name")
 
 
 def xml_of(path: Path) -> bytes:
-    """Home.xml of a home, unpacked no further than it may be. Raises InputError."""
+    """Return the bytes of Home.xml.
+
+    Raises InputError for a file that cannot be read, is no home, or unpacks to more than LARGEST_XML.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             entries = [entry for entry in archive.infolist() if entry.filename == HOME]
@@ -90,7 +96,7 @@ def xml_of(path: Path) -> bytes:
                 raise InputError(f"{path}: expected one {HOME} in it; got {what}")
             with archive.open(entries[0]) as file:
                 xml = file.read(LARGEST_XML + 1)
-    except InputError:  # which is a ValueError, as some of what a broken file makes zipfile raise
+    except InputError:  # a ValueError, which would be caught below
         raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
@@ -103,17 +109,21 @@ def xml_of(path: Path) -> bytes:
 
 
 def elements_of(xml: bytes) -> list[Element]:
-    """The elements right below the home. Raises RoomError, or ExpatError for what is no XML."""
+    """Return the elements right below the home.
+
+    Raises ExpatError for what is no XML. Raises RoomError for another root than home, too many or too deeply nested
+    elements, a DOCTYPE, and another encoding than UTF-8.
+    """
     home: list[Element] = []
     stack: list[list[Element]] = []
-    tags: list[str] = []  # of those that are open
+    tags: list[str] = []  # of elements that are open
     number: Counter[str] = Counter()
     kinds = {**dict.fromkeys((*PIECES, GROUP), "piece"), OPENING: "opening"}
     parser = expat.ParserCreate()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         kind = kinds.get(tag, tag)
-        if kind == "point" and tags[-1:] != ["room"]:  # polylines have points without end
+        if kind == "point" and tags[-1:] != ["room"]:  # polylines may have any number of points
             kind = "other"
         most = MOST.get(kind, MOST_ELEMENTS)
         number[kind] += 1
@@ -151,14 +161,14 @@ def elements_of(xml: bytes) -> list[Element]:
 
 
 def _box(element: Element) -> None:
-    """Tell of a group where it is and how large, as its parts do, where the file does not: it need not."""
+    """Set the position and size of a group from its parts, where the file does not give them: it need not."""
     parts = [inner for inner in element.inside if inner.tag in (*PIECES, OPENING, GROUP)]
     for part in parts:
         _box(part)
     if element.tag != GROUP or not parts or element.attributes.keys() >= BOX:
         return
     turn = cmath.rect(1, element.number("angle", 0.0))
-    corners = []  # as the group is turned
+    corners = []  # along the axes of the group
     for part in parts:
         across, along = part.number("width") / 2, part.number("depth") / 2
         middle, turned = complex(part.number("x"), part.number("y")), cmath.rect(1, part.number("angle", 0.0))
@@ -174,14 +184,17 @@ def _box(element: Element) -> None:
 
 
 def within(element: Element) -> Iterator[Element]:
-    """Every element in a group, at any depth."""
+    """Yield all descendants of an element."""
     for inner in element.inside:
         yield inner
         yield from within(inner)
 
 
 def changed(xml: bytes, changes: Mapping[int, Mapping[str, float | str]]) -> bytes:
-    """Home.xml with other values of attributes in the tags that begin at these places; all else is as it was."""
+    """Return Home.xml with attributes set in the tags that begin at these byte offsets (`Element.start`).
+
+    All else is as it was.
+    """
     parts, done = [], 0
     for start, values in sorted(changes.items()):
         tag = re.compile(rb"<[^\s/>]+").match(xml, start)
@@ -203,7 +216,7 @@ def changed(xml: bytes, changes: Mapping[int, Mapping[str, float | str]]) -> byt
 
 
 def _written(name: str, value: float | str) -> bytes:
-    """A value as it stands between quotation marks of either kind, in any encoding that is read."""
+    """Encode a value so that it can stand between either kind of quotation marks, in any encoding that is read."""
     if isinstance(value, str):
         return escape(value, {"'": "&apos;", '"': "&quot;"}).encode("ascii", "xmlcharrefreplace")
     digits = 7 if name == "angle" else 4
@@ -211,7 +224,7 @@ def _written(name: str, value: float | str) -> bytes:
 
 
 def write_home(path: Path, out: Path, xml: bytes) -> None:
-    """Copy a home, with another Home.xml. What else is in it is copied as it is packed, and never unpacked."""
+    """Copy a home to `out` with another Home.xml. All other entries are copied packed, and never unpacked."""
     partial = out.with_name(f".{out.name}.part")
     try:
         with zipfile.ZipFile(path) as old, zipfile.ZipFile(partial, "w") as new, path.open("rb") as packed:

@@ -1,4 +1,4 @@
-"""Rooms to train on and rooms held out, of any source, with the item that moves chosen."""
+"""Training and held-out rooms of any source, with the item that moves chosen."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from layoutrl.rooms.sources import designer_cache, read_files
 
 @dataclass
 class Data:
-    """Which rooms: where they come from, how many, of which seed; `conf/data/` has the values."""
+    """Configuration of the rooms: their source, number and seed. The values are in `conf/data/`."""
 
     source: str | None  # designer, floorplans, designer_rooms, json, sweethome3d, procthor or front3d
     root: str | None = None  # folder or file of the source's original data; designer: of its cache
     train_rooms: int | None = 5000  # designer: rooms to train on
     test_rooms: int | None = 1000  # designer: held-out rooms, from a seed of their own
     seed: int | None = 0  # designer: of the rooms
-    disturbed: float | None = 0.0  # designer: share of the rooms to train on that are disturbed as flats are
+    disturbed: float | None = 0.0  # designer: share of the training rooms that are disturbed as flats are
     labels: Any = "snapped"  # floorplans: designer's places moved flush to walls, or as drawn (raw)
     strict: bool | None = False  # json: stop at the first room that cannot be used
-    unit: str | None = "auto"  # json: m, cm, mm, in, ft, or auto, which tells the first three by how large rooms are
+    unit: str | None = "auto"  # json: m, cm, mm, in, ft, or auto, which infers m, cm or mm from how large rooms are
     categories: str | None = None  # sweethome3d, procthor, front3d: a YAML file of further names of furniture
 
     @property
@@ -37,7 +37,7 @@ class Data:
         return None if self.root is None else Path(self.root).expanduser()
 
     def read(self, room_type: str) -> Collection:
-        """The rooms of one type that the source's files hold. Raises InputError where there are no such files."""
+        """Return the rooms of one type in the source's files. Raises InputError as `read_files` does."""
         assert self.source is not None
         categories = None if self.categories is None else Path(self.categories).expanduser()
         strict, unit = bool(self.strict), self.unit or "auto"
@@ -45,14 +45,15 @@ class Data:
 
 
 def parts_of(scope: str, room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
-    """(training, held-out) rooms of a scope: whole ones with `room`, those in which `item` moves with `item`."""
+    """Return (training, held-out) rooms: whole ones for scope `room`, those in which `item` moves for scope `item`."""
     return whole_parts(room_type, data, fold) if scope == "room" else read_parts(room_type, item, data, fold)
 
 
 def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
-    """(training, held-out) rooms in which `item` moves; prints how many were read, kept and left out, and why.
+    """Return (training, held-out) rooms in which `item` moves; print how many were read, kept and left out, and why.
 
     The designer makes the two parts from different seeds. Rooms of files are split by the hash of their group.
+    Raises InputError where `item` moves in none of them.
     """
     if data.source == "designer":
         return designed_rooms(room_type, item, data, "train"), designed_rooms(room_type, item, data, "test")
@@ -60,7 +61,7 @@ def read_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[R
 
 
 def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
-    """(training, held-out) rooms in which all furniture stands, whichever it is; prints what was left out, and why."""
+    """Return (training, held-out) rooms in which every item has a place; print what was left out, and why."""
     if data.source == "designer":
         return designs(room_type, data, "train").rooms, designs(room_type, data, "test").rooms
     chosen = all_standing(data.read(room_type))
@@ -89,7 +90,10 @@ def designed_rooms(room_type: str, item: str, data: Data, part: Part) -> list[Ro
 
 
 def designs(room_type: str, data: Data, part: Part) -> Collection:
-    """One part of the designer's rooms, whole; prints how each template fared."""
+    """Return one part of the designer's rooms, whole; print how each template fared.
+
+    Raises InputError where `data` has no count or seed, and where its root is a file.
+    """
     count = {"train": data.train_rooms, "test": data.test_rooms}[part]
     if count is None or data.seed is None:
         raise InputError(f"data: the designer expects data.{part}_rooms and data.seed as numbers; got null")
@@ -105,7 +109,10 @@ def designs(room_type: str, data: Data, part: Part) -> Collection:
 
 
 def _disturb(rooms: list[Room], share: float, seed: int) -> None:
-    """Disturb about this share of the rooms, in place: by index the same, however many there are."""
+    """Disturb about this share of the rooms, in place.
+
+    What happens to a room depends on seed and index, not on how many rooms there are.
+    """
     rngs = [np.random.default_rng([seed, k]) for k in range(len(rooms))]
     chosen = [k for k, rng in enumerate(rngs) if rng.random() < share]
     changed = disturbed([rooms[k] for k in chosen], [rngs[k] for k in chosen])

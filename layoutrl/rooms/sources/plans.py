@@ -21,14 +21,14 @@ from shapely.geometry.polygon import orient
 from layoutrl import InputError
 from layoutrl.rooms.room import is_drawn_before
 
-# Of rooms, as labelled.
+# Kinds of rooms, as labelled.
 WET_ROOMS = ("bathroom", "restroom", "washing_room")
 KINDS = (*WET_ROOMS, "kitchen", "living_room", "bedroom", "balcony", "corridor", "closet", "PS")
 FACING = {1: 90, 2: 0, 3: 270, 4: 180}  # side of the back (bottom, left, top, right): degrees of an item's +x axis
-BASIN, DASHED = 1, 2  # styles of a washing_basin: a basin, an appliance drawn as a dashed square; above, a machine
+BASIN, DASHED = 1, 2  # styles of a washing_basin: a basin, an appliance drawn as a dashed square; others: a machine
 ICONS = ("bathtub", "cooking_counter", "toilet", "washing_basin")
 CATEGORIES = {"wall", "door", "entrance", "stairs", "special", "point", *ICONS, *KINDS}
-HINGED = (1, 2)  # styles of a door
+HINGED = (1, 2)  # styles of a door that is hinged
 LARGEST = 1e5  # pixels, of a corner; plans are some thousand wide
 
 # Slack of the drawing: (pixels, share of a length); the larger of the two holds.
@@ -39,7 +39,7 @@ ENTRANCE = (6, 0.03)
 HALF_WALL = 0.0098  # of the plan's extent: about 7 cm
 CORNER = 0.5  # pixels: what lies closer to the line between its neighbours is no corner
 
-# The scale of a plan is the median over what it shows of these, in metres.
+# Known sizes in metres: the scale of a plan is the median over those that it shows.
 ROOM_SIZE = {"restroom": (0.80, 1.32), "bathroom": (1.28, 1.73)}  # short and long side
 DOOR_WIDTH = {"bathroom": 0.68, "restroom": 0.68, "washing_room": 0.68, "bedroom": 0.75}
 LONG_SIDE = {"bathtub": 1.25, "toilet": 0.78}
@@ -47,7 +47,7 @@ COUNTER_DEPTH = 0.59
 APPLIANCE_SIDE = 0.64
 METRES_PER_PIXEL = 0.022  # of a plan that shows none of them
 
-Run = tuple[float, float, float]  # an axis-parallel wall: where it lies across, and from where to where it reaches
+Run = tuple[float, float, float]  # an axis-parallel wall: its coordinate across, and those of its ends along
 T = TypeVar("T", int, str)
 
 
@@ -93,7 +93,7 @@ class Plan:
     rows: dict[str, list[Row]]
     extent: float  # mean of width and height
     faces: list[Polygon]
-    labels: list[list[str]]  # a list a face, such as ["bathroom-1", "restroom-1"]
+    labels: list[list[str]]  # for each face a list, such as ["bathroom-1", "restroom-1"]
     unplaced: list[str]  # labels that lie in no face
 
     @property
@@ -103,12 +103,12 @@ class Plan:
 
     @cached_property
     def pillars(self) -> shapely.Geometry:
-        """What stands in faces and is no floor."""
+        """The union of the `special` rows, such as shafts and pillars, which are no floor."""
         return shapely.union_all([row.box for row in self.rows["special"]])
 
     @cached_property
     def metres_per_pixel(self) -> float:
-        """The median over everything in the plan that has a known size."""
+        """The scale: the median over everything in the plan that has a known size."""
         scales = list(_scales(self))
         return median(scales) if scales else METRES_PER_PIXEL
 
@@ -122,7 +122,10 @@ class BadRow(ValueError):
 
 
 def near_copies(file: Path) -> dict[str, str]:
-    """The representative of each plan that has near copies: the smallest id among those that copies lead to."""
+    """Return the representative of each plan that has near copies: the smallest id of its connected component.
+
+    Raises InputError where the file is missing, or a line of it is malformed.
+    """
     if not file.is_file():
         raise InputError(
             f"no list of near copies: expected {file}; set data.root to the folder that holds it "
@@ -136,7 +139,7 @@ def near_copies(file: Path) -> dict[str, str]:
 
 
 def _components(pairs: Iterable[tuple[T, T]]) -> dict[T, T]:
-    """The smallest member of its connected component, for everything in `pairs`."""
+    """Return for every member of `pairs` the smallest member of its connected component."""
     parent: dict[T, T] = {}
 
     def find(member: T) -> T:
@@ -151,7 +154,7 @@ def _components(pairs: Iterable[tuple[T, T]]) -> dict[T, T]:
 
 
 def parse(file: Path) -> dict[str, list[Row]]:
-    """The rows of a plan file by category, y turned up. Raises BadRow."""
+    """Return the rows of a plan file by category, with y flipped to point up. Raises BadRow."""
     rows: dict[str, list[Row]] = defaultdict(list)
     try:
         lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -228,7 +231,7 @@ def _walls(rows: list[Row], extent: float) -> list[LineString]:
     lines += [LineString(((x, lo), (x, hi))) for x, lo, hi in _ending_on(along_x, along_y, near) if lo < hi]
     straight = shapely.union_all(lines)
     corners = [Point(end) for line in lines for end in line.coords]
-    for row in oblique:  # their ends go to a corner, else to a wall
+    for row in oblique:  # their ends go to the nearest corner, else wall, if one is near
         ends = []
         for end in map(Point, row.ends):
             to = min(corners, key=end.distance, default=end)
@@ -241,7 +244,7 @@ def _walls(rows: list[Row], extent: float) -> list[LineString]:
 
 
 def _aligned(runs: list[Run], slack: float, near: float) -> list[Run]:
-    """Parallel walls that touch each other, on one line: their mean by length."""
+    """Move parallel walls that touch each other to one line: their mean, weighted by length."""
     touching = _components(
         (i, j)
         for i, (a, lo, hi) in enumerate(runs)
@@ -259,7 +262,7 @@ def _aligned(runs: list[Run], slack: float, near: float) -> list[Run]:
 
 
 def _ending_on(crossing: list[Run], runs: list[Run], near: float) -> list[Run]:
-    """Walls whose ends lie on the nearest perpendicular wall, where there is one."""
+    """Move the ends of walls to the nearest of the perpendicular walls `crossing`, where one is near."""
 
     def moved(end: float, across: float) -> float:
         walls = [c for c, lo, hi in crossing if abs(c - end) <= near and lo - near <= across <= hi + near]
@@ -272,7 +275,10 @@ def _ending_on(crossing: list[Run], runs: list[Run], near: float) -> list[Run]:
 
 
 def inner_area(plan: Plan, face: int) -> Polygon:
-    """The indoor area: the face less half a wall and the pillars, without parts thinner than a wall."""
+    """Return the indoor area: the face less half a wall and the pillars, without parts thinner than a wall.
+
+    Of several parts it is the largest; it is empty where none is left.
+    """
     half = plan.half_wall
     area = plan.faces[face].buffer(-half, join_style="mitre").difference(plan.pillars)
     parts = shapely.get_parts(area.buffer(-half, join_style="mitre").buffer(half, join_style="mitre"))
@@ -299,7 +305,7 @@ def gaps_in(plan: Plan, face: int, inner: Polygon) -> Iterator[Gap]:
         wall = np.where(fits, stop - start - aside, -np.inf).argmax()
         p, q = (corners[wall] + position[wall] * along[wall] for position in (start, stop))
         across = outward[wall] * thickness
-        # Looked for in three depths, in wall thicknesses, since a sliver may lie between.
+        # Look at three depths, in wall thicknesses, since a sliver may lie between.
         behind = (_face_at(plan, *((p + q) / 2 + depth * across)) for depth in (1, 1.5, 2))
         beyond = next((other for other in behind if other is not None), None)
         if beyond == face:
@@ -315,7 +321,7 @@ def gaps_in(plan: Plan, face: int, inner: Polygon) -> Iterator[Gap]:
 
 
 def icons_in(plan: Plan, face: int) -> list[tuple[str, Row]]:
-    """The icons that a face holds more than half of, the larger one of twins."""
+    """Return (category, row) of the icons that lie by more than half in a face; of one drawn twice, the larger."""
     found: list[tuple[str, Row]] = []
     for category in ICONS:
         for row in sorted(plan.rows[category], key=lambda row: -row.box.area):
@@ -327,7 +333,7 @@ def icons_in(plan: Plan, face: int) -> list[tuple[str, Row]]:
 
 
 def _scales(plan: Plan) -> Iterator[float]:
-    """Metres a pixel, once for everything in a plan that has a known size."""
+    """Yield metres per pixel, once for everything in a plan that has a known size."""
     for face, labels in enumerate(plan.labels):
         kinds = set(map(kind_of, labels))
         kind = kinds.pop() if len(kinds) == 1 else ""

@@ -1,9 +1,9 @@
-"""Houses of ProcTHOR and AI2-THOR (Deitke et al. 2022): JSON, one house a line, packed or not; or one, or a list of
-them, as a whole .json file.
+"""Houses of ProcTHOR and AI2-THOR (Deitke et al. 2022): JSON, one house a line, gzipped or not; or a .json file that
+holds one house or a list of them.
 
-A house names its objects; how large they are says the asset database, `asset-database.json` of repository
-allenai/procthor (Apache-2.0), which lies beside the houses. Seen from above x is to the right and z is up. Placements
-are largely random: rooms to move in, no designs to learn from.
+A house names its objects; their sizes are in the asset database, `asset-database.json` of repository allenai/procthor
+(Apache-2.0), which has to lie beside the houses. Seen from above x is to the right and z is up. Furniture is placed
+largely at random: these are rooms to furnish, not designs to learn from.
 """
 
 from __future__ import annotations
@@ -35,16 +35,17 @@ SUFFIXES = (".json", ".jsonl", ".gz")
 MOST = 200_000  # houses in a file
 LARGEST_LINE = 2**23  # bytes; a house of ten rooms takes a tenth
 LARGEST_WHOLE = 2**27  # bytes of a file that is read as one document
-BENT = re.compile(r"Countertop_[CL]_")  # the box of such a counter is mostly floor: it is not moved as one
-RATIO = 100  # by which a file may unpack; houses do by ten to twenty
+BENT = re.compile(r"Countertop_[CL]_")  # most of the bounding box of such a counter is floor: it is not moved
+RATIO = 100  # a file may unpack to so many times its size; houses do to ten to twenty times
 
 Size = tuple[float, float, float]  # metres along x, y (up) and z
 
 
 def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
-    """The rooms of all houses in a file, or in a folder of them; of `room_type` where nothing tells it.
+    """Return the rooms of all houses in a file, or in all files below a folder.
 
-    Raises InputError where there is no house.
+    `room_type` is assigned to rooms whose type nothing tells; without it they are left out. Raises InputError where
+    there is no file of houses, or no asset database beside it.
     """
     folder = root.parent if root.is_file() else root
     files = files_below(root, SUFFIXES, (ASSETS,))
@@ -68,7 +69,7 @@ def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
 
 
 def _sizes(file: Path) -> dict[str, tuple[str, Size]]:
-    """(type, size) of every asset. Raises InputError where there is no such file."""
+    """Return (type, size) of every asset, by its id. Raises InputError where the file is missing or malformed."""
     try:
         database = json.loads(file.read_bytes())
         found = {}
@@ -85,9 +86,9 @@ def _sizes(file: Path) -> dict[str, tuple[str, Size]]:
 
 
 def _whole(file: Path) -> Iterable[tuple[int, Any]]:
-    """(number, house) of every house of a .json file: it is one, a list of them, or has one on each line.
+    """Return (number, house) of every house in a .json file: one, a list of them, or one on each line.
 
-    Raises RoomError where it is none of these. A file that is too large to be held is read by lines.
+    Raises RoomError where it is none of these. A file larger than LARGEST_WHOLE is read by lines.
     """
     if file.stat().st_size > LARGEST_WHOLE:
         return _lines(file)
@@ -95,13 +96,16 @@ def _whole(file: Path) -> Iterable[tuple[int, Any]]:
     try:
         document = loaded(text)
     except RoomError:
-        loaded(text.lstrip().partition(b"\n")[0])  # the first of several, or nothing is
+        loaded(text.lstrip().partition(b"\n")[0])  # raises RoomError unless the first line is JSON by itself
         return _lines(file)
     return enumerate((document if isinstance(document, list) else [document])[:MOST], 1)
 
 
 def _lines(file: Path) -> Iterator[tuple[int, bytes]]:
-    """(number, text) of every line that is not empty. Raises OSError or EOFError for a file that breaks off."""
+    """Yield (number, text) of every line that is not empty.
+
+    Raises OSError or EOFError for a file that breaks off, or that is larger than any house.
+    """
     most = RATIO * file.stat().st_size + LARGEST_LINE
     if file.suffix == ".gz":
         with gzip.open(file) as packed:
@@ -132,7 +136,7 @@ def _add(
     names: Names,
     room_type: str | None,
 ) -> None:
-    """Add the rooms of a house, a document or its text, or the reason to leave it out."""
+    """Add the rooms of a house, which is a document or its text, or the reason why it is left out."""
     storey: Storey[Piece] = Storey(label)
     with collection.or_left_out(label):
         document = loaded(house) if isinstance(house, bytes) else house
@@ -154,7 +158,7 @@ def _floor(room: Any) -> Polygon:
 
 
 def _foot(wall: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The ends of a wall on the floor, as AI2-THOR finds them: of its lowest corners those at the ends, in order."""
+    """Return the ends of a wall on the floor as AI2-THOR finds them: the outermost of its lowest corners, in order."""
     corners = [lengths(corner[axis] for axis in "xyz") for corner in wall["polygon"]]
     floor = sorted(y for _, y, _ in corners)[1] + TOLERANCE
     low = [(x, z) for x, y, z in corners if y <= floor]
@@ -164,14 +168,14 @@ def _foot(wall: Any) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def _gaps(house: Any) -> Iterator[DrawnOpening]:
-    """The doors and windows. A wall has no thickness: they are as deep as the walls that are assumed."""
+    """Yield the doors and windows. Walls have no thickness here: openings are as deep as the walls that are assumed."""
     kinds: tuple[Literal["door", "window"], ...] = ("door", "window")
     pierced = {opening["wall0"] for kind in kinds for opening in house[f"{kind}s"]}
     feet = {wall["id"]: _foot(wall) for wall in house["walls"] if wall["id"] in pierced}
     for kind in kinds:
         for opening in house[f"{kind}s"]:
             (x0, y0), (x1, y1) = feet[opening["wall0"]]
-            # Houses of before schema 1.0.0 have a box.
+            # Houses from before schema 1.0.0 have a bounding box instead.
             hole = opening.get("holePolygon") or [opening["boundingBox"][end] for end in ("min", "max")]
             first, last = lengths(corner["x"] for corner in hole)
             side, along = math.dist((x0, y0), (x1, y1)), (first + last) / 2
@@ -182,13 +186,13 @@ def _gaps(house: Any) -> Iterator[DrawnOpening]:
 
 
 def _called(thing: Any) -> str:
-    """An object by its asset, or by its id, before the user."""
+    """Return the name of an object for messages: its asset, else its id."""
     known = thing if isinstance(thing, dict) else {}
     return str(known.get("assetId") or known.get("id") or "without a name")
 
 
 def _piece(thing: Any, sizes: Mapping[str, tuple[str, Size]], names: Names, unsized: Counter[str]) -> Piece | None:
-    """An object that stands on the floor; None for decor, and for what no size is known of, which `unsized` counts."""
+    """Return an object that stands on the floor; None for decor, and if its size is unknown, which `unsized` counts."""
     x, y, z = lengths(thing["position"][axis] for axis in "xyz")
     degrees = length(thing["rotation"]["y"])
     if (asset := thing["assetId"]) not in sizes:

@@ -1,4 +1,4 @@
-"""Homes of Sweet Home 3D (.sh3d, .sh3x): read as rooms, and written back whole, with what was placed moved.
+"""Read homes of Sweet Home 3D (.sh3d, .sh3x) as rooms, and write them back whole with placed furniture moved.
 
 A home is a ZIP with `Home.xml`: centimetres, y down, radians clockwise. A piece's width is along its own x, its depth
 along its own y, and it faces along y: down, where it is not turned.
@@ -49,7 +49,7 @@ from layoutrl.rooms.sources.home_xml import (
     xml_of,
 )
 
-MOST_PAIRS = 15_000  # of a room and a wall
+MOST_PAIRS = 15_000  # rooms times walls of a home
 
 
 @dataclass
@@ -58,33 +58,33 @@ class Home:
 
     path: Path
     collection: Collection
-    pieces: dict[str, list[HomePiece]]  # of the furniture of each room, by its id
+    pieces: dict[str, list[HomePiece]]  # by room id, in the order of the room's furniture
     xml: bytes
 
     @property
     def suffix(self) -> str:
-        """Of the file that it is written to: of its own kind."""
+        """The suffix of the files that it is written to: that of the home."""
         return self.path.suffix.lower()
 
     @property
     def rooms(self) -> list[Room]:
-        """The rooms; what is to be placed has no center."""
+        """The rooms; items that are to be placed have no center."""
         return self.collection.rooms
 
     @property
     def stood(self) -> list[tuple[Item, ...]]:
-        """The furniture of each room as the home has it; what was outside all rooms stands there still.
+        """The furniture of each room as the home has it, also what stands outside all rooms.
 
-        What comes from another level stands nowhere on that of the room.
+        What comes from another level than the room's has no pose.
         """
         return [tuple(piece.stood for piece in self.pieces[room.id]) for room in self.rooms]
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
-        """Write the whole home with what was placed in these layouts where they have it.
+        """Write the whole home, with the items that were placed moved to where these layouts have them.
 
         Nothing else changes: every other entry of the file is the same, byte for byte, and so is every attribute but
         x, y and angle of what was placed, and level where it goes to another. Raises InputError where `out` is there
-        already or cannot be written.
+        already, has another suffix or cannot be written.
         """
         check_new(out, self.suffix)
         changes: dict[int, dict[str, float | str]] = {}
@@ -112,10 +112,10 @@ def read_home(
     room_type: str | None = None,
     names: Names | None = None,
 ) -> Home:
-    """A home, every room of every level as a room of its own; the file's name begins their ids.
+    """Read a home. Every room of every level is a room of its own, whose id begins with the file's name.
 
     `move`, `into` and `room_type` are those of `layoutrl.rooms.formats.opened`. Raises InputError for a file that is
-    no home.
+    no home, and for an `into` that is none of its rooms.
     """
     names = names or names_of()
     home = _home(path, path.stem, names, move, into, room_type, alone=True)
@@ -133,7 +133,10 @@ def _home(
     *,
     alone: bool = False,
 ) -> Home:
-    """The same, of which `names` alone know what they did not know. Where it is `alone`, its options are told."""
+    """Read a home as `read_home` does, without notes on unknown names: the caller takes them from `names`.
+
+    Where it is read `alone`, messages suggest the options `room_type` and `into`.
+    """
     or_else = ", or room_type=<type>" if alone else ""
     xml = xml_of(path)
     try:
@@ -172,16 +175,16 @@ def _home(
 
 
 def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
-    """The rooms of all homes below a folder, or of one file, in which all stands where it is."""
+    """Return the rooms of one home, or of all below a folder, with all furniture where it stands."""
     return read_folder(root, names, move="", room_type=room_type)[0]
 
 
 def read_folder(
     root: Path, names: Names, *, move: str | None, room_type: str | None = None
 ) -> tuple[Collection, list[tuple[Item, ...]]]:
-    """The rooms of all homes below a folder, or of one file, each as `read_home` reads it, and what stood in each.
+    """Return the rooms of one home, or of all below a folder, as `read_home` reads them, and `Home.stood` of each.
 
-    A home that cannot be read is left out. Raises InputError where there is none.
+    A home that cannot be read is left out. Raises InputError where there is no file of a home.
     """
     files = files_below(root, HOMES)
     if not files:
@@ -212,22 +215,22 @@ def read_folder(
 def _storeys(
     elements: list[Element], name: str, names: Names
 ) -> tuple[dict[str | None, Storey[HomePiece]], list[tuple[str | None, HomePiece]], list[HomePiece]]:
-    """By the id of its first level, None where the home has none, each storey with all that stands in its rooms;
-    (level, piece) outside all rooms; and what is in no room, but stands in the building.
+    """Return the storeys; (level, piece) of what is outside the building; and the pieces in it, but in no room.
 
-    Levels of one elevation are layers of one storey, but for those that are hidden beside one that is not: how it was
-    before, or may be. Raises RoomError for a number that is none.
+    Storeys hold the pieces in their rooms. They are named by the id of their first level, None for what has no level.
+    Levels of one elevation are layers of one storey. One that is hidden beside one that is not is left out: it shows
+    how the home was before, or may be. Raises RoomError for malformed numbers, and for too many rooms and walls.
     """
     named = {e.attributes.get("id"): e for e in elements if e.tag == "level"}
     heights = {k: e.number("elevation") if "elevation" in e.attributes else k for k, e in named.items()}
     shown = {heights[level] for level, element in named.items() if element.flag("viewable", True)}
     hidden = [k for k, e in named.items() if not e.flag("viewable", True) and heights[k] in shown]
     elements = [element for element in elements if element.attributes.get("level") not in hidden]
-    first: dict[float | str | None, str | None] = {}  # of an elevation
+    first: dict[float | str | None, str | None] = {}  # level at each elevation
     joined = {level: first.setdefault(heights[level], level) for level in named if level not in hidden}
     storeys: dict[str | None, Storey[HomePiece]] = {}
     taken: set[str] = set()  # prefixes
-    level_of: dict[int, str | None] = {}  # an element, by where it begins
+    level_of: dict[int, str | None] = {}  # of each element, by its start
     for element in elements:
         level = joined.get(element.attributes.get("level"))
         if level not in storeys:
@@ -260,7 +263,7 @@ def _storeys(
         if storey.put(piece):
             continue
         if storey.building.intersects(piece.item.footprint):
-            if piece.known:  # else it is as a rail or a gutter, of the building
+            if piece.known:  # others, as a rail or a gutter, are part of the building
                 storey.leave(piece)
             walled.append(piece)
         else:
@@ -271,9 +274,9 @@ def _storeys(
 def _draw_rooms(
     elements: list[Element], storeys: dict[str | None, Storey[HomePiece]], level_of: dict[int, str | None]
 ) -> None:
-    """Draw the rooms of each storey; where it has none, what its walls enclose, as many people draw walls alone.
+    """Draw the rooms of each storey; where none are drawn, the areas that walls enclose: many people draw walls alone.
 
-    Raises RoomError where there are too many.
+    Raises RoomError where there are too many rooms and walls.
     """
     rooms = [element for element in elements if element.tag == "room"]
     walls = sum(element.tag == "wall" for element in elements)
@@ -303,7 +306,10 @@ def _label(name: str) -> str:
 
 
 def _moves(piece: HomePiece, move: set[str] | None, parked: bool) -> bool:
-    """Whether a piece is to be placed: what nobody knows is not; what the home does not let move, if it is named."""
+    """Whether a piece is to be placed: one that `move` names or, if it is None, one `parked` outside all rooms.
+
+    An unknown piece never is. One that the home does not let move is only if `move` names its own category.
+    """
     called = parked if move is None else ALL in move
     named = move is not None and piece.item.category in move
     return piece.known and (named or (called and piece.may_move))
@@ -317,10 +323,13 @@ def _park(
     into: str | None,
     alone: bool,
 ) -> None:
-    """Give what stands outside all rooms to a room: the one that is named, or for each piece, largest first, one whose
-    type knows it and that has the floor for it. First come those whose type is not `untold`, then those of its
-    level, then those in which it is usual, so that there is who places it, then those without such a piece, with the
-    most floor free."""
+    """Give each piece outside all rooms to a room: to `into` or, the largest piece first, to one that suits it.
+
+    A room suits if its type holds such a piece and it has the floor for it. Preferred is one whose type is not
+    `untold`, then one on its level, then one whose type the designer gives such pieces, so that agents can place it,
+    then one without such a piece, then the one with the most floor free. A piece that no room suits stays, with a note.
+    Raises InputError where `into` is no room of the home.
+    """
     if into is not None and into not in home.pieces:
         why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
         said = f"expected one of {', '.join(home.pieces)}" if home.pieces else f"none could be read: {why}"
@@ -360,8 +369,11 @@ def _park(
 
 
 def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:
-    """Which x, y, angle and level of an element, and of all in it and on it, are others with its item where it is now,
-    by where their tags begin. Heights are those above the level, and stay."""
+    """Return the values of x, y, angle and level that change when a piece goes to the pose of `item`.
+
+    They are those of its element and of all in it and on it, by `Element.start`. Elevations count from the level, and
+    stay.
+    """
     assert item.center is not None
     element = piece.element
     old = complex(element.number("x"), element.number("y"))

@@ -1,4 +1,4 @@
-"""A room around a floor: its walls as they are drawn, doors and windows in them, and what it holds; metres, y up."""
+"""Build a room around a floor: its walls as drawn, doors and windows in them, and furniture; metres, y up."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from layoutrl.rooms.room import (
 )
 from layoutrl.rooms.sources.floors import parts_of
 
-LINING = 0.06  # metres, of the wall where a side has none: rooms that are open to each other
-NEAR = 0.1  # metres from a floor to a wall that is its own
-ACROSS = 0.12  # metres by which an opening is drawn out to both sides, to be cut to the wall
-MOST_WALLS = 40  # that are looked at along one side
-LEAST = 0.01  # square metres indoors, of what reaches through a wall: less is in nobody's way
+LINING = 0.06  # metres: the wall that is assumed at a side without one, where rooms are open to each other
+NEAR = 0.1  # metres: walls that are no farther from a floor are its own
+ACROSS = 0.12  # metres by which an opening is deepened on both sides before it is cut to the wall
+MOST_WALLS = 40  # that are considered along one side
+LEAST = 0.01  # square metres: what reaches indoors through a wall by less is in nobody's way
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a room, the largest that fits
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A wall as it is drawn, without what is cut out of it."""
+    """A wall as drawn, before openings are cut out of it; its thickness in metres."""
 
     body: Polygon
     thickness: float
@@ -50,9 +50,9 @@ class Wall:
 
 @dataclass(frozen=True)
 class DrawnOpening:
-    """A door or window as it is drawn: where it lies in some wall, along it and across.
+    """A door or window as drawn: its shape in plan, within some wall.
 
-    `axis` is a line through it along the wall, where the format says how the wall runs.
+    `axis` is a line through it along the wall; None where the format does not say how the wall runs.
     """
 
     kind: Literal["door", "window"]
@@ -79,10 +79,10 @@ def room_of(
     furniture: Sequence[Item],
     group: str,
 ) -> tuple[Room, dict[int, Item]]:
-    """A room around a tidy floor, and what it holds of `furniture`, by its index: `cut_to`.
+    """Return a room around a tidy floor, and the items of `furniture` that it holds, by index, as `cut_to` has them.
 
-    `walls` are all that are near, of which each side takes the one that it lies along; None where none are drawn.
-    Of `gaps` those that lie in its walls are its doors and windows. Raises RoomError where no room can be made.
+    `walls` are all that are near, of which each side takes the one along it; None where the format draws none. Those of
+    `gaps` that lie in its walls become its doors and windows. Raises RoomError where no room can be made.
     """
     floor = shapely.set_precision(floor, 10.0**-DIGITS)
     floor = orient(parts_of(floor)[0])
@@ -114,7 +114,7 @@ def room_of(
 
 
 def cut_to(room: Room, item: Item) -> Item | None:
-    """The item, where it is to be placed or the room holds it; else what of it lies indoors, as an obstacle.
+    """Return the item if it is to be placed or lies in the room, else the part of it that is indoors, as an obstacle.
 
     People draw furniture a few centimetres through a wall: nothing else may stand there. None where next to nothing of
     it is indoors.
@@ -126,7 +126,7 @@ def cut_to(room: Room, item: Item) -> Item | None:
         return None
     middle = np.array(indoors.representative_point().coords[0])
     low, high = np.array(indoors.bounds).reshape(2, 2)
-    for share in SHARES:  # where it leans to a wall, a corner of its box may still reach through
+    for share in SHARES:  # if it is at an angle to the wall, a corner of its box may still reach through
         start, end = middle + share * (low - middle), middle + share * (high - middle)
         x, y = rotation(item.degrees) @ ((start + end) / 2)
         depth, width = (end - start).tolist()
@@ -137,7 +137,7 @@ def cut_to(room: Room, item: Item) -> Item | None:
 
 
 def _strips(outline: Ring, walls: Sequence[Wall] | None) -> list[Polygon]:
-    """For each side of an outline the wall outside it, as thick as what is drawn there, round its corners."""
+    """Return for each side of an outline the wall outside it, as thick as drawn there, extended round both corners."""
     sides = list(pairwise((*outline, outline[0])))
     bodies = shapely.STRtree([wall.body for wall in walls or ()])
     depths = [WALL_THICKNESS if walls is None else _depth(*side, walls, bodies) for side in sides]
@@ -155,7 +155,7 @@ def _strips(outline: Ring, walls: Sequence[Wall] | None) -> list[Polygon]:
 def _depth(
     start: tuple[float, float], end: tuple[float, float], walls: Sequence[Wall], bodies: shapely.STRtree
 ) -> float:
-    """How far the wall outside a side reaches: that along most of it."""
+    """Return how far the wall along most of a side reaches outwards, in metres; LINING where there is none."""
     (x0, y0), (x1, y1) = start, end
     length = math.dist(start, end)
     out = ((y1 - y0) / length * NEAR, (x0 - x1) / length * NEAR)
@@ -170,7 +170,7 @@ def _depth(
 
 
 def _walls(strips: list[Polygon], floor: Polygon, openings: list[DrawnOpening]) -> list[list[list[float]]]:
-    """The strips, cut by floor, openings and earlier strips; columns are solid."""
+    """Return the walls: strips without floor, openings and earlier strips, and columns, which are solid."""
     taken = shapely.union_all([Polygon(floor.exterior), *(gap.shape for gap in openings)])
     walls = [[list(corner) for corner in hole.coords[:-1]] for hole in floor.interiors]
     for strip in strips:
