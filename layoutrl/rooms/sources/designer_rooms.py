@@ -215,6 +215,8 @@ def runs(shape: Polygon, category: str) -> list[Item]:
     if not shape.is_valid or not shape.area or any(ax != bx and ay != by for (ax, ay), (bx, by) in steps):
         raise Unreadable("an item's polygon is not made of axis-parallel edges")
     hollow = shape.convex_hull.difference(shape).centroid
+    if hollow.is_empty:
+        raise Unreadable("an item's polygon is a rectangle: it does not tell which way the item faces")
     items = []
     for part in rectangles(orient(shape)):
         x0, y0, x1, y1 = part.bounds

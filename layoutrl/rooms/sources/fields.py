@@ -14,6 +14,8 @@ def loaded(text: bytes) -> Any:
     """Parse a JSON document. Raises RoomError where the text is not JSON."""
     try:
         return json.loads(text)
+    except UnicodeDecodeError as error:
+        raise RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}") from None
     except (ValueError, RecursionError) as error:  # also for brackets or digits without end
         reason = error.msg if isinstance(error, json.JSONDecodeError) else "numbers and nesting of a usual size"
         raise RoomError("text", f"expected whole JSON; {reason}") from None

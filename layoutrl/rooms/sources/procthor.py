@@ -12,6 +12,7 @@ import gzip
 import json
 import math
 import re
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
@@ -62,7 +63,7 @@ def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
                 _add(collection, house, f"{name}/{number}", sizes, names, room_type)
         except RoomError as error:
             collection.left_out.append((str(file), str(error)))
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, zlib.error) as error:
             collection.left_out.append((str(file), f"the file cannot be read to its end ({str(error)[:60]})"))
     collection.notes += names.notes()
     return collection

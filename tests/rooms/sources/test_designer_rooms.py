@@ -208,6 +208,10 @@ def oblique_wardrobe(layout: Layout) -> None:
     layout["functionZones_layout"][3]["points"] = [[0, 0], [1800, 0], [0, 600]]
 
 
+def oblong_wardrobe(layout: Layout) -> None:
+    layout["functionZones_layout"][3]["points"] = [[0, 0], [1800, 0], [1800, 600], [0, 600]]
+
+
 def empty_item(layout: Layout) -> None:
     layout["functionZones_layout"][1]["bound"]["dx"] = 0
 
@@ -231,6 +235,10 @@ def door_off_the_walls(layout: Layout) -> None:
         (unknown_item, "an item's id has no known meaning"),
         (oblique_item, "an item is not turned by quarters of a circle"),
         (oblique_wardrobe, "an item's polygon is not made of axis-parallel edges"),
+        (
+            oblong_wardrobe,
+            "an item's polygon is a rectangle: it does not tell which way the item faces",
+        ),
         (empty_item, "an item has no area"),
         (no_furniture, "it has no furniture"),
         (door_off_the_walls, "a door or window lies in no wall"),

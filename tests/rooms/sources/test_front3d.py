@@ -165,6 +165,7 @@ def test_a_house_is_opened_by_its_content(tmp_path: Path) -> None:
 def test_what_is_broken_is_left_out_in_one_line(tmp_path: Path) -> None:
     write(tmp_path, house(mesh=None), "a.json")
     (tmp_path / "b.json").write_text('{"mesh": [')
+    (tmp_path / "d.json").write_bytes(b'{"uid":\xff}')
     document = house()
     document["mesh"][0]["faces"] = document["mesh"][1]["faces"] = [0, 1, 99]
     write(tmp_path, document, "c.json")
@@ -172,6 +173,7 @@ def test_what_is_broken_is_left_out_in_one_line(tmp_path: Path) -> None:
     reasons = {Path(where).name: reason for where, reason in collection.left_out}
     assert reasons["a.json"] == "a field is missing or is not of the expected kind"
     assert reasons["b.json"].startswith("text: expected whole JSON")
+    assert reasons["d.json"] == "text: expected UTF-8; invalid start byte at byte 7"
     assert reasons["MasterBedroom-1"] == "floor: expected triangles between its corners"
     assert not collection.rooms
 

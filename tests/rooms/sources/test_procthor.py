@@ -256,6 +256,8 @@ def test_a_bomb_and_a_file_that_breaks_off_are_left_out(tmp_path: Path) -> None:
     whole = path.read_bytes()
     path.write_bytes(whole[:-20])
     assert "cannot be read to its end" in read(tmp_path, names_of()).left_out[0][1]
+    path.write_bytes(whole[:10] + b"\xff" * 4 + whole[14:])  # no deflated text begins so
+    assert "cannot be read to its end" in read(tmp_path, names_of()).left_out[0][1]
     path.write_bytes(gzip.compress(b" " * (LARGEST_LINE + 10)))
     assert "larger than any house" in read(tmp_path, names_of()).left_out[0][1]
 
