@@ -14,20 +14,20 @@ from layoutrl.agents.replay import Transitions
 
 
 class UpdateStats(NamedTuple):
-    """Of one update, on the device: reading them waits for it. Q is that of the moves that were made, before it."""
+    """Statistics of one update, on the device: reading them waits for it. Q is that of the moves made, before it."""
 
     loss: Tensor
     mean_q: Tensor
     max_q: Tensor
 
 
-PARTS = ("network", "target", "optimizer", "schedule")  # of an agent, that have a state of their own
+PARTS = ("network", "target", "optimizer", "schedule")  # attributes of a DQN with a state_dict of their own
 
 
 class DQN:
-    """A Q-network, its frozen copy and an optimiser.
+    """A Q-network, its target network and an optimiser.
 
-    The target is copied every `target_period` updates; the learning rate falls linearly to
+    The target network is copied every `target_period` updates; the learning rate falls linearly to
     zero at `total_updates`.
     """
 
@@ -62,16 +62,17 @@ class DQN:
     def update_every_move(
         self, legal: Tensor, target: Tensor, observation: Tensor, q_made: Callable[[Tensor], Tensor]
     ) -> UpdateStats:
-        """One step on the absolute error of the values of all moves (B, A) at once, a mean: illegal ones have none.
+        """Take one gradient step on the mean absolute error of the values of all moves (B, A).
 
-        `q_made` is what these values say of the Q (B,) of the moves that were made.
+        Illegal moves count as errors of 0. `q_made` computes, for the statistics, the Q (B,) of the moves that were
+        made from the network's output (B, A).
         """
         learned = self.network(observation)
         assert learned.shape == target.shape == legal.shape
         return self._descend((learned - target).where(legal, 0.0).abs().mean(), q_made(learned.detach()))
 
     def _descend(self, loss: Tensor, q: Tensor) -> UpdateStats:
-        """One step of gradient descent, and what is told of it and of values q."""
+        """Take one gradient step on the loss; return its statistics, with those of values `q`."""
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         self.optimizer.step()
@@ -83,7 +84,7 @@ class DQN:
 
     @torch.no_grad()
     def td_target(self, batch: Transitions, next_observation: Tensor) -> Tensor:
-        """r + discount max Q'(s', a') over the legal moves a' (B,); a state without any is worth nothing more."""
+        """Return r + discount max Q'(s', a') over the legal moves a' (B,); r where none is legal."""
         next_q = self.target(next_observation)
         chooser = self.network(next_observation) if self.double else next_q
         best = chooser.masked_fill(~batch.next_legal, -torch.inf).argmax(1, keepdim=True)
@@ -95,7 +96,7 @@ class DQN:
         return {name: getattr(self, name).state_dict() for name in PARTS} | {"updates": self.updates}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from the state of another."""
+        """Restore what `state_dict` returned."""
         for name in PARTS:
             getattr(self, name).load_state_dict(state[name])
         self.updates = state["updates"]

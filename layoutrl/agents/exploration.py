@@ -23,7 +23,10 @@ class LinearSchedule:
 
 
 def explore(greedy: Tensor, legal: Tensor, epsilon: float | Tensor, generator: torch.Generator) -> Tensor:
-    """Replace each greedy action (B,) with probability epsilon, or (B,), by a uniformly drawn legal one (B, A)."""
+    """Replace each greedy action (B,) by a uniformly drawn `legal` one, bool (B, A), with probability epsilon.
+
+    `epsilon` is one number, or one for each action (B,).
+    """
     drawn = torch.rand(legal.shape, generator=generator, device=legal.device).masked_fill(~legal, -1).argmax(1)
     chance = torch.rand(len(greedy), generator=generator, device=legal.device)
     return torch.where(chance < epsilon, drawn, greedy)

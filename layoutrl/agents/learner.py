@@ -1,4 +1,4 @@
-"""An agent and all that it learns from, made as a method says."""
+"""Builds an agent, its simulator, replay buffer and training loop as a method configures them."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.brief import brief_of, upright
 from layoutrl.rooms.room import Room
 
-LOOKED_AT = 1024  # starts at once: whether an item can move is mostly known after the first so many
+LOOKED_AT = 1024  # starts tried at once: the first block mostly tells whether an item can move
 
 
 class Agent(NamedTuple):
-    """What has learned."""
+    """A trained agent."""
 
     network: nn.Module
     method: Method
-    categories: Sequence[str]  # of furniture, that it knows
+    categories: Sequence[str]  # furniture categories that it knows
 
 
 def q_network(
     method: Method, categories: Sequence[str], seed: np.random.SeedSequence, device: torch.device
 ) -> nn.Module:
-    """An untrained network that knows these furniture categories. Its weights hang on the seed alone."""
+    """Return an untrained Q-network that knows these furniture categories. Its weights depend on the seed alone."""
     actions = method.moves.count
     columns = len(ROOM_COLUMNS if method.scope == "room" else COLUMNS)
     with weights_of(seed):
@@ -59,8 +59,9 @@ def q_network(
 class Learner:
     """An agent and all that it learns from: rooms whose target moves or, with scope=room, whole designs.
 
-    It is untrained, or knows what an agent of `before` does, of the same observation and moves. Raises InputError where
-    an item does not fit into its room, and where nothing can move in any of them.
+    The agent starts untrained or, if `before` is given, from a copy of that agent's network, which must have the same
+    observation (geometry) and moves; categories new to it are added. Raises InputError if an item does not fit into its
+    room, and if no item can move in any room.
     """
 
     def __init__(
@@ -86,10 +87,10 @@ class Learner:
             network = before.network.knowing(len(new))
         self.agent = DQN(network, method.learning_rate, updates, method.target_period, method.double)
         self._seed = training_seed
-        # Of different ages, so that not all end in the same step.
+        # Staggered, so that not all episodes end in the same step.
         ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves
         if method.scope == "room":
-            rooms = [upright(room)[0] for room in rooms]  # as they are furnished
+            rooms = [upright(room)[0] for room in rooms]  # rooms are furnished upright, too
             whole = RoomsSimulator([brief_of(room) for room in rooms], rooms, method.moves, reward)
             self.simulator: BatchSimulator | Scenes = (scenes := Scenes(BatchRoomsSimulator(whole, device)))
             self.observe: Observe = ScenesObservation(scenes, RoomsObservation(whole, self.categories, device))
@@ -109,7 +110,7 @@ class Learner:
             raise InputError("method.steps: no item can move in any room; expected shorter steps or larger rooms")
 
     def training(self, report_every: int) -> Training:
-        """The training loop, as the method has it."""
+        """Return a training loop with the method's settings, which reports every `report_every` updates."""
         method = self.method
         return Training(
             self.agent,
@@ -133,8 +134,8 @@ class Learner:
 
 
 def can_move(simulator: BatchSimulator) -> bool:
-    """Whether a move is legal in any of the rooms, from any of some starts."""
-    generator = torch.Generator(simulator.device).manual_seed(0)  # its own: what is learned does not hang on it
+    """Return whether a move is legal from any of the starts that are drawn, one or more in each room."""
+    generator = torch.Generator(simulator.device).manual_seed(0)  # its own: training does not depend on it
     rooms = len(simulator.rooms)
     starts = torch.tensor(np.resize(np.arange(rooms), max(rooms, LOOKED_AT)), device=simulator.device)
     return any(

@@ -1,4 +1,4 @@
-"""What an agent is configured by. It loads no torch, so that a wrong option is answered at once."""
+"""The configuration of an agent. It loads no torch, so that a wrong option is answered at once."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ class Method:
     unit: Any  # of the steps: metre or pixel
     slide: bool
     max_moves: int  # moves of a training episode
-    evaluation_moves: int  # at most, in a greedy episode
-    climbs: int = 0  # moves after it, at most, to where values are higher, seen from all around
-    snap: float = 0.0  # metres: from no further it is put in line with what stands beside it
+    evaluation_moves: int  # most moves of a greedy episode
+    climbs: int = 0  # after these, at most so many of the shortest moves, to higher values (`GreedyPolicy`)
+    snap: float = 0.0  # metres: an item no further than this from being in line with something is put there
     on_illegal: Any  # in test: stop or mask
-    goal_iou: float | None = None  # an episode of one item ends where it has it; None: never
+    goal_iou: float | None = None  # with scope=item: an episode terminates at this IoU; None: never
     double: bool
     dueling: bool = False
     discount: float
     learning_rate: float
-    symmetries: bool  # an equal share of what is learned from is seen in each mirrored and turned view
+    symmetries: bool  # learn from an equal share of each batch in each mirrored and turned view
     batch: int  # transitions an update
     episodes: int  # stepped at once
     warmup_moves: int
@@ -45,14 +45,14 @@ class Method:
     target_period: int  # updates
     epsilon_start: float
     epsilon_end: float
-    epsilon_share: float  # of the updates, over which epsilon falls
+    epsilon_share: float  # share of the updates over which epsilon falls
     updates: dict[str, int]  # by budget
     scope: Any = "item"  # what is furnished: one item of a room, or the whole room (room)
     every_move: bool = False  # learn what every legal move of a pose gains, not only the one that was made
-    discount_start: float = 0.5  # with every_move: from which the discount rises, over the first half of the updates
-    near_share: float = 0.0  # of the episodes that are to begin near the designer's place, if legal
-    # Of whole rooms:
-    own_share: float = 0.5  # of rooms in which the agent's own mistakes stay, as far as it does not explore
+    discount_start: float = 0.5  # with every_move: rises to `discount` over the first half of the updates
+    near_share: float = 0.0  # share of episodes that begin near the designer's place, where that is legal
+    # With scope=room:
+    own_share: float = 0.5  # share of rooms, times 1 - epsilon, in which items stay where the agent put them
 
     @property
     def moves(self) -> Moves:
@@ -60,10 +60,10 @@ class Method:
         return Moves(tuple(self.steps), self.unit, self.slide)
 
     def views(self, device: torch.device) -> list[Symmetry]:
-        """The symmetries that are learned from, and averaged over in test.
+        """Return the symmetries to learn from and to average over in test; without `symmetries` the identity alone.
 
-        A whole room is seen as the item that moves is turned, so that only mirroring is left, and that is learned from
-        where the type of the room allows it (`room.mirrors_alike`).
+        A whole room is observed in the frame of the moving item, so that only mirroring is left. It is used where the
+        type of the room allows it (`room.mirrors_alike`).
         """
         from layoutrl.env.symmetry import mirrored, symmetries
 

@@ -15,19 +15,19 @@ from layoutrl.env.observation import COLUMNS, ITEM, PRESENT, Y, upright_box
 from layoutrl.env.simulator import TOUCHING
 
 WALL, WINDOW = (COLUMNS.index(name) for name in ("wall", "window"))
-TYPICAL = 8  # elements: what sums are divided by, to be about as large as maxima
+TYPICAL = 8  # elements: sums over elements are divided by it, to be about as large as maxima
 FAR = 6.0  # metres: the clearance where nothing stands in a direction
-SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is shown at each, next to nothing best
-WAVES = (1.0, 0.25)  # metres: and within each, so that a centimetre is seen far from everything, too
-BLOCK = 32  # pictures
+SCALES = (2.0, 0.5, 0.1, 0.02)  # metres: a distance is encoded at each; small distances are resolved best
+WAVES = (1.0, 0.25)  # metres: wavelengths of its sines, so that a centimetre is seen far from everything, too
+BLOCK = 32  # pictures convolved at once on a CPU
 SHOWN = len(SCALES) + 2 * len(WAVES)  # numbers for a distance
 RELATIONS = 6 * SHOWN  # numbers for four gaps and two offsets of an element
-WAYS = (12 + 6 + 4) * SHOWN  # for clearances, how far off their middle, and slides
+WAYS = (12 + 6 + 4) * SHOWN  # for clearances, differences of opposite ones, and slides
 
 
 @contextmanager
 def weights_of(seed: np.random.SeedSequence) -> Iterator[None]:
-    """Layers that are made inside, on the host, draw their weights by the seed; global generators stay as they were."""
+    """Draw the weights of layers made inside, on the CPU, from the seed; torch's global generator is restored."""
     with torch.random.fork_rng(devices=[]):
         torch.default_generator.manual_seed(int(seed.generate_state(1)[0]))
         yield
@@ -36,8 +36,8 @@ def weights_of(seed: np.random.SeedSequence) -> Iterator[None]:
 class PaperNetwork(nn.Module):
     """Convolutions of 8, 16, 32 features, then fully connected 7200, 512, 512 (section 4.4, Figure 5).
 
-    Input: uint8 pictures (B, 128, 128, 3). Output: (B, actions). Squares of three pixels in strides of two, without
-    padding, as 7200 asks for, do not reach the last row and column.
+    Input: uint8 pictures (B, 128, 128, 3). Output: (B, actions). Kernels of 3 x 3 with stride 2 and no padding, which
+    the 7200 features imply, do not reach the last row and column.
     """
 
     def __init__(self, actions: int, dueling: bool = False):
@@ -56,7 +56,7 @@ class PaperNetwork(nn.Module):
             nn.ReLU(inplace=True),
         )
         self.head = _head(512, actions, dueling)
-        # As pictures are: on a CPU the way back takes half the time. (torch's types do not know the argument.)
+        # Channels last, as in pictures: on a CPU the backward pass takes half the time. (torch's types lack this.)
         self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def forward(self, image: Tensor) -> Tensor:
@@ -69,12 +69,12 @@ class PaperNetwork(nn.Module):
 
 
 class GeometryNetwork(nn.Module):
-    """Values from the set of a room's elements, however many there are.
+    """A Q-network on the set of a room's elements, of any number.
 
-    Each element is described relative to the moving item and passes the same layers, twice: the second time it has
-    heard of all others. The set is pooled by maximum and sum: its order does not matter. Beside it stands how far the
-    item can go. Input: (B, elements, columns) as made by GeometryObservation or, of whole rooms, ScenesObservation.
-    Output: (B, actions).
+    Shared layers encode each element relative to the moving item, and then once more, given the pooled encodings of
+    all. Pooling is by maximum and sum, so that order does not matter. The second encoding and the trunk are also given
+    how far the item can go in each direction. Input: (B, elements, columns) as made by GeometryObservation or, of whole
+    rooms, ScenesObservation. Output: (B, actions).
     """
 
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):
@@ -101,7 +101,7 @@ class GeometryNetwork(nn.Module):
         self.head = _head(width, actions, dueling)
 
     def knowing(self, more: int) -> GeometryNetwork:
-        """A copy that is shown so many columns more, the last ones, of which it has learned nothing yet."""
+        """Return a copy whose input has `more` further columns, the last ones, with weights of zero."""
         wider = copy.deepcopy(self)
         for layer, behind in ((wider.element[0], RELATIONS), (wider.others, WAYS), (wider.trunk[0], WAYS)):
             assert isinstance(layer, nn.Linear)
@@ -112,19 +112,19 @@ class GeometryNetwork(nn.Module):
 
     def forward(self, elements: Tensor) -> Tensor:
         """The value of each action (B, A), of two or more elements float32 (B, N, columns), the moving item first."""
-        # A row of memory a column: what is worked out below has an inner axis of two to four, and would be slow on it.
+        # Columns first in memory: what is computed below would be slow on an inner axis of two to four.
         moving, others = elements.movedim(-1, 0).contiguous().tensor_split([1], -1)  # (columns, B, 1), (columns, B, N)
         gap = _gaps(moving, others)
         relations = torch.cat([gap, others[: Y + 1] - moving[: Y + 1]])
         described = torch.cat([elements[:, 1:, Y + 1 :], _shown(relations.movedim(0, -1))], -1)
-        present = elements[:, 1:, PRESENT, None]  # rows of padding are none
-        # Flat: activations in place on a view would cost copies on the way back.
+        present = elements[:, 1:, PRESENT, None]  # 0 in rows of padding
+        # Flat: in-place activations on a view would cost copies in the backward pass.
         shape = described.shape[:2]
         described = self.element(described.flatten(0, 1)).unflatten(0, shape) * present
 
         border, item, ahead = _is_border(others), _is_item(others), gap == gap.amax(0)
         to_border, to_item = _clearances(gap, border, item, ahead)
-        clearance = torch.stack([to_border, to_item, torch.minimum(to_border, to_item)])  # (of these, 4, B)
+        clearance = torch.stack([to_border, to_item, torch.minimum(to_border, to_item)])  # (3, 4, B)
         uncentred = clearance[:, ::3] - clearance[:, 1:3]  # right less left, up less below
         slides = _slides(gap, border, item, ahead)
         ways = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), slides]).T
@@ -141,9 +141,9 @@ def _pooled(described: Tensor) -> Tensor:
 
 
 def _gaps(moving: Tensor, others: Tensor) -> Tensor:
-    """Signed distances from the moving item's right, left, lower and upper side to each element: (4, B, N).
+    """Return signed distances from the moving item's right, left, lower and upper side to each element: (4, B, N).
 
-    Negative where the element begins before the side ends; between the boxes around both.
+    They are between the upright boxes around both, in metres, and negative where the element begins before that side.
     """
     (center, half), (its_center, its_half) = upright_box(moving), upright_box(others)
     beyond = (its_center - its_half) - (center + half)  # to the right, above
@@ -152,19 +152,20 @@ def _gaps(moving: Tensor, others: Tensor) -> Tensor:
 
 
 def _clearances(gap: Tensor, border: Tensor, item: Tensor, ahead: Tensor) -> tuple[Tensor, Tensor]:
-    """How far the item can go right, left, below, up before it meets the border, and an item: (4, B) each.
+    """Return how far the item can go right, left, below, up before it meets the border, and an item: (4, B) each.
 
-    Only elements level with the item count, each in the direction in which it is furthest `ahead`. Negative
-    where the item overlaps one.
+    Only elements `_level` with the item count, each in the direction in which it is furthest `ahead`. Distances are
+    in metres, negative where the item overlaps an element, and at most FAR.
     """
     distance = gap.where(_level(gap, 0.0) & ahead, FAR)
     return distance.where(border, FAR).amin(-1), distance.where(item, FAR).amin(-1)
 
 
 def _slides(gap: Tensor, border: Tensor, item: Tensor, ahead: Tensor) -> Tensor:
-    """About how far a slide to the right, left, below, up takes the item: (4, B).
+    """Return about how far a slide to the right, left, below, up takes the item: (4, B), metres.
 
-    To where it touches an item's near or far side, or the near side of the border; the far side if it stands in it.
+    A slide ends at the near or far side of an item, or at the near side of the border; at the far side of a border in
+    which the moving item stands.
     """
     near = gap.where((gap > TOUCHING) & (item | ahead), FAR)
     far = -gap.unflatten(0, (2, 2)).flip(1).flatten(0, 1)  # left for right, and so on
@@ -174,7 +175,10 @@ def _slides(gap: Tensor, border: Tensor, item: Tensor, ahead: Tensor) -> Tensor:
 
 
 def _level(gap: Tensor, margin: Tensor | float) -> Tensor:
-    """Whether an element is met on a way to the right, left, below, up, however far it is: bool (4, B, N)."""
+    """Return whether an element is in the band along which the item moves right, left, below, up: bool (4, B, N).
+
+    It may be at any distance, ahead or behind. A negative `margin`, in metres, makes the band narrower.
+    """
     x, y = (gap < margin).unflatten(0, (2, 2)).all(1)
     return torch.stack([y, y, x, x])
 

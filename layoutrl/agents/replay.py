@@ -1,4 +1,4 @@
-"""Replay memory of poses: what a transition is apart from the room it happened in."""
+"""A replay buffer that stores poses in rooms, from which observations are made anew."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Transitions(NamedTuple):
 class Replay:
     """The last `capacity` transitions, drawn uniformly with replacement.
 
-    Positions are kept exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
-    of one integer: 33 bytes a transition, against 98,304 for two pictures. A scene, whose shape is
-    `scene`, (columns,), takes four of them for each column, where the index of a room takes four.
+    Positions are stored exactly, as whole micrometres (the simulator's grid), and legal moves as the bits
+    of one integer: 33 bytes a transition, against 98,304 for two pictures. The index of a room takes four
+    of them; a scene, of shape `scene` = (columns,), takes four for each column instead.
 
     Raises ValueError for more than MOST_ACTIONS actions.
     """
@@ -55,7 +55,7 @@ class Replay:
 
     @property
     def bytes_per_transition(self) -> int:
-        """Memory that one transition takes."""
+        """Bytes that one transition takes."""
         return sum(column[0].numel() * column.element_size() for column in self._columns)
 
     def add(self, transitions: Transitions) -> None:
@@ -75,7 +75,7 @@ class Replay:
         self.size = min(self.size + count, self.capacity)
 
     def sample(self, count: int, generator: torch.Generator) -> Transitions:
-        """`count` transitions, each stored one as likely as another."""
+        """Draw `count` transitions uniformly, with replacement."""
         index = torch.randint(self.size, (count,), generator=generator, device=self._bit.device)
         drawn = Transitions(*(column[index] for column in self._columns))
         return drawn._replace(
@@ -86,13 +86,13 @@ class Replay:
         )
 
     def state_dict(self) -> dict[str, Any]:
-        """What is stored, and where the next goes."""
-        # A copy of a part: whoever saves a view saves all that it is a view of.
+        """Return what is stored, and where the next transition goes."""
+        # A copy of a part: saving a view would save the whole tensor behind it.
         columns = [c if self.size == self.capacity else c[: self.size].clone() for c in self._columns]
         return {"columns": columns, "next": self._next}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Hold what another of the same capacity held."""
+        """Restore what a buffer of the same capacity held."""
         self.size = len(state["columns"][0])
         self._next = state["next"]
         for column, stored in zip(self._columns, state["columns"], strict=True):

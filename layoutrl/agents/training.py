@@ -20,7 +20,7 @@ from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.observation import Observe, in_every_view
 from layoutrl.env.symmetry import Symmetry, shares
 
-Begin = Callable[[torch.Generator], Episodes]  # episodes that draw by the generator
+Begin = Callable[[torch.Generator], Episodes]  # makes episodes that draw from the generator
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class Progress:
 
 @dataclass
 class Stopwatch:
-    """Seconds that the host spent in each stage since the last reading; a GPU works on meanwhile."""
+    """Host seconds spent in each stage since the last reading; asynchronous work of a GPU is not waited for."""
 
     seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Count what passes inside as seconds of a stage."""
+        """Time the block as part of a stage."""
         start = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
@@ -60,17 +60,16 @@ class Stopwatch:
 class Training:
     """The training loop: `updates` updates of `batch` transitions, one step of all parallel episodes before each.
 
-    `begin` makes the episodes, of which `Episodes` and `SceneEpisodes` say when they end. What they are cut off by the
-    agent cannot see: the last transition bootstraps like any other.
-    Iterating trains, and yields a report every `report_every` updates; only there, where a goal ends episodes, and
-    with `every_move` does it wait for the device. It ends after the last update, or after the one in which `stopping`
-    is set.
-    Its `state_dict` is all that it needs to go on as if it had never ended, at any update.
+    `begin` makes the episodes; `Episodes` and `SceneEpisodes` say when they end. The agent cannot see when an episode
+    is truncated, so the last transition bootstraps like any other.
+    Iterating trains, and yields a report every `report_every` updates. It waits for the device only then, where a goal
+    ends episodes, and with `every_move`. It stops after the last update, or after the one in which `stopping` is set.
+    `state_dict` holds all that is needed to resume from any update as if training had never stopped.
 
     Illegal moves are never chosen ("dropped, then a new action", section 4.2); an item that can make no move stays.
     Learning starts when `warmup_moves` moves are stored; each update sees an equal share of its batch
     in every one of the `symmetries`. With `every_move` an update learns the values of all legal moves of the poses that
-    it samples, where it otherwise learns that of the move that was made.
+    it samples, otherwise only that of the move that was made.
     """
 
     def __init__(
@@ -117,7 +116,7 @@ class Training:
 
     @property
     def updates(self) -> int:
-        """Made so far."""
+        """How many updates were made so far."""
         return self.agent.updates
 
     def _act(self) -> None:
@@ -191,7 +190,7 @@ class Training:
         )
 
     def state_dict(self) -> dict[str, Any]:
-        """All that it needs to go on exactly: tensors and plain values."""
+        """Return all that is needed to resume exactly: tensors and plain values."""
         return {
             "agent": self.agent.state_dict(),
             "replay": self.replay.state_dict(),
@@ -203,7 +202,7 @@ class Training:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from where another of the same settings was."""
+        """Restore the state of a training with the same settings."""
         self.agent.load_state_dict(state["agent"])
         self.replay.load_state_dict(state["replay"])
         self._running.load_state_dict(state["episodes"])
@@ -226,7 +225,7 @@ class Recent:
 
 
 def transitions(step: Step, discount: float) -> Transitions:
-    """What is stored of a step."""
+    """Return the transitions of a step as they are stored: discounts are 0 where episodes terminated."""
     reward, discounts = step.terms.total / REWARD_SCALE, discount * ~step.terminated
     return Transitions(step.room, step.position, step.action, reward, discounts, step.next_position, step.next_legal)
 
@@ -234,9 +233,9 @@ def transitions(step: Step, discount: float) -> Transitions:
 def _turned(
     observe: Observe, symmetries: Sequence[Symmetry], batch: Transitions, observation: Tensor, next_observation: Tensor
 ) -> tuple[Transitions, Tensor, Tensor]:
-    """The same transitions, an equal share of them in each symmetry: a move becomes the move that it is there.
+    """Return the transitions with an equal share of them in each symmetry: moves, legal moves and observations.
 
-    Poses stay what they are: nothing but what is observed of them is read from here on.
+    Poses are left as they are: only their observations are read from here on.
     """
     turned = batch._replace(
         action=_moves_in_turn(symmetries, batch.action),
@@ -247,10 +246,10 @@ def _turned(
 
 
 def _moves_in_turn(symmetries: Sequence[Symmetry], action: Tensor) -> Tensor:
-    """What moves (B,) become, an equal share of them in each symmetry."""
+    """Map moves (B,) to what they become in the symmetries, an equal share of them in each."""
     return torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, action)])
 
 
 def _in_turn(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
-    """What there is of each move (B, A), an equal share of it as the moves are in each symmetry."""
+    """Reorder values per move (B, A) to what the moves become in the symmetries, an equal share of rows in each."""
     return torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, by_move)])

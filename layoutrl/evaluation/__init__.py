@@ -1,1 +1,1 @@
-"""How good a layout or an agent is: greedy policies, who furnishes with them, metrics, statistics, the exact model."""
+"""Evaluation of agents and layouts: greedy policies, furnishing with them, metrics, statistics, exact optima."""

@@ -1,6 +1,6 @@
-"""Which of the poses that an item could take it is put at: one by which nothing is wrong, of the highest value.
+"""Chooses one of several poses for an item: the one of highest value at which nothing is wrong.
 
-What is wrong is geometry alone: faults (`rooms/faults.py`), and less than they what is odd (`rooms/oddities.py`).
+What is wrong is geometry alone: faults (`rooms/faults.py`) and, weighing less, oddities (`rooms/oddities.py`).
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import item_oddities
 from layoutrl.rooms.room import Room
 
-FAULT = 1000  # times as wrong as an odd item is one with a fault: no room has as many
-LOOKED_AT = 1, 4, 12, 24  # poses, the most valued, until by one of them nothing is wrong: together they take less time
-APART = 0.5  # metres: layouts are different whose largest item stands so far away, or faces another way
+FAULT = 1000  # an item with a fault is as wrong as so many odd ones: no room has more items
+LOOKED_AT = 1, 4, 12, 24  # poses of highest value that are tried, until one has nothing wrong; blocks save time
+APART = 0.5  # metres: layouts differ if their largest items stand this far apart, or face different ways
 
 
 class Options(NamedTuple):
-    """Of each of B items K poses at which it could stay."""
+    """K poses for each of B items, at which it could stay."""
 
     center: np.ndarray  # (B, K, 2), metres
     quarter: np.ndarray  # (B, K)
-    value: np.ndarray  # (B, K), -inf for none
-    way: list[list[np.ndarray]]  # to each: centers (moves + 1, 2)
+    value: np.ndarray  # (B, K), -inf where there is no pose
+    way: list[list[np.ndarray]]  # the path to each pose: centers (moves + 1, 2), metres
 
     def of(self, b: np.ndarray) -> Options:
-        """Those of some of the items."""
+        """Return the options of items b (n,)."""
         return Options(self.center[b], self.quarter[b], self.value[b], [self.way[n] for n in b])
 
 
@@ -43,31 +43,31 @@ class Chosen(NamedTuple):
     center: np.ndarray  # (B, 2), metres
     quarter: np.ndarray  # (B,)
     value: np.ndarray  # (B,), -inf where there is none
-    way: np.ndarray  # (B,) of arrays: to each, centers (moves + 1, 2)
-    harm: np.ndarray  # (B,): how much more is `wrong` with it than without, less than 0 where it helps; most for none
+    way: np.ndarray  # (B,) of arrays, the path to each pose: centers (moves + 1, 2), metres
+    harm: np.ndarray  # (B,): how much it adds to what is `wrong`; below 0 where it helps, a huge number for no pose
 
     def of(self, b: np.ndarray) -> Chosen:
-        """Those of some of the items."""
+        """Return the poses of items b (n,)."""
         return Chosen(*(values[b] for values in self))
 
     def replaced(self, b: np.ndarray, others: Chosen) -> Chosen:
-        """These, but of the items b (n,) the others (n,)."""
+        """Return a copy in which items b (n,) have the poses of `others` (n,)."""
         new = Chosen(*(values.copy() for values in self))
         for values, those in zip(new, others, strict=True):
             values[b] = those
         return new
 
     def less_wrong(self, b: np.ndarray, others: Chosen) -> Chosen:
-        """These, but of the items b (n,) those of the others (n,) by which less is wrong."""
+        """Return a copy in which those of items b (n,) whose pose in `others` (n,) does less harm have that pose."""
         better = others.harm < self.harm[b]
         return self.replaced(b[better], others.of(better))
 
 
 def best_of(rooms: RoomsSimulator, state: State[np.ndarray], before: np.ndarray, options: Options) -> Chosen:
-    """Of each item (B,) the option of the highest value by which nothing is wrong that was not before, or the least.
+    """Return for each item (B,) the option of highest value with which no more is wrong than `before`.
 
-    `before` (B,) is what is `wrong_at` these states. At most the last of LOOKED_AT are tried, those of the highest
-    value.
+    If there is none, it is the option with which the least is wrong. `before` (B,) is what is `wrong_at` these states.
+    At most the last number of LOOKED_AT are tried, those of the highest value.
     """
     every = np.arange(len(state.room))
     order = np.argsort(-options.value, 1, kind="stable")
@@ -93,7 +93,7 @@ def best_of(rooms: RoomsSimulator, state: State[np.ndarray], before: np.ndarray,
 def _wrong_with(
     rooms: RoomsSimulator, state: State[np.ndarray], options: Options, b: np.ndarray, k: np.ndarray
 ) -> np.ndarray:
-    """How much is wrong where items b (n,) are at each of their options k (n, m): (n, m). Most of one that is none."""
+    """Return how much is wrong with items b (n,) at each of their options k (n, m): (n, m); a huge number if none."""
     every, option = b.repeat(k.shape[1]), k.ravel()
     there = rooms.put(
         rows(state, every), state.moving[every], options.center[every, option], options.quarter[every, option]
@@ -105,13 +105,13 @@ def _wrong_with(
 def unlike(
     rooms: RoomsSimulator, state: State[np.ndarray], options: Options, known: Sequence[Sequence[Furnished]]
 ) -> Options:
-    """The options without those of layouts that are known already."""
+    """Return the options, with value -inf for poses like the item's in a known layout (see APART)."""
     value = options.value.copy()
     for b, layouts in enumerate(known):
         room, n = int(state.room[b]), int(state.moving[b])
         for layout in layouts:
             stands = layout.layout.furniture[missing(rooms.rooms[room])[n]]
-            if stands.center is None:  # nor is there a place for it in another
+            if stands.center is None:  # it found no place there, and so will find none in another
                 value[b] = -np.inf
                 continue
             near = np.linalg.norm(options.center[b] - stands.center, axis=1) < APART

@@ -22,28 +22,29 @@ from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.room import Point, Room, rotation
 
 SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
-REPAIRS = 1  # times more, in rooms in which something is wrong
-AFRESH = 3  # times that a room is furnished anew, what was most wrong first, while something is wrong
-ELSEWHERE = 2  # times then, with its largest item elsewhere, while a fault is left
-Task = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, its items in turn, and the ids of layouts to differ from
-WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as the item is turned
-BLOCK = 128  # rooms furnished at once: memory, not speed
+REPAIRS = 1  # further such sweeps, in rooms in which something is wrong
+AFRESH = 3  # times that a room is furnished anew, its most wrong items first, while something is wrong
+ELSEWHERE = 2  # further times, with its largest item elsewhere, while a fault is left
+Task = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, the order of its items, the ids of layouts to differ from
+WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as seen from the item
+BLOCK = 128  # rooms furnished at once, for the sake of memory, not speed
 
 
 class Furnisher:
-    """Furnishes rooms as an agent of scope=room says, which knows these furniture categories.
+    """Furnishes rooms with an agent of scope=room, which knows these furniture categories.
 
-    The largest item comes first. Of each, places are spread for every way that it can face; from those that the agent
-    values highest it moves greedily, and it stays at the pose of the highest value by which nothing is wrong
-    (`choosing`, geometry alone). Where there is none, it is put where one move more leads, or else at one of the
-    places that were spread; what has no legal move anywhere is left out. What ends just before a wall or an item slides
-    back to it, and what belongs at a wall slides sideways to a neighbour that is near. When all stand, each but the
-    largest is lifted once more, and moved if another pose is better; and again where something is still wrong. Where
-    that does not help, the room is furnished anew, what was most wrong first; and where a fault is left, with its
-    largest item elsewhere.
+    Items are placed one after another, the largest first. For each, start places are spread over the room in every
+    facing; from those that the agent values highest the item moves greedily, and it stays at the pose of highest value
+    at which nothing is wrong (`choosing`, geometry alone). If there is none, the places one move further are tried, and
+    then the start places. An item that has no legal move anywhere is left out. An item whose back ends just before a
+    wall or another item slides back to it, and one that belongs at a wall slides sideways to a neighbour that is near.
+    Once all stand, each but the largest is lifted once more, and moved if another pose is better; and again where
+    something is still wrong. If that does not help, the room is furnished anew, its most wrong items first; and if a
+    fault is left, with its largest item elsewhere.
+
     A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back. The designer's
-    layout is not known here. Nothing is left to chance: the same briefs always get the same layouts. (Beside others a
-    brief's values are rounded otherwise, in the seventh digit.)
+    layout is not known here. Nothing is random: the same briefs always get the same layouts. (Among other briefs the
+    values of a brief are rounded differently, in the seventh digit.)
     """
 
     def __init__(self, network: nn.Module, method: Method, categories: Sequence[str]):
@@ -53,11 +54,11 @@ class Furnisher:
     @one_thread()
     @torch.inference_mode()
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int = 0) -> list[list[Furnished]]:  # noqa: ARG002
-        """Of each brief up to so many different layouts; the seed is for who draws something.
+        """Return up to `choices` different layouts of each brief, and at least one; the seed is not used.
 
-        Those in which the fewest items have a fault come first, of these those in which the fewest are odd, and then
-        the ones that were found first: there the largest item has the place that is valued highest. Raises InputError
-        where an item fits in no way.
+        Those with the fewest items that have a fault or no place come first, of these those with the fewest odd items,
+        and then those that were found first: there the largest item has the place that is valued highest. Raises
+        InputError if an item does not fit into its room in any facing.
         """
         found = {k: [Furnished(brief, 0.0)] for k, brief in enumerate(briefs) if not missing(brief)}
         asked = [k for k in range(len(briefs)) if k not in found]
@@ -78,10 +79,11 @@ class Furnisher:
     @one_thread()
     @torch.inference_mode()
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the agent thinks of places of one item among what stands.
+        """Return how the agent values places of one item among what stands: centers, values, degrees.
 
-        Of centers (n, 2), `step` metres apart, the value (n,) of the best way to face there, and its degrees (n,).
-        Raises InputError where it, or what else is still to be placed, fits into the room in no way.
+        Centers (n, 2) are on a grid with `step` metres between them, where the item fits and has a legal move. Values
+        (n,) are those of the best facing there, and degrees (n,) that facing. Raises InputError if the item, or another
+        that is still to be placed, does not fit into the room in any facing.
         """
         placing, state, n, lean = self._one(room, item)
         x0, y0, x1, y1 = room.envelope.bounds
@@ -100,9 +102,9 @@ class Furnisher:
     @one_thread()
     @torch.inference_mode()
     def moves(self, room: Room, item: int) -> list[tuple[str, Point, float]]:
-        """The legal moves of an item from where it stands, in words, where each leads in metres, and its value.
+        """Return the legal moves of an item from where it stands: name, center it leads to in metres, and value.
 
-        The most valued first. Raises ValueError where the item stands nowhere, and InputError as `values` does.
+        Moves of higher value come first. Raises ValueError if the item stands nowhere, and InputError as `values` does.
         """
         center, degrees = room.furniture[item].center, room.furniture[item].rotation
         if center is None:
@@ -124,8 +126,11 @@ class Furnisher:
         return sorted(found, key=lambda move: -move[2])
 
     def _one(self, room: Room, k: int, degrees: float | None = None) -> tuple[Placing, State[np.ndarray], int, float]:
-        """A room in which item k is to be placed, facing one way where that is given, as the agent has it; which of
-        what is to be placed that is; and by how many degrees the room leans."""
+        """Prepare a room in which item k is to be placed, at a rotation of `degrees` if given.
+
+        Returns the upright room as a `Placing`, its state with item k moving, the index of that item among those to
+        place, and by how many degrees the room leans.
+        """
         furniture = list(lifted(room.furniture, [k]))
         furniture[k] = replace(furniture[k], rotation=degrees)
         brief = replace(room, furniture=tuple(furniture), target=None)
@@ -135,18 +140,18 @@ class Furnisher:
         return placing, placing.rooms.empty(np.zeros(1, int))._replace(moving=np.array([n])), n, lean
 
     def _add_another(self, placing: Placing, known: list[list[Furnished]], made: dict[Task, Furnished | None]) -> None:
-        """Add to the layouts of each brief one that is different from all of them, where there is one.
+        """Add to the known layouts of each brief one that differs from all of them, where one is found.
 
-        What was made before of a room, in the same order and unlike the same others, is not made again.
+        A layout of the same room, order of items and layouts to differ from is taken from `made`, not made again.
         """
-        best, least = dict[int, Furnished](), dict[int, int]()  # how wrong the best is
-        latest = dict[int, np.ndarray]()  # how wrong what is in the layout that was found last
+        best, least = dict[int, Furnished](), dict[int, int]()  # the best layout of a room, and how wrong it is
+        latest = dict[int, np.ndarray]()  # how wrong each item is in the layout that was found last
 
         def furnish(
             which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
         ) -> dict[int, Furnished]:
-            """Layouts of these rooms, different from the others; the best of a room is kept, the first of equals."""
-            order = rank.argsort(1, kind="stable")  # `made` keeps the others, and so their ids are their own
+            """Return layouts of these rooms that differ from the others; keep a room's best, of equals the first."""
+            order = rank.argsort(1, kind="stable")  # `made` keeps the others alive, so their ids stay unique
             task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b]))) for b in which}
             if new := [b for b in which if task[b] not in made]:
                 layouts = self._furnished(placing, np.array(new), rank, others)
@@ -166,7 +171,7 @@ class Furnisher:
             for b in which:
                 rank[b, np.flatnonzero(latest[b] == latest[b].max())] -= rank.shape[1]
             found = furnish(which, rank, known)
-        # Of further layouts the largest item is elsewhere anyhow.
+        # In further layouts the largest item stands elsewhere anyway.
         found, tried = {b: layout for b, layout in best.items() if not known[b]}, [list[Furnished]() for _ in known]
         for _ in range(ELSEWHERE):
             for b, layout in found.items():
@@ -180,10 +185,10 @@ class Furnisher:
     def _furnished(
         self, placing: Placing, which: np.ndarray, rank: np.ndarray, known: Sequence[Sequence[Furnished]]
     ) -> list[Furnished | None]:
-        """A layout of each of these rooms (R,), the items of each in the order of `rank` (rooms, N).
+        """Return a layout of each of these rooms (R,), its items placed in the order of `rank` (rooms, N).
 
-        Its largest item stands where it does in none of those that are known of the room; None where that is nowhere.
-        Where none is known, an item without a place is left out.
+        Its largest item stands elsewhere than in every `known` layout of the room; the layout is None if there is no
+        such place. Any other item without a place is left out, and where no layout is known the largest, too.
         """
         rooms, paths, taken = placing.rooms, [list[Placement]() for _ in which], [list[int]() for _ in which]
         order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
@@ -214,8 +219,8 @@ class Furnisher:
             for step in range(order.shape[1]):
                 item, moves = order[:, step], goes_on & (step < count)
                 is_largest = item == largest
-                # The largest item is lifted no more, or layouts would become alike. Where it is to stand elsewhere, it
-                # looks in more places: apart, so that no room hangs on who is asked beside it.
+                # The largest item is not lifted again, or layouts would become alike. Where it is to stand elsewhere,
+                # it moves from more starts: in a call of its own, so that no room depends on others in the block.
                 if not sweep and len(b := np.flatnonzero(moves & is_largest & to_differ)):
                     place(b, item[b], uniform, [known[r] for r in which[b]])
                     count[b[~state.stands[b, item[b]]]] = 0
@@ -227,7 +232,7 @@ class Furnisher:
 
 
 def _turned_back(found: Furnished, brief: Room) -> Furnished:
-    """A layout of the upright brief as one of the brief itself: what stood there stays as it was, exactly."""
+    """Turn a layout of the upright brief back into one of the brief. What stood there keeps its pose exactly."""
     lean, *_ = facings(brief)
     if not lean:
         return found

@@ -1,4 +1,4 @@
-"""Greedy rollouts where Q is of what moves gain (`EveryMove`)."""
+"""Greedy rollouts of agents whose Q is that of gains (`EveryMove`)."""
 
 from __future__ import annotations
 
@@ -22,29 +22,30 @@ FRUITLESS = 120  # moves in a row that gain nothing end an episode: a room's len
 class GainsPolicy:
     """The greedy policy of an agent that learned what moves gain.
 
-    It never goes back to where it has been, and takes the best legal move. Q is near zero at the best of places: it
-    goes back to the place of its path of the highest sum of gains, and looks no further once FRUITLESS moves in a row
-    have not raised it. A move gained its Q, less the discounted Q of what is left where it leads; on average of the
-    move and the one back, as what both err in alike cancels. The designer's place is never consulted.
+    It takes the best legal move that does not lead back to where it has been. Q is near zero at the best place, so it
+    stops at the position of its path with the highest sum of gains, and searches no further once FRUITLESS moves in a
+    row have not raised that sum. The gain of a move is its Q less the discounted Q of the best move from where it
+    leads, averaged with minus the gain of the move back, since errors that both share cancel. The designer's place is
+    never consulted.
 
-    The value of a position is the sum of what was gained on the way to it. It says nothing of another episode's.
+    The value of a position is the sum of gains on the path to it. Values of different episodes are not comparable.
     """
 
     q: MeanQ  # on the scale on which it is learned
     max_moves: int
-    discount: float  # that it was learned with
+    discount: float  # the last one of its training
 
     def rollout(
         self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
     ) -> Rollout:
-        """Follow the policy in rooms (B,) from starts (B, 2)."""
+        """Follow the policy in rooms (B,) from starts (B, 2), in metres."""
         began = time.perf_counter()
         rooms, path, value = first_poses(simulator, room, starts, self.max_moves)
         active = every = torch.arange(len(rooms), device=rooms.device)
         value[0] = 0.0
-        left = torch.zeros_like(value)  # to be gained, by the best move
+        left = torch.zeros_like(value)  # Q of the best legal move from each position
         made, promised = active.new_zeros(len(rooms), 1), left[0]
-        for t in range(self.max_moves + 1):  # what a move gained is known once it is made: one look more
+        for t in range(self.max_moves + 1):  # one look more than moves: a gain is known only once the move is made
             here = path[t, active]
             reached, legal = destinations(simulator, rooms[active], here)
             q = gains(self.q(observe, rooms[active], here), legal)

@@ -1,4 +1,4 @@
-"""What a set of layouts is worth: its measures, over rooms."""
+"""Summaries of the measures of layouts, over rooms and by category."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def summary(measures: Measures) -> dict[str, dict[str, float | None]]:
 
 
 def by_category(layouts: Sequence[Room], designed: Sequence[Room]) -> dict[str, dict[str, float]]:
-    """Of each category: how many the designer has; their mean IoU with the match; and the share of those in the
-    layouts that each fault has. Worst IoU first."""
+    """Return for each category the `count` of the designer's items, their mean `iou` with their matches and, by the
+    name of each fault, the share of the layouts' items that have it. The worst IoU comes first."""
     matches, items = matched(layouts, designed), Items.of(layouts)
     found = item_faults(layouts, items)
     result: dict[str, dict[str, float]] = {}

@@ -10,16 +10,16 @@ from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rooms.faults import blocking
 
-NEAREST, NEAREST_TILTED = 3, 15  # values an axis that are tried for the ceiling, of items that stand upright or not
+NEAREST, NEAREST_TILTED = 3, 15  # coordinates tried on each axis for the ceiling, of items that stand upright or not
 
 
 @dataclass(frozen=True)
 class Score:
-    """Over rooms (and starts), one final position each. IoU is with the designer's footprint."""
+    """Scores over rooms (and starts), of one final position each. IoU is with the designer's footprint."""
 
     mean_iou: float
     std_iou: float  # standard deviation over positions
-    standard_error: float | None  # of the mean, over groups of rooms that are not independent
+    standard_error: float | None  # of the mean IoU, where rooms of a group are not independent; None for one group
     median_iou: float
     share_090: float  # share of positions with an IoU of at least 0.9
     overlap: float  # mean share of the item that other items cover
@@ -44,7 +44,7 @@ def score(simulator: Simulator, room: np.ndarray, position: np.ndarray) -> Score
 def score_of(
     iou: np.ndarray, overlap: np.ndarray, outside: np.ndarray, blocked: np.ndarray, group: np.ndarray
 ) -> Score:
-    """The score of B places, from what each is worth (B,), and which group its room is of (B,)."""
+    """Return the score of B positions from the measures of each (B,) and the group of its room (B,)."""
     return Score(
         float(iou.mean()),
         float(iou.std()),

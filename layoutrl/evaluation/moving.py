@@ -1,4 +1,4 @@
-"""A trained agent that moves one item furnishes rooms: each item that has no center, the largest first."""
+"""Furnishes rooms with an agent trained to move one item: it moves each that has no center, the largest first."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.furnished import Furnished, dice, laid_out, several
 from layoutrl.rooms.room import Room
 
-STARTS_A_WAY = 4  # places for each way to face from which an item moves, evenly spread: little hangs on the seed
+STARTS_A_WAY = 4  # starts for each facing, spread evenly so that little depends on the seed
 
 
 class Mover:
@@ -36,7 +36,10 @@ class Mover:
     @one_thread()
     @torch.inference_mode()
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. The value is the mean of what the agent thinks of each item's place."""
+        """See Furnishes. The value of a layout is the mean of the agent's values of its items' places.
+
+        Raises ValueError if an item does not fit into its room in any facing.
+        """
         return several(self._layouts, briefs, choices, seed)
 
     def _layouts(self, briefs: Sequence[Room], seeds: Sequence[int]) -> list[Furnished]:
@@ -59,7 +62,7 @@ class Mover:
         return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
-        """Where the agent moves the targets to (B, 2), and what it thinks of these places (B,): the best of several."""
+        """Return where the agent moves the targets (B, 2) and the values of these places (B,): the best over starts."""
         method, index = self.method, np.arange(len(rooms)).repeat(STARTS_A_WAY)
         simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), self.device)
         moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS_A_WAY, 1)
@@ -76,9 +79,10 @@ class Mover:
 
 
 def facing_all_ways(room: Room, item: int) -> list[Room]:
-    """The room once for each way in which an item, its target, may face.
+    """Return a copy of the room for each facing of an item, its target.
 
-    The simulator is for rooms whose answer is known. Here it is none: any place will do, and nothing looks at it.
+    The simulator asks for the designer's place of a target. Here there is none: a corner of the outline stands in for
+    it, and nothing reads it.
     """
     return [
         replace(with_poses(room, {item: (room.outline[0], degrees)}), target=item)
@@ -87,6 +91,6 @@ def facing_all_ways(room: Room, item: int) -> list[Room]:
 
 
 def fitting(rooms: Sequence[Room]) -> np.ndarray:
-    """Which rooms their targets fit into, indoors, as they face: (B,)."""
+    """Return which rooms have a place indoors for their target as it is turned: bool (B,)."""
     indoor, templates = (np.array(each) for each in zip(*[(r.indoor, r.moving.template) for r in rooms], strict=True))
     return ~shapely.is_empty(fitting_positions(indoor, templates))

@@ -1,13 +1,13 @@
 """What a perfect Q would score: where the greedy policy of the exact optimal action values puts an item.
 
-Training solves a Markov decision process without an end: the reward is that of the place entered, divided by
+Training solves a Markov decision process without terminal states: the reward is that of the place entered, divided by
 REWARD_SCALE, illegal moves are masked, the future is discounted. Its optimal policy need not end at the designer's
-place: what a move costs now can outweigh what lies beyond, and no place can be stayed at. The gap between this
-yardstick and the lattice ceiling is owed to discount, reward and the lack of a move that stays. It stops in the loop
-that its policy ends in; a trained agent spends the rest of its moves on looking further, which helps one that errs.
+place: what a move costs now can outweigh what lies beyond, and no move stays in place. The gap between this yardstick
+and the lattice ceiling is due to the discount, the reward and the lack of a move that stays. The optimal policy ends in
+a loop, where it is stopped; a trained agent spends the rest of its moves searching further, which helps one that errs.
 
-The places that moves can reach are up to millions a room. Only those that can be on an optimal path are looked at:
-branch and bound, breadth first, many episodes at once. It minimises discounted costs = best reward - reward >= 0.
+Moves can reach up to millions of places in a room. Only those that can be on an optimal path are searched: branch and
+bound, breadth first, many episodes at once. It minimises discounted costs = best reward - reward >= 0.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ EPISODES = 32  # searched together: many enough for tensors to pay, few enough f
 AT_ONCE = 8192  # poses in one call of the simulator: they stay in the processor's cache
 BEAM = 100  # open paths an episode in the first, incomplete search
 SLACK = 0.01  # of reward / REWARD_SCALE: how tight the bound on the best place of a room is
-BITS = 29  # of a coordinate in a key: 268 m from the start on the grid; with 5 for one of EPISODES, 63
+BITS = 29  # of a coordinate in a key: up to 268 m from the start on the grid; two, and 5 for one of EPISODES, make 63
 Ask = Callable[[Tensor, Tensor], tuple[Tensor, ...]]  # about poses: rooms (n,), positions (n, 2)
 
 
 def perfect_places(
     simulator: Simulator, room: np.ndarray, starts: np.ndarray, discount: float, dtype: torch.dtype = torch.float32
 ) -> np.ndarray:
-    """Where the greedy policy under the optimal Q stops, from starts (B, 2) in metres in rooms (B,): (B, 2), metres.
+    """Return where the greedy policy of the optimal Q stops, from starts (B, 2) in rooms (B,): (B, 2), all in metres.
 
-    It ends in a loop, and stops at the loop's place that is entered by the move of highest Q. From
-    every place on its way its return is the best possible up to TOLERANCE, with moves and rewards as the BatchSimulator
-    of this `dtype` has them. No reward may exceed theta1 times the IoU: theta2 and theta3 are at most 0.
+    The policy ends in a loop, and stops at that place of the loop which the move of highest Q enters. From every place
+    on its path its return is the best possible up to TOLERANCE, with moves and rewards as the BatchSimulator of this
+    `dtype` has them. No reward may exceed theta1 times the IoU, so theta2 and theta3 must be at most 0.
     """
     batch_simulator = BatchSimulator(simulator, dtype=dtype)
     best = best_rewards(simulator, batch_simulator)[room]
@@ -82,10 +82,10 @@ def _searches(
 
 
 def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.ndarray:
-    """A bound on the reward / REWARD_SCALE of any place in each room (rooms,), at most SLACK above the best there is.
+    """Return an upper bound on reward / REWARD_SCALE in each room (rooms,), at most SLACK above the true maximum.
 
     It can be far below 1: chairs stand under the table that moves. Rectangles of places are quartered until none can
-    hold a better one, by how much an IoU can change: by at most 2 / the larger area for each square metre swept.
+    hold a better place, since an IoU changes by at most 2 / the larger area for each square metre swept.
     """
     weights, rooms = simulator.reward_function, len(simulator.rooms)
     size, own = _sizes(simulator), simulator.item_area
@@ -97,7 +97,7 @@ def best_rewards(simulator: Simulator, batch_simulator: BatchSimulator) -> np.nd
 
     of, center = np.arange(rooms), simulator.designer_position
     best = np.maximum(_rewards(batch_simulator, of, center), 0)
-    least_iou = np.minimum(best * REWARD_SCALE / weights.theta1, 1)[:, None]  # of a better place
+    least_iou = np.minimum(best * REWARD_SCALE / weights.theta1, 1)[:, None]  # that a better place must have
     half = size * (1 - least_iou) / (1 + least_iou)
     while len(of):
         reward = _rewards(batch_simulator, of, center)
@@ -132,17 +132,17 @@ class Search:
         self._episode, self._position = np.empty(0, dtype=int), np.empty((0, 2))
         self._cost, self._to_come = np.empty((2, 0))  # of entering a place; a lower bound on what follows
         self._leads_to: np.ndarray = np.empty((0, simulator.moves.count), dtype=np.int32)  # by action; -1 for illegal
-        self._value = np.empty(0)  # discounted cost from here on, from above; infinite where not expanded
+        self._value = np.empty(0)  # upper bound on the discounted cost from here on; infinite where not expanded
         self._add(episode, starts)
-        self.least_cost = np.full(len(room), np.inf)  # from each start, of what is known to be possible
+        self.least_cost = np.full(len(room), np.inf)  # known so far, from each start
         self._explore(BEAM)  # finds nearly the least cost, by which the complete search can cut more
         self._explore(None)
 
     def stops(self) -> np.ndarray:
-        """The stopping place of each episode (B, 2): of all places in the loop the one of the best move into it."""
+        """Return the stopping place of each episode (B, 2): the place of its loop with the best move into it."""
         value, follows = self._value, np.arange(len(self._value))
         expanded = np.flatnonzero(np.isfinite(value))
-        while True:  # value iteration; the values of alternating moves are a start that is nearly the end
+        while True:  # value iteration; the values of alternating moves, where it starts, are nearly optimal
             entering = self._cost + self._gamma * value
             q = np.append(entering, np.inf)[self._leads_to[expanded]]
             best = np.minimum(q.min(1), value[expanded])
@@ -162,10 +162,10 @@ class Search:
         return self._position[stop]
 
     def _explore(self, beam: int | None) -> None:
-        """Expand every place that an optimal path from a start may visit; with a beam, only the best so many at a time.
+        """Expand every place that an optimal path may visit; with a beam, follow only each episode's best `beam` paths.
 
-        An open path pays if what it leaves for the rest, to be no worse than the least cost, is more than the rest must
-        cost, and more than the best earlier path to its place has left.
+        What a path may still cost, if it is to be no worse than the least known cost, must exceed both what the rest
+        costs at least and what the best earlier path to the same place may still cost. Other paths are dropped.
         """
         place, paid, depth = np.arange(len(self._starts)), np.zeros(len(self._starts)), 0  # the ends of all open paths
         entered_at, entered_paid = np.empty((2, 0))  # depth and cost of that earlier path
@@ -221,7 +221,7 @@ class Search:
         self._value[place] = (neighbour + self._gamma * self._cost[place]) / (1 - self._gamma**2)
 
     def _add(self, episode: np.ndarray, position: np.ndarray) -> None:
-        """Note new places (n, 2)."""
+        """Add places (n, 2) of episodes (n,)."""
         if not len(episode):
             return
         reward = _rewards(self._batch, self._room[episode], position)
@@ -250,18 +250,18 @@ def _led_to(position: np.ndarray, action: np.ndarray, length: np.ndarray) -> np.
 
 
 def _sizes(simulator: Simulator) -> np.ndarray:
-    """Of the box around the item of each room: (rooms, 2)."""
+    """Return the sides of the box around the item of each room: (rooms, 2), metres."""
     return simulator.item_bounds[:, 2:] - simulator.item_bounds[:, :2]
 
 
 def _rewards(batch_simulator: BatchSimulator, room: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Of entering positions (n, 2) in rooms (n,), divided by REWARD_SCALE: (n,)."""
+    """Return the rewards of entering positions (n, 2) in rooms (n,), divided by REWARD_SCALE: (n,)."""
     (total,) = _asked(lambda *poses: (batch_simulator.reward(*poses).total,), room, position)
     return total / REWARD_SCALE
 
 
 def _asked(question: Ask, room: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
-    """What the simulator answers about poses, some at a time."""
+    """Return what the simulator answers about poses, AT_ONCE at a time."""
     parts = range(AT_ONCE, len(room), AT_ONCE)
     poses = zip(np.split(room, parts), np.split(position, parts), strict=True)
     answers = [question(torch.as_tensor(k), torch.as_tensor(at)) for k, at in poses]

@@ -20,16 +20,16 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import AT_A_WALL
 from layoutrl.rooms.room import Room
 
-STARTS = 32  # places spread for each way that an item can face, and valued
-TRIED = 4  # of these, the most valued, from which the item moves
-GAP = 0.15  # metres: a narrower one behind an item is closed, and beside one that belongs at a wall
-BETTER = 0.02  # of value: for no less is an item moved that stands
+STARTS = 32  # start places spread and valued for each facing of an item
+TRIED = 4  # of these, the ones of highest value, from which the item moves
+GAP = 0.15  # metres: narrower gaps are closed, behind an item and beside one that belongs at a wall
+BETTER = 0.02  # of value: an item that stands is moved only to gain more than this
 BACK, SIDEWAYS = (1,), (2, 3)  # slides, in the order of an item's four directions
-GOLDEN = 1.2207440846057596  # of three dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
+GOLDEN = 1.2207440846057596  # golden ratio in 3 dimensions: multiples of its powers fill a cube evenly (Roberts 2018)
 
 
 class Placing:
-    """Briefs in which items are placed: on the host to choose in, as tensors to move in."""
+    """Briefs in which items are placed: on the host (`rooms`) to choose poses, as tensors (`scenes`) to move items."""
 
     def __init__(self, briefs: Sequence[Room], policy: Policy, moves: Moves, categories: Sequence[str]):
         self.policy, self.moves, device = policy, moves, policy.q.device
@@ -44,10 +44,11 @@ class Placing:
         uniform: np.ndarray,
         known: Sequence[Sequence[Furnished]],
     ) -> Chosen:
-        """Where each moving item, which does not stand, or `stood` (B,) there until now, is put among what does.
+        """Choose a pose for the moving item of each state (B,), which does not stand, among the items that do.
 
-        It starts from where numbers (3, QUARTERS * STARTS) from 0 to 1 say, in every room from the same. It is put
-        where it stands in none of the layouts that are `known`, of all rooms or of none.
+        Where it `stood` (B,) until now, that pose is an option, too. Numbers `uniform` (3, QUARTERS * STARTS) from 0 to
+        1 give the start places, the same numbers in every room. The pose is `unlike` that in each of the layouts
+        `known` of the room; either all rooms have some, or none has.
         """
         before = wrong_at(self.rooms, state)
         starts = self._starts(state, uniform)
@@ -79,10 +80,10 @@ class Placing:
         b: np.ndarray,
         ways: Sequence[int],
     ) -> Chosen:
-        """What is chosen, but items b (n,), which have a place, slid the nearest of the ways until they touch.
+        """Return `chosen` with items b (n,), which have a pose, slid into contact along the nearest of the `ways`.
 
-        They slide where that is not far, and nothing more is wrong by it. What touches already, on either of two ways,
-        stays.
+        An item slides only over less than GAP, and if no more is wrong afterwards. One that touches something already,
+        on either of its two sides, does not slide sideways.
 
         Values are too imprecise for the last centimetres to a wall, or to the next in a line of cupboards.
         """
@@ -96,7 +97,7 @@ class Placing:
         length, nearest = length.where(legal, torch.inf).min(1)
         near = length < GAP
         place = scenes.moved(scene, here, slides[nearest], length.where(near, 0.0))
-        if ways == SIDEWAYS:  # slides lead to what is not touched yet: what is touched is met on the way back
+        if ways == SIDEWAYS:  # a slide skips what is touched already: the slide back would meet it
             opposite = slides[1 - nearest][:, None]
             length_back, legal = (values.gather(1, opposite)[:, 0] for values in scenes.reach(scene, place))
             near &= ~(legal & (length_back < length + TOUCHING))
@@ -109,9 +110,9 @@ class Placing:
         return chosen.replaced(b[taken], slid.of(taken))
 
     def _starts(self, state: State[np.ndarray], uniform: np.ndarray) -> Options:
-        """Places that numbers (3, QUARTERS * STARTS) stand for: STARTS for each way to face, one after another.
+        """Return the start places that numbers (3, QUARTERS * STARTS) give: STARTS for each facing, in order.
 
-        Of a way in which the item does not fit, they are at 0, 0, and of no value.
+        Those of a facing in which the item does not fit are at 0, 0, with value -inf.
         """
         b, quarter = np.nonzero(self.rooms.entry[state.room, state.moving] >= 0)
         scene = self.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
@@ -125,12 +126,12 @@ class Placing:
         return Options(center, quarters, value, [list(those[:, None]) for those in center])
 
     def _ends(self, state: State[np.ndarray], starts: Options, all_ways: bool) -> Options:
-        """Where items end that move from the TRIED best starts: of all, or of each way to face."""
+        """Return where items end that move from the TRIED best starts: of each facing with `all_ways`, else of all."""
         parts = np.split(np.arange(starts.value.shape[1]), QUARTERS) if all_ways else [np.arange(starts.value.shape[1])]
         best = [part[np.argsort(-starts.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
         tried = np.concatenate(best, 1)
         started = np.take_along_axis(starts.value, tried, 1) > -np.inf
-        # A way that does not fit has no start: the best of all stands in for it, and counts for nothing.
+        # A facing that does not fit has no start: the best start of all stands in for it, with value -inf.
         tried = np.where(started, tried, starts.value.argmax(1)[:, None])
         every = np.arange(len(tried))[:, None]
         center, quarter, value = (
@@ -168,7 +169,7 @@ class Placing:
         )
 
     def _or_stay(self, state: State[np.ndarray], stood: np.ndarray, options: Options) -> Options:
-        """The options, and of items that `stood` (B,) the poses at which they are, as if they were BETTER."""
+        """Return the options and, for items that `stood` (B,), their present pose, with BETTER added to its value."""
         every, b = np.arange(len(stood)), np.flatnonzero(stood)
         center, quarter = state.center[every, state.moving], state.quarter[every, state.moving]
         value = np.full(len(stood), -np.inf)
@@ -182,7 +183,7 @@ class Placing:
         )
 
     def mean_value(self, state: State[np.ndarray]) -> np.ndarray:
-        """What the agent thinks of layouts, (rooms,): 0 of one in which nothing stands."""
+        """Return the mean `value` of the items that stand in each state: (B,), 0 where none stands."""
         b, item = np.nonzero(state.stands)
         if not len(b):
             return np.zeros(len(state.room))
@@ -191,7 +192,7 @@ class Placing:
         return np.bincount(b, value, len(state.room)) / np.maximum(np.bincount(b, minlength=len(state.room)), 1)
 
     def value(self, state: State[np.ndarray], b: np.ndarray, quarter: np.ndarray, center: np.ndarray) -> np.ndarray:
-        """What poses (n,) of the moving items of states b (n,) are worth."""
+        """Return the value (n,) of the best move from poses (n,) of the moving items of states b (n,)."""
         return self.best(self.scenes_of(state, b, quarter), center)
 
     def best(self, scene: Tensor, center: np.ndarray | Tensor) -> np.ndarray:
@@ -206,5 +207,5 @@ class Placing:
 
 
 def spread(first: int, count: int) -> np.ndarray:
-    """Numbers from 0 to 1 (3, count) that fill the cube evenly, from the `first` of their sequence on."""
+    """Return points (3, count) of a sequence that fills the unit cube evenly, from index `first` on."""
     return np.arange(first + 1, first + count + 1) * GOLDEN ** -np.arange(1.0, 4.0)[:, None] % 1

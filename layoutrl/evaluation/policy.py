@@ -25,13 +25,14 @@ SHORTLIST = 8  # places of an episode that may be the stopping place
 class GreedyPolicy:
     """The greedy policy of an agent, as it is tested.
 
-    There is no move that stays, so that it would end in a loop; instead it never goes back to where it has been, and
-    looks further for `max_moves` moves. Of the SHORTLIST places that it entered by the moves of highest Q, it goes back
-    to the one that promises most: the Q of the shortest moves into it, on average of all around, as that of one move
-    errs by more than half a centimetre is worth. From there it climbs by the shortest moves, `climbs` of them at most,
-    to what promises more. Last, where it is no further than `snap` from being in line with something (`out_of_line`),
-    it is put there, as people's drawing tools do. The designer's place is never consulted. With `on_illegal="stop"`
-    (the paper's test rule, section 4.2) an illegal choice ends the episode; with `"mask"` the best legal move is taken.
+    No move stays in place, so a plain greedy policy would end in a loop. This one never goes back to where it has been,
+    and searches for `max_moves` moves. Then it returns to one of the SHORTLIST positions that it entered by the moves
+    of highest Q: the one of the highest promise, which is the mean Q of the shortest moves into it from all sides. (The
+    Q of one move errs by more than half a centimetre is worth.) From there it climbs by the shortest moves, at most
+    `climbs` of them, to higher promises. Last, if it is no further than `snap` from being in line with something
+    (`out_of_line`), it is put there, as people's drawing tools do. The designer's place is never consulted. With
+    `on_illegal="stop"` (the paper's test rule, section 4.2) an illegal choice ends the episode; with `"mask"` the best
+    legal move is taken.
 
     The value of a position is the Q of the move that led to it.
     """
@@ -45,7 +46,7 @@ class GreedyPolicy:
     def rollout(
         self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
     ) -> Rollout:
-        """Follow the policy in rooms or scenes (B, ...) from starts (B, 2)."""
+        """Follow the policy in rooms or scenes (B, ...) from starts (B, 2), in metres."""
         began = time.perf_counter()
         rooms, path, value = first_poses(simulator, room, starts, self.max_moves)
         active = every = torch.arange(len(rooms), device=rooms.device)
@@ -65,16 +66,16 @@ class GreedyPolicy:
             value[t + 1, active] = highest[goes_on]
         best, promise = self._most_promising(simulator, q_of, rooms, path, value)
         climb, promise = self._climb(simulator, q_of, rooms, path[best, every], promise)
-        promise = promise.where(promise.isfinite(), value[best, every])  # of where no shortest move leads
+        promise = promise.where(promise.isfinite(), value[best, every])  # where no shortest move leads
         in_line = self._in_line(simulator, observe, rooms, climb[-1])
         return Rollout.of(began, path, value, best, torch.cat([climb, in_line[None]]), promise)
 
     def _most_promising(
         self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, path: Tensor, value: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Which position of the path (T + 1, B, 2) of each episode promises most, of the SHORTLIST, and how much.
+        """Return the index in the path (T + 1, B, 2) of the SHORTLIST position that promises most, and its promise.
 
-        (B,) each; of an episode without a move the start.
+        (B,) each; for an episode without a move, those of the start.
         """
         raw, which = value.topk(min(SHORTLIST, len(value)), 0)
         which = which.where(raw.isfinite(), 0)
@@ -87,8 +88,8 @@ class GreedyPolicy:
     def _climb(
         self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor, promise: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Where episodes climb from places (B, 2) that promise so much (B,): (climbs + 1, B, 2), metres; and what the
-        last of these promise."""
+        """Climb from places (B, 2) with their `promise` (B,); return the places passed, (climbs + 1, B, 2), in metres,
+        and the promise of the last (B,)."""
         climb, promise = place.repeat(self.climbs + 1, 1, 1), promise.clone()
         active = torch.arange(len(place), device=place.device)
         for t in range(self.climbs):
@@ -104,7 +105,7 @@ class GreedyPolicy:
         return climb, promise
 
     def _in_line(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
-        """Places (B, 2) moved into the nearest line along each axis, where that is no further than `snap`: (B, 2)."""
+        """Move places (B, 2) into the nearest line along each axis, where no further than `snap` and legal: (B, 2)."""
         if not self.snap:
             return place
         off = out_of_line(observe(rooms, place)).double()
@@ -116,7 +117,7 @@ class GreedyPolicy:
         return place
 
     def _promise(self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor) -> Tensor:
-        """What the shortest moves into places (B, 2) are worth, on average of all around: (B,), -inf where none is."""
+        """Return the mean Q of the shortest moves into places (B, 2) from all sides: (B,), -inf where there is none."""
         around, legal = _beside(simulator, rooms, place)
         b, way = legal.nonzero().unbind(1)
         back = _shortest(simulator.moves) + (way ^ 1)
@@ -133,7 +134,7 @@ def _beside(simulator: BatchSimulator | Scenes, rooms: Tensor, place: Tensor) ->
 
 
 def _shortest(moves: Moves) -> int:
-    """The first of the four shortest moves."""
+    """Return the action index of the first of the four shortest moves."""
     return 4 * int(np.argmin(moves.steps))
 
 

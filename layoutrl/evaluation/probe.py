@@ -1,4 +1,4 @@
-"""A quick look at how good an agent is, while it trains. By that of training rooms the best checkpoint is chosen."""
+"""Quick evaluations of an agent while it trains. The one on training rooms chooses the best checkpoint."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Probe:
 
 
 class RoomsProbe:
-    """Whole rooms, furnished."""
+    """Furnishes the briefs of whole rooms, and compares the layouts with their designs."""
 
     def __init__(self, designs: Sequence[Room]):
         self._designs = list(designs)

@@ -1,4 +1,4 @@
-"""What greedy rollouts have in common: the Q that they follow, the way that they take, and what is found on it."""
+"""What greedy rollouts have in common: the Q that they follow, and the paths and stopping places that result."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Rollout:
 
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
     value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf after the end
-    best: np.ndarray  # (B,) the position of the path that it goes back to when it has looked enough
-    settling: np.ndarray  # (S, B, 2), metres: how it settles from there; stays where it ends
+    best: np.ndarray  # (B,) index in the path of the position to which it returns after the search
+    settling: np.ndarray  # (S, B, 2), metres: the path from there to the stopping place, where it then stays
     promise: np.ndarray  # (B,) what the agent thinks of the stopping place, before it is put in line
     seconds: float
 
     @classmethod
     def of(cls, began: float, *found: Tensor) -> Self:
-        """Of all but the seconds as tensors, and when it began on the clock of `time.perf_counter`."""
+        """Make one from tensors of all other fields, and the `time.perf_counter` at which the rollout began."""
         path, value, best, settling, promise = (each.cpu().numpy() for each in found)
         return cls(path, value, best, settling, promise, time.perf_counter() - began)
 
@@ -46,11 +46,11 @@ class Rollout:
 
     @property
     def moves(self) -> np.ndarray:
-        """Of each episode until the stopping place is reached (B,)."""
+        """How many moves lead each episode from its start to its stopping place: (B,)."""
         return self.best + self._settles.sum(0)
 
     def way(self, b: int) -> np.ndarray:
-        """From the start of an episode to its stopping place: (moves + 1, 2), metres."""
+        """Return the path of an episode from its start to its stopping place: (moves + 1, 2), metres."""
         return np.concatenate([self.path[: self.best[b] + 1, b], self.settling[1:, b][self._settles[:, b]]])
 
     @cached_property
@@ -61,8 +61,8 @@ class Rollout:
     def choices(self, count: int) -> np.ndarray:
         """The agent's first, second, ... stopping place: (B, count, 2), metres. Real designs leave a choice open.
 
-        After the first those of the places that it came by that it went on from only to lower Q, the highest before the
-        lower, DISTINCT apart from each other. The first is repeated where there are fewer.
+        After the first come positions of the path whose value is a local maximum, the highest first, at least DISTINCT
+        apart from all chosen before. The first is repeated where there are fewer.
         """
         path, value = self.path.swapaxes(0, 1), self.value.T
         before, after = (np.pad(value, ((0, 0), pad), constant_values=-np.inf) for pad in ((1, 0), (0, 1)))
@@ -106,7 +106,7 @@ class MeanQ:
         return action.cpu().numpy(), highest.cpu().numpy()
 
     def __call__(self, observe: Observe, rooms: Tensor, positions: Tensor) -> Tensor:
-        """Q(s, a), (B, A): each move taken for what it is in the view."""
+        """Return Q(s, a), (B, A): the mean over views of the Q of what each move becomes there."""
         blocks = zip(*(each.split(BLOCK // len(self.symmetries)) for each in (rooms, positions)), strict=True)
         return torch.cat([self._over_views(observe, observe(*block)) for block in blocks])
 
@@ -118,11 +118,11 @@ class MeanQ:
 
 
 class Remembered:
-    """Q of poses, asked of the network once for each: episodes come to where others, or they themselves, have been."""
+    """A cache of Q, by which the network sees each pose once: episodes come to where they or others have been."""
 
     def __init__(self, q: MeanQ, observe: Observe):
         self._q, self._observe = q, observe
-        self._row = dict[bytes, int]()  # of a room and a position, in what is known
+        self._row = dict[bytes, int]()  # in `_known`, of each room and position
         self._known: Tensor | None = None  # Q (poses, A)
 
     def __call__(self, rooms: Tensor, positions: Tensor) -> Tensor:
@@ -140,7 +140,10 @@ class Remembered:
 def first_poses(
     simulator: BatchSimulator | Scenes, room: np.ndarray | Tensor, starts: np.ndarray, moves: int
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Of episodes of so many moves: rooms (B, ...), paths (moves + 1, B, 2) that stay at the start, values of -inf."""
+    """Return the arrays of episodes before their first move, with space for `moves` moves.
+
+    They are rooms (B, ...), paths (moves + 1, B, 2) that stay at the start, and values (moves + 1, B) of -inf.
+    """
     path = snap(torch.as_tensor(starts, device=simulator.device)).repeat(moves + 1, 1, 1)
     value = torch.full(path.shape[:2], -torch.inf, device=simulator.device)
     return torch.as_tensor(room, device=simulator.device), path, value

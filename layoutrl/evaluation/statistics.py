@@ -1,4 +1,4 @@
-"""How sure a mean is, and whether two methods differ: resampling over groups of rooms, which are independent."""
+"""Uncertainty of means, and tests of whether two methods differ, by resampling independent groups of rooms."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ def group_sums(value: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def standard_error(value: np.ndarray, group: np.ndarray) -> float | None:
-    """Of the mean of values (B,) that are independent between groups (B,), not within them; None of one group."""
+    """Return the standard error of the mean of values (B,), independent between groups (B,) but not within them.
+
+    None if there is only one group.
+    """
     total, count = group_sums(value, group)
     if len(total) < 2:
         return None
@@ -26,9 +29,9 @@ def standard_error(value: np.ndarray, group: np.ndarray) -> float | None:
 
 
 def bootstrap_interval(value: np.ndarray, group: np.ndarray, seed: int) -> tuple[float, float]:
-    """The 95% interval of the mean of values (B,): percentiles over resamples of whole groups (B,), replaced."""
+    """Return the 95% percentile bootstrap interval of the mean of values (B,), from resamples of whole groups (B,)."""
     total, count = group_sums(value, group)
-    alike = (count == 1).all()  # so is how many values each resample has
+    alike = (count == 1).all()  # then every resample has as many values
     means = []
     for drawn in np.split(_drawn(len(total), seed), RESAMPLES // BLOCK):
         means.append(total[drawn].sum(1) / (len(total) if alike else count[drawn].sum(1)))
@@ -37,10 +40,10 @@ def bootstrap_interval(value: np.ndarray, group: np.ndarray, seed: int) -> tuple
 
 
 def paired_p_value(first: np.ndarray, second: np.ndarray, group: np.ndarray, seed: int) -> float:
-    """Two-sided p-value that two methods' values (B,), at the same rooms and starts, differ by chance.
+    """Return the two-sided p-value that two methods' values (B,), at the same rooms and starts, differ by chance.
 
-    A permutation test: the methods are swapped in whole groups (B,) at random, and the share of swaps whose mean
-    difference is as large as the one that was seen is counted, that one included.
+    A permutation test: the methods are swapped at random in whole groups (B,). The p-value is the share of swaps whose
+    mean difference is at least as large as the observed one, which counts as one of them.
     """
     difference, _ = group_sums(first - second, group)
     seen = abs(difference.sum())

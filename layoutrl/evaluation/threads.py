@@ -1,4 +1,4 @@
-"""On how many cores torch works while rooms are furnished."""
+"""Limits torch to one thread while rooms are furnished."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from threading import RLock
 
 import torch
 
-ALONE = RLock()  # held by who furnishes
+ALONE = RLock()  # held while a caller furnishes
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch work on one core inside, and one caller at a time: how many it works on is the whole process's.
+    """Run the block on one thread of torch, one caller at a time: the number of threads is global to the process.
 
-    Who furnishes makes many small operations. On an idle machine a second thread saves a tenth of their time; on a busy
+    Furnishing makes many small operations. On an idle machine a second thread saves a tenth of their time; on a busy
     one, where threads wait for each other, they take up to sixty times as long.
     """
     with ALONE:
