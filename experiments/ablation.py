@@ -3,11 +3,11 @@
     python experiments/ablation.py bedroom [--updates 4000] [--seeds 0 1 2] [--jobs 2] [--runs runs/ablation]
     python experiments/ablation.py bedroom --scope room --seeds 0
 
-Trains with every change alone, on rooms of the data seed that the project tunes on (1: no figure in the README is
-measured there), scores on rooms never seen (1,000; 300 whole ones), writes experiments/results/ablation/<type>.json or
-<type>-rooms.json and prints its table.
-Runs that are there already are not trained again: after an interruption, the same command goes on. Results of other
-updates or seeds are not overwritten.
+Trains with each change on its own, on rooms of the data seed that the project tunes on (1: no figure in the README is
+measured there), and scores in held-out rooms (1,000; with --scope room 300). Writes
+experiments/results/ablation/<type>.json or <type>-rooms.json and prints its table.
+Finished runs are not trained again: after an interruption, the same command goes on. Results of another number of
+updates or other seeds are not overwritten.
 """
 
 from __future__ import annotations
@@ -66,14 +66,17 @@ COLUMNS = {
 
 
 def check_as_before(room_type: str, overrides: Sequence[str], folder: Path) -> None:
-    """Raises InputError where a run that was begun has other settings than those of today."""
+    """Raise InputError if the run in `folder` was begun with other settings than `overrides` give today."""
     kept, asked = load_config(folder, TrainConfig), composed("train", f"room={room_type}", *overrides)
     if others := differences(stated(kept), stated(asked)):
         raise InputError(f"{folder} was trained with another {', '.join(others)}; expected another --runs")
 
 
 def trained(room_type: str, wanted: Path, overrides: Sequence[str]) -> dict[str, Any]:
-    """The evaluation of a run, which is trained unless it is there, and gone on with if it was begun."""
+    """Return the evaluation of a run, which is trained first if it is new, and gone on with if it was begun.
+
+    Raises InputError if the training fails.
+    """
     folder, runs = begun(wanted), wanted.parents[1]
     log = runs / f"{room_type}-{wanted.name}.log"
     if not (folder and (folder / EVALUATION).exists()):
@@ -91,12 +94,15 @@ def trained(room_type: str, wanted: Path, overrides: Sequence[str]) -> dict[str,
 
 
 def begun(wanted: Path) -> Path | None:
-    """The folder of a run: a number is behind its name where one was killed before it had its configuration."""
+    """Return the folder of a run, None if it was not begun.
+
+    Its name ends in a number if an earlier attempt was killed before it had written its configuration.
+    """
     return next((folder for folder in folders_of(wanted) if (folder / "config.yaml").exists()), None)
 
 
 def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
-    """Mean and spread over seeds."""
+    """Return means over seeds, and the standard deviation of the IoU (None for a single seed)."""
     agents = [evaluation["rows"]["agent"] for evaluation in evaluations]
     ious = [agent["mean_iou"] for agent in agents]
     one_item = {
@@ -112,7 +118,7 @@ def row(evaluations: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(result: dict[str, Any]) -> Table:
-    """What a file of results says."""
+    """Return the table of a results file."""
     seeds = ", ".join(map(str, result["seeds"]))
     columns = {
         "": "{change}",

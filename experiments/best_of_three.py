@@ -2,8 +2,8 @@
 
     python experiments/best_of_three.py bedroom [--rooms 200] [--seed 0] [--results <folder>]
 
-The agents in the package give up to three layouts that differ of each held-out brief. Which of them a person takes, the
-agent cannot know; the one with the highest IoU is chosen here by knowledge of the answer.
+For each held-out brief, the agent in the package makes up to three different layouts. It cannot know which of them a
+person would take; here the one with the highest IoU is chosen, by knowledge of the answer.
 
 Prints the numbers and writes experiments/results/best_of_three/<type>.json.
 """

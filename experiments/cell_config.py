@@ -21,17 +21,18 @@ from layoutrl.runs.config import PlanitMethodConfig, TrainConfig
 from layoutrl.runs.folder import differences
 from layoutrl.runs.ranges import check_annealer, check_search, one_of
 
-LAYOUTS = "layouts"  # the row of whole rooms
-PLANIT = "given categories, argmax, true size"  # told what the agent is told
-SEEDLESS = ("rules", "oracle", "designer", "rooms_package")  # columns that draw nothing but starts, always the same
-AGENTS = ("agent", "rooms_agent")  # fills that train one
-BEFORE = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}  # its defaults
-READ = {  # what not all fills read, and those that do
+LAYOUTS = "layouts"  # name of the row that whole rooms have in a cell
+PLANIT = "given categories, argmax, true size"  # PlanIT's row, told what the agent is told
+SEEDLESS = ("rules", "oracle", "designer", "rooms_package")  # columns that draw only starts, always the same
+AGENTS = ("agent", "rooms_agent")  # fills that train an agent
+# Defaults of Method: how agents learned before these options were added.
+BEFORE = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}
+READ = {  # options that only some fills read, and these fills
     "planit": ("planit", "rooms_planit"), "planit_time": ("planit",), "annealer": ("annealer",), "search": ("search",),
     "seconds_a_room": ("annealer", "search"), "training_minutes": ("rooms_pointer",),
 }  # fmt: skip
-LOOKS = ("reports", "evaluations")  # of a budget: how often a training is looked at, which changes nothing in it
-SOURCES = ("designer", "floorplans", "designer_rooms")  # of the tables
+LOOKS = ("reports", "evaluations")  # of a budget: how often a training reports and is evaluated (it changes nothing)
+SOURCES = ("designer", "floorplans", "designer_rooms")  # data sources of the tables
 
 
 @dataclass
@@ -41,8 +42,8 @@ class CellConfig(TrainConfig):
     search: Searching = MISSING
     table: str = MISSING
     column: str = MISSING
-    fill: Any = MISSING  # by what: of FILLS in item_columns.py or, for whole rooms, FURNISHES in room_columns.py
-    protocol: Any = "unseen"  # this and what follows: conf/cell.yaml says what each is
+    fill: Any = MISSING  # a key of FILLS in item_columns.py or, for whole rooms, of FURNISHES in room_columns.py
+    protocol: Any = "unseen"  # conf/cell.yaml explains this option and those below
     trained_on: Any = "own"
     planit_time: Any = "agent"
     seconds_a_room: dict[str, float] = MISSING
@@ -62,7 +63,7 @@ class CellConfig(TrainConfig):
             raise InputError(f"data: the tables are of {', '.join(SOURCES)}; got {self.data.source}")
         if self.data.source == "designer":
             one_of("trained_on of designed rooms", self.trained_on, "own")
-        named: dict[str, dict[str, Any]] = {  # by budget, how long it takes
+        named: dict[str, dict[str, Any]] = {  # for each fill, its durations by name of the budget
             **dict.fromkeys(("planit", "rooms_planit"), self.planit.updates),
             **dict.fromkeys(("annealer", "search"), self.seconds_a_room),
             "rooms_pointer": self.training_minutes,
@@ -80,25 +81,27 @@ ConfigStore.instance().store(name="cell_schema", node=CellConfig)
 
 
 def table_folder(results: str | None, budget: str, table: str) -> Path:
-    """Where the cells of a table lie. Those of another budget lie elsewhere."""
+    """Return the folder of a table's cells; each budget has one of its own."""
     return Path(results or RESULTS) / budget / table
 
 
 def folder_of(config: CellConfig) -> Path:
-    """Where a cell lies."""
+    """Return the folder of a cell's file."""
     return table_folder(config.results, config.budget.name, config.table)
 
 
 def name_of(config: CellConfig) -> str:
-    """Of a cell's file: the task, what was trained on, column and seed."""
+    """Return the name of a cell's file without its suffix: task, training rooms, column and seed."""
     data = "" if config.data.source == "designer" else f"-{config.data.source}-{config.data.labels}"
     item = "" if config.room.item == "main" else f"-{config.room.item}"
     return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
 
 
 def counting(kept: dict[str, Any]) -> dict[str, Any]:
-    """What counts of a kept configuration: what its fill reads. What it does not say of how an agent learns is as it
-    was before there was that."""
+    """Return the part of a kept configuration that is compared: the options that its fill reads.
+
+    Options of an agent's method that were added later, and that it lacks, get their defaults.
+    """
     said = {name: value for name, value in kept.items() if name not in READ or kept.get("fill") in READ[name]}
     if "budget" in said:
         said["budget"] = {name: value for name, value in said["budget"].items() if name not in LOOKS}
@@ -108,22 +111,22 @@ def counting(kept: dict[str, Any]) -> dict[str, Any]:
 
 
 def designer(config: CellConfig) -> Data:
-    """Designed rooms, as many as the budget has."""
+    """Return options of designed rooms, with the numbers, seed and disturbed share of `config.data`."""
     rooms = config.data
     return Data("designer", None, rooms.train_rooms, rooms.test_rooms, rooms.seed, rooms.disturbed)
 
 
 def learned_from(config: CellConfig, own: list[Room], designed: Callable[[Data], list[Room]]) -> list[Room]:
-    """The rooms to train on: `own`, of the source's training folds, those that the designer makes, or both."""
+    """Return the rooms to train on: `own` (the source's training folds), designed ones, or both."""
     if config.trained_on == "own":
         return own
     return designed(designer(config)) + (own if config.trained_on == "both" else [])
 
 
 def refuse_other_rooms(name: str, first: dict[str, Any], second: dict[str, Any]) -> None:
-    """Raise InputError where two configurations of cells are not scored in the same rooms."""
+    """Raise InputError if the cells of two configurations are not scored in the same rooms."""
     one, other = ({part: config[part] for part in ("room", "data", "fold", "protocol")} for config in (first, second))
-    for said in (one, other):  # without what does not say which rooms are held out
+    for said in (one, other):  # these two only concern training rooms
         said["data"] = said["data"] | {"train_rooms": None, "disturbed": None}
     if others := differences(one, other):
         raise InputError(f"{name}: cells of different {', '.join(others)} cannot be compared; expected the same rooms")

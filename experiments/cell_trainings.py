@@ -1,4 +1,4 @@
-"""What cells train: once of its kind, and gone on with where it was killed; and for how long rivals train."""
+"""Trainings of cells: each is done once and shared, and resumed if it was killed; and how long rivals are trained."""
 
 from __future__ import annotations
 
@@ -32,9 +32,12 @@ from layoutrl.runs.trained import trained_network as load_network
 def trained_network(
     config: CellConfig, rooms: list[Room], held_out: list[Room], device: torch.device
 ) -> tuple[nn.Module, list[str], dict[str, Any]]:
-    """The network that is trained on rooms in this way, the categories it knows, and about its training."""
+    """Return the network that a cell trains on `rooms`, the categories it knows, and facts about its training.
+
+    Raises KeyboardInterrupt if the training is stopped before its end.
+    """
     training = narrowed(config, TrainConfig)
-    if config.trained_on == "designer":  # the same agent, wherever it is tested
+    if config.trained_on == "designer":  # one agent, whichever source it is tested on
         training.data = designer(config)
     what = [resume.digest(rooms), config.budget.name, config.seed]
     said = resume.stated(training)
@@ -58,10 +61,11 @@ def trained_once(
     what: Any,
     train: Callable[[Config, Path | None], tuple[Path, dict[str, Any]]],
 ) -> tuple[Path, dict[str, Any]]:
-    """The folder of a training, and what is said of it; made where there is none of its kind (`what`), and so named.
+    """Return the folder of a training, and facts about it; train if there is none of this kind yet.
 
-    `train` is given the configuration, with the name of the folder to train in; and, where a training of so many
-    updates was killed, its folder to go on with. Jobs that want the same wait for the first, and take what it made.
+    The folder's name has a hash of `what`, which says what is trained, on which rooms and how. `train` is given the
+    configuration, which names the folder to train in, and the folder of a killed training of the same configuration to
+    go on with, or None. Jobs that want the same training wait for the first, and take its result.
     """
     name = f"{config.column}-{zlib.crc32(json.dumps(what).encode()):08x}-seed{config.seed}"
     training = replace(training, name=f"{name}-unfinished")
@@ -81,7 +85,11 @@ def trained_once(
 def trained_planit(
     config: CellConfig, training_rooms: list[Room], rooms: list[Room], device: torch.device, seconds: float | None
 ) -> tuple[Placer, dict[str, Any]]:
-    """PlanIT, trained on rooms for so long or for its own updates, in the rooms to be scored in; and about that."""
+    """Return PlanIT, trained and ready to place items in `rooms`, and facts about its training.
+
+    It is trained for `seconds`, or for its own number of updates if that is None. Raises InputError if it cannot be
+    scored in all of `rooms`, and KeyboardInterrupt if the training is stopped before its end.
+    """
     training, held_out = planit_training.usable(training_rooms, rooms)
     if len(held_out.rooms) < len(rooms):
         raise InputError("data: PlanIT is scored in all rooms or none; expected upright ones, of known furniture")
@@ -102,14 +110,14 @@ def trained_planit(
 
 
 def agent_seconds(config: CellConfig, device: torch.device) -> float:
-    """For how long the agent was trained on the same rooms: the mean over its seeds, since some met a busy machine.
+    """Return the seconds of the agent's training on the same rooms: the mean over seeds, as some met a busy machine.
 
-    Raises InputError where an agent is not done, or was trained elsewhere.
+    Raises InputError if an agent is not finished, was scored in other rooms, or was trained on another kind of device.
     """
     name = name_of(replace(config, column="geometric")).removesuffix(f"seed{config.seed}")
     files = sorted(folder_of(config).glob(f"{name}seed*"))
     agents = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.suffix == ".json"]
-    if not agents or len(agents) < len(files):  # one that runs or has failed has a file that says so
+    if not agents or len(agents) < len(files):  # a cell that is being filled, or failed, has a .error file
         raise InputError(f"column: {config.column} trains for as long as geometric, which is not done")
     for agent in agents:
         refuse_other_rooms(name, agent["config"], resume.stated(config))
@@ -120,5 +128,5 @@ def agent_seconds(config: CellConfig, device: torch.device) -> float:
 
 
 def clock_of(device: torch.device) -> Callable[[], float]:
-    """What seconds of training are counted by: on a processor its own time, whatever else runs on the machine."""
+    """Return the clock of training seconds: on a CPU the process's own time, whatever else runs; else wall time."""
     return time.process_time if device.type == "cpu" else time.perf_counter

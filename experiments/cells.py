@@ -2,8 +2,8 @@
 
     python experiments/cells.py table=table1 column=geometric room=bedroom,study seed=0,1,2
 
-Hydra's multirun fills them side by side. A cell whose file is there is not filled again; one that fails says why beside
-it, and the others go on. The tables' own scripts know which cells there are.
+Hydra's multirun fills them in parallel. A cell whose file exists is not filled again. A cell that fails leaves a .error
+file that says why, and the others go on. The scripts of the tables know which cells each table has.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ DRAWN_ROOMS = 2  # layouts that are kept, to be drawn
 
 
 def fill(config: CellConfig) -> None:
-    """Fill a cell, unless it is. What goes wrong is written beside it and does not stop other cells.
+    """Fill a cell, unless it is filled. Errors are written to a .error file beside it and do not stop other cells.
 
-    Raises InputError where nobody knows how to fill it.
+    Raises InputError for an unknown `fill`.
     """
     one_of("fill", config.fill, *FILLS, *FURNISHES)
     folder, name = folder_of(config), name_of(config)
@@ -81,10 +81,10 @@ def fill(config: CellConfig) -> None:
 
 
 def filled(config: CellConfig) -> dict[str, Any]:
-    """All that is kept of a cell: where it comes from, and a row of numbers for each set of places."""
+    """Compute a cell, and return the content of its file: provenance, and a row of numbers for each way of placing."""
     began, device = datetime.now(UTC), device_of(config.device)
     if device.type == "cpu":
-        torch.set_num_threads(1)  # jobs run side by side, and rivals count the processor's seconds
+        torch.set_num_threads(1)  # jobs run in parallel, and rivals are timed in CPU seconds
     about = machine(device)
     return {
         **(whole_rooms if config.fill in FURNISHES else items)(config, device),
@@ -96,7 +96,7 @@ def filled(config: CellConfig) -> dict[str, Any]:
 
 
 def whole_rooms(config: CellConfig, device: torch.device) -> dict[str, Any]:
-    """Whole rooms: their measures, and what they are for each room where tables compare it."""
+    """Furnish whole rooms, and return their measures; those that tables compare also for each room."""
     rooms = whole_rooms_of(config, device)
     furnish = FURNISHES[config.fill](config, rooms)
     clock = clock_of(device)
@@ -128,7 +128,7 @@ def whole_rooms(config: CellConfig, device: torch.device) -> dict[str, Any]:
 
 
 def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
-    """One item in each room: a row for each set of places."""
+    """Place one item in each room, and return a row of scores for each way of placing."""
     setting = setting_of(config, device)
     found = FILLS[config.fill](config, setting)
     simulator = setting.simulator
@@ -141,7 +141,7 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
             "place": packed(place, METRES),
             "group": packed([groups[simulator.rooms[k].group] for k in room], INDEX),
         }
-    for row, put in found.pop("items", {}).items():  # one in each room, of a size of its own
+    for row, put in found.pop("items", {}).items():  # an item for each room, as its size may differ from the designer's
         rows[row] = put.score.as_dict() | {
             "missing": put.missing,
             "iou": packed_iou(put.iou),
@@ -162,9 +162,9 @@ def items(config: CellConfig, device: torch.device) -> dict[str, Any]:
 
 
 def stated(config: CellConfig) -> dict[str, Any]:
-    """The configuration of a cell, as JSON has it, but for where files lie; how long agents train, of agents alone."""
+    """Return a cell's configuration as plain values: no paths and, unless it trains an agent, no updates of one."""
     said = resume.stated(replace(config, results=None))
-    if config.fill not in AGENTS:  # TIMED columns hang on an agent's seconds instead
+    if config.fill not in AGENTS:  # TIMED columns depend on an agent's seconds instead
         said["method"]["updates"] = {}
     return said
 
@@ -172,7 +172,7 @@ def stated(config: CellConfig) -> dict[str, Any]:
 main = command("cell", CellConfig, fill, sweeps=True)
 
 if __name__ == "__main__":
-    # A cluster's jobs do not begin here: they find the modules that this one imports by the path.
+    # Jobs on a cluster do not start from this file: they find the modules that it imports by PYTHONPATH.
     path = str(Path(__file__).parent), os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, path))
     main()

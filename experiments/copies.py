@@ -1,10 +1,10 @@
-"""How many held-out rooms are rooms to learn from, turned, or mirrored where a mirrored room is furnished alike?
+"""How many held-out rooms are copies of training rooms: turned or, where a mirrored room is furnished alike, mirrored?
 One type a call:
 
     python experiments/copies.py balcony [--rooms 1000] [--seed 0] [--results <folder>]
 
-Rooms are the same if walls, doors, windows and the list of furniture are, to a centimetre. Of whole rooms it says what
-the IoU of the cells of Table 3 is without the copies.
+Two rooms are the same if walls, doors, windows and the list of furniture are, to a centimetre. With seed 0 it also says
+what the IoU of methods of Table 3 is with and without the copies.
 
 Prints the numbers and writes experiments/results/copies/<type>.json.
 """
@@ -28,11 +28,11 @@ from layoutrl.runs.config import composed
 
 KEPT = RESULTS / "copies"
 TRAINING = 5000  # rooms that agents and rivals learned from
-LEARNED = ("agent", "pointer in sequence", "nearest room")  # of the methods of Table 3
+LEARNED = ("agent", "pointer in sequence", "nearest room")  # methods of Table 3 that use the training rooms
 
 
 def key(room: Room) -> tuple[Any, ...]:
-    """What two rooms share, in whole centimetres, that are the same but for a turn, a mirror, and their places."""
+    """Return a key, in whole centimetres, that a room shares with its turned (or mirrored) and refurnished copies."""
     rings = [("outline", room.outline), *((opening.kind, opening.polygon) for opening in room.openings)]
     sizes = [np.rint(np.multiply(item.size, 100)).astype(int).tolist() for item in room.furniture]
     listed = sorted((item.category, item.form, *size) for item, size in zip(room.furniture, sizes, strict=True))
@@ -41,12 +41,12 @@ def key(room: Room) -> tuple[Any, ...]:
 
 @cache
 def mirrors_alike(room_type: str) -> bool:
-    """Whether mirrored rooms of the type are learned from."""
+    """Whether training also uses mirrored rooms of this type."""
     return bool(composed("train", f"room={room_type}").room.mirrors_alike)
 
 
 def _views(rings: list[tuple[str, Any]], mirrors: bool) -> Iterator[list[tuple[Any, ...]]]:
-    """The corners of each ring, as sorted centimetres from the lower left of the first, in every view."""
+    """Yield for each view the kind and sorted corners of each ring, in centimetres from the lower left of the first."""
     for quarters, mirror in [view for view in SYMMETRIES if mirrors or not view[1]]:
         turned = [np.array(ring) @ symmetry(quarters, mirror).T for _, ring in rings]
         corners = [np.rint(100 * (ring - turned[0].min(0))).astype(int) for ring in turned]

@@ -1,4 +1,4 @@
-"""The demo in six states, as docs/demo.md shows it:
+"""Screenshots of the demo in six states, for docs/demo.md:
 
     python experiments/demo_pictures.py [docs/figures]
 
@@ -24,13 +24,13 @@ OUTLINE = ((1, 1), (5, 1), (5, 3.2), (3.6, 3.2), (3.6, 4.6), (1, 4.6))
 
 
 def settled(page: Page) -> None:
-    """Wait until the page shows what is wrong with what it shows, and no other choices are being found."""
+    """Wait until the page has found the faults of the layout on show, and all further choices."""
     for part in ("body[data-state=idle]", "#plan[aria-busy=false]", "#choices[aria-busy=false]"):
         page.locator(part).wait_for(state="attached")
 
 
 def screen(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Where a point in metres is on the screen."""
+    """Return the position on the screen, in pixels, of a point in metres."""
     where = page.evaluate(
         "([x, y]) => { const p = new DOMPoint(x, -y).matrixTransform(document.querySelector('#plan').getScreenCTM());"
         " return [p.x, p.y] }",
@@ -47,19 +47,19 @@ def chosen(page: Page, room: str) -> None:
 
 
 def begun(page: Page) -> None:
-    """A room of the gallery."""
+    """Show a room of the gallery."""
     chosen(page, "bedroom")
 
 
 def furnished(page: Page) -> None:
-    """Three choices."""
+    """Furnish a room, and show the choices."""
     chosen(page, "living room")
     page.locator("#furnish").click()
     settled(page)
 
 
 def dragging(page: Page) -> None:
-    """A fault, and measurements, while an item is dragged."""
+    """Drag an item until a fault and measurements show."""
     chosen(page, "bedroom")
     box = page.locator("#plan").get_by_role("button", name="bed").first.bounding_box()
     assert box is not None
@@ -73,7 +73,7 @@ def dragging(page: Page) -> None:
 
 
 def drawing(page: Page) -> None:
-    """An outline on the grid."""
+    """Draw an outline on the grid, up to its last corner."""
     page.locator("#building summary").click()
     page.locator("#kind").select_option("living_room")
     settled(page)
@@ -84,7 +84,7 @@ def drawing(page: Page) -> None:
 
 
 def own(page: Page) -> None:
-    """The room of this outline, with a door, a window, and what is usual."""
+    """Close the outline, add a door, a window and the usual furniture, and furnish the room."""
     drawing(page)
     page.mouse.click(*screen(page, *OUTLINE[5]))
     page.locator("#close").click()
@@ -101,7 +101,7 @@ def own(page: Page) -> None:
 
 
 def phone(page: Page) -> None:
-    """A phone, in the dark."""
+    """Choose a table by a tap, as on a phone."""
     chosen(page, "dining room")
     page.locator("#plan").get_by_role("button", name="table").first.tap()
     settled(page)
@@ -119,7 +119,7 @@ STATES: dict[str, tuple[Any, dict[str, Any]]] = {
 
 @answers_errors()
 def main() -> None:
-    """Write a PNG a state."""
+    """Write one PNG for each state."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?", default=Path("docs/figures"))
     folder = parser.parse_args().folder

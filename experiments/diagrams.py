@@ -1,4 +1,4 @@
-"""The README's figures: the decision process and the two networks, as in Figures 3 and 5 of Di & Yu 2021; results.
+"""The README's figures: the decision process and two networks, as in Figures 3 and 5 of Di & Yu 2021, and the results.
 
     python experiments/diagrams.py [--out docs/figures]
 
@@ -53,7 +53,7 @@ def arrow(
 
 
 def canvas(width: float, height: float) -> tuple[Figure, Axes]:
-    """Axes on which a unit is an inch."""
+    """Return a figure of this size in inches, and axes on which a unit is an inch."""
     figure = Figure(figsize=(width, height))
     axes = figure.subplots()
     axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
@@ -157,7 +157,7 @@ def results(table: Table) -> Figure:
     """The README's table: mean IoU and its 95% interval, by room type."""
     figure = Figure(figsize=(7.6, 4.2))
     axes = figure.subplots()
-    # By the square root of what is lost: 0.5 and 0.99 both stand apart from what is beside them.
+    # The scale is the square root of 1 - IoU: markers stand apart near 0.5 as well as near 0.99.
     axes.set_xscale("function", functions=(lambda iou: 1 - np.sqrt(np.maximum(1 - iou, 0)), lambda x: 1 - (1 - x) ** 2))
     rooms = list(dict.fromkeys(record["room"] for record in table.records))
     measured = [record for record in table.records if "mean_iou" in record]

@@ -2,9 +2,9 @@
 
     python experiments/first_item.py living_room [--rooms 60] [--seed 0] [--results <folder>]
 
-The agent in the package furnishes held-out briefs from nothing, the largest item first; and again with that item where
-the designer has it. What the others are worth is told apart: where the agent put the first right (an IoU of RIGHT or
-more), where it put it wrong, and where it was given.
+The agent in the package furnishes held-out briefs from nothing, the largest item first, and again with that item given
+where the designer has it. The IoU of the other items is told apart by three cases: the agent put the first right (an
+IoU of RIGHT or more), it put it wrong, and the first was given.
 
 Prints the numbers and writes experiments/results/first_item/<type>.json.
 """
@@ -30,7 +30,7 @@ RIGHT = 0.8  # IoU
 
 
 def equals(item: Item, room: Room) -> list[int]:
-    """The indices of the items of a room that are the same but for their places."""
+    """Return the indices of the room's items of the same category, size and form as `item`."""
     return [k for k, other in enumerate(room.furniture) if other.kind == item.kind]
 
 
@@ -40,7 +40,10 @@ def without(room: Room, k: int) -> Room:
 
 
 def compared(layout: Room, k: int, design: Room) -> tuple[float, float]:
-    """The IoU of item k of a layout with the designer's, the nearest where there are equals; and of all others."""
+    """Return the IoU of item k of a layout with the designer's, and the mean IoU of all other items.
+
+    Among equal items of the design the one with the highest IoU counts. The IoU is 0 if item k has no place.
+    """
     item = layout.furniture[k]
     if item.center is None:
         return 0.0, others(layout, k, design, equals(item, design)[0])
@@ -50,7 +53,7 @@ def compared(layout: Room, k: int, design: Room) -> tuple[float, float]:
 
 
 def others(layout: Room, k: int, design: Room, j: int) -> float:
-    """The mean IoU of all items but k of the layout, j of the design."""
+    """Return the mean IoU of all items but k of the layout and j of the design; NaN if the design has no others."""
     found = matched([without(layout, k)], [without(design, j)])
     return float(means(found.iou, found.room, 1).item())
 

@@ -2,8 +2,8 @@
 
     python experiments/irregular_rooms.py bedroom [--rooms 100] [--seed 1] [--results <folder>]
 
-Designed rooms that were not learned from are disturbed as layoutrl/rooms/disturbances.py says. The same furniture is
-placed in them, and in the same rooms as they were designed.
+Held-out designed rooms are disturbed as layoutrl/rooms/disturbances.py says. The same furniture is placed in them and,
+for comparison, in the same rooms as designed.
 
 Prints the numbers and writes experiments/results/irregular/<type>.json.
 """
@@ -30,12 +30,12 @@ from layoutrl.runs.pretrained import load
 from layoutrl.runs.ranges import within
 
 AT_THE_WALL = 0.02  # metres from it, at most
-ALWAYS = 0.95  # share of a category's items with a side at a wall, from which on they belong there
+ALWAYS = 0.95  # share of a category's designed items at a wall, from which the category belongs there
 KEPT = RESULTS / "irregular"
 
 
 def at_the_wall(layouts: Sequence[Room], designs: Sequence[Room]) -> float | None:
-    """Of items of categories that the designer puts with their backs at a wall, the share that stands so, if any."""
+    """Return the share of items at a wall, of categories that the designer puts there; None if there are none."""
     designed, placed = (Counter(_sided(rooms)) for rooms in (designs, layouts))
     kinds = {kind for kind, _ in designed}
     belong = [kind for kind in kinds if designed[kind, True] >= ALWAYS * (designed[kind, True] + designed[kind, False])]
@@ -44,7 +44,7 @@ def at_the_wall(layouts: Sequence[Room], designs: Sequence[Room]) -> float | Non
 
 
 def _sided(rooms: Sequence[Room]) -> Iterator[tuple[str, bool]]:
-    """(category, whether its back, or of what has no front a side, is at a wall) of each rectangle that stands."""
+    """Return (category, whether its back, or any side if it has no front, is at a wall) of each placed rectangle."""
     items = Items.of(rooms)
     those = np.flatnonzero(items.placed & ~items.round)
     sides = sides_off_walls(rooms, items, those)

@@ -1,4 +1,4 @@
-"""The columns of tables of one item in a room: their rooms and starts, and how a cell of each is filled."""
+"""The columns of tables in which one item is placed: their rooms and starts, and how a cell of each is filled."""
 
 from __future__ import annotations
 
@@ -41,17 +41,21 @@ STARTS_SEED = 0  # of the one list of starts that every method is scored from
 
 @dataclass(frozen=True)
 class Setting:
-    """Rooms to learn from, rooms to be scored in, and one start in each of these or many in the only one."""
+    """Training rooms, rooms to be scored in, and B starts: one in each of these; with protocol=scene, many in one."""
 
     training: list[Room]
     simulator: Simulator  # of the rooms to be scored in
-    room: np.ndarray
-    starts: np.ndarray
+    room: np.ndarray  # (B,), indices of the simulator's rooms
+    starts: np.ndarray  # (B, 2), metres
     device: torch.device
 
 
 def setting_of(config: CellConfig, device: torch.device) -> Setting:
-    """The rooms of a cell, and its starts: the same for every column and seed. Raises InputError beyond the scenes."""
+    """Return the rooms and starts of a cell: the same for every column and, unless protocol=scene, every seed.
+
+    With protocol=scene the seed is the index of a scene. Raises InputError if there is no such scene, and if there are
+    no rooms to train on or to be scored in.
+    """
     if config.protocol == "scene":
         scenes = designed_rooms(config.room.type, config.room.item, config.data, "test")
         if config.seed >= len(scenes):
@@ -69,8 +73,11 @@ def setting_of(config: CellConfig, device: torch.device) -> Setting:
 
 
 def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """The agent: from the one start; best of three; without the paper's rule that an illegal move ends a test, where
-    that is the method's; and, of designed rooms never seen, from many starts."""
+    """Train the agent, unless it is trained, and test it.
+
+    Rows: from one start a room; the best of its first three stopping places; without the paper's rule that an illegal
+    move ends a test, if the method has it; and, in held-out designed rooms, from many random starts.
+    """
     simulator = setting.simulator
     network, categories, about = trained_network(config, setting.training, simulator.rooms, setting.device)
     policy = greedy(network, config.method)
@@ -89,7 +96,8 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
         room = np.resize(setting.room, config.budget.random_starts)
         starts = simulator.starts(room, np.random.default_rng([STARTS_SEED, 1]))
         places["random starts"] = room, policy.rollout(batch_simulator, observe, room, starts).final
-    # In analysis alone: did it know better, and not get there? What gains nothing more is better than what does.
+    # Only for analysis: does it value the designer's place higher than its own? With every_move Q is what is left to
+    # gain: the lower it is, the better the place.
     designed = simulator.designer_position[setting.room]
     there, here = (
         policy.q.best_moves(batch_simulator, observe, setting.room, place)[1] for place in (designed, run.final)
@@ -105,28 +113,28 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
 
 
 def best_of(choices: np.ndarray, simulator: Simulator, room: np.ndarray) -> np.ndarray:
-    """Of choices (B, n, 2) the one with the highest IoU, by knowledge of the answer: (B, 2)."""
+    """Return those of choices (B, n, 2) with the highest IoU, by knowledge of the answer: (B, 2)."""
     count = choices.shape[1]
     iou = simulator.reward(np.repeat(room, count), choices.reshape(-1, 2)).iou.reshape(-1, count)
     return choices[np.arange(len(room)), iou.argmax(1)]
 
 
 def regressor(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """The agent's network, told the designer's place for as long as the agent was trained."""
+    """Train the agent's network to predict the designer's place, for as long as the agent was trained."""
     network, observe, about = supervised(config, setting, train_regressor)
     place = regressed_places(network, observe, setting.room, setting.starts, config.method.views(setting.device))
     return {"places": {"agent": (setting.room, place)}, **about}
 
 
 def pointer(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """A network made to point at the place, told it for as long as the agent was trained. It needs no start."""
+    """Train a network to point at the designer's place, for as long as the agent was trained. It needs no start."""
     network, observe, about = supervised(config, setting, train_pointer)
     place = pointed_places(network, observe, config.method.views(setting.device))
     return {"places": {"agent": (setting.room, place[setting.room])}, **about}
 
 
 def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """The same network, told how good a place is; it takes the best of many. It needs no start."""
+    """Train the agent's network to predict the IoU of a place; it takes the best of many places. It needs no start."""
     network, observe, about = supervised(config, setting, train_scorer)
     place = scored_places(network, setting.simulator, observe, config.method.views(setting.device))
     return {"places": {"agent": (setting.room, place[setting.room])}, **about}
@@ -135,7 +143,7 @@ def scorer(config: CellConfig, setting: Setting) -> dict[str, Any]:
 def supervised(
     config: CellConfig, setting: Setting, train: Callable[..., Network]
 ) -> tuple[Network, GeometryObservation, dict[str, Any]]:
-    """A network, told the answer for as long as the agent was trained: (network, what it sees in a test, about it)."""
+    """Train a network by supervision, for as long as the agent: (network, its observation in test, facts about it)."""
     seconds = agent_seconds(config, setting.device)
     spent = seconds_budget(seconds, clock_of(setting.device))
     keep_freed_memory()
@@ -149,7 +157,7 @@ def supervised(
 
 
 def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """PlanIT: the moving item among all others, and whole rooms from nothing."""
+    """Train PlanIT, and let it place the moving item among all others, and furnish whole rooms from nothing."""
     seconds = agent_seconds(config, setting.device) if config.planit_time == "agent" else None
     placer, about = trained_planit(config, setting.training, setting.simulator.rooms, setting.device, seconds)
     seed = resume.seeds(config)[3]
@@ -166,7 +174,7 @@ def planit(config: CellConfig, setting: Setting) -> dict[str, Any]:
 
 
 def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:
-    """What needs no learning."""
+    """Place the item by rules that need no learning."""
     simulator, room, starts = setting.simulator, setting.room, setting.starts
     places = {
         "random start": starts,
@@ -180,7 +188,7 @@ def rules(_: CellConfig, setting: Setting) -> dict[str, Any]:
 
 
 def oracle(config: CellConfig, setting: Setting) -> dict[str, Any]:
-    """A perfect Q, with the same moves."""
+    """Place the item by the optimal Q, with the same moves."""
     place = perfect_places(setting.simulator, setting.room, setting.starts, config.method.discount)
     return {"places": {"oracle": (setting.room, place)}}
 

@@ -1,4 +1,4 @@
-"""What experiments have in common: where results are kept, the options of those of one room type, what they tell."""
+"""What experiments share: the folder of results, the options of those on one room type, and reporting."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MEASURES = ("iou", "facing", "faultless")
 
 
 def check_kept(file: Path, about: Mapping[str, Any]) -> None:
-    """Raises InputError where results are kept in a file that are about something else: they are not overwritten."""
+    """Raise InputError if the file holds results with other settings than `about`, so that they are not overwritten."""
     if file.exists():
         kept = json.loads(file.read_text(encoding="utf-8"))
         if others := [name for name, value in about.items() if kept.get(name) != value]:
@@ -31,7 +31,10 @@ def check_kept(file: Path, about: Mapping[str, Any]) -> None:
 
 
 def options(description: str | None, *, rooms: int, seed: int, results: Path) -> argparse.Namespace:
-    """What the command line says: `room_type`, `rooms`, `seed` and `results`. Raises InputError."""
+    """Parse the command line (`room_type`, `rooms`, `seed` and `results`), and make the folder `results`.
+
+    Raises InputError for a number out of range, and if the folder has results of other rooms or another seed.
+    """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))
     parser.add_argument("--rooms", type=int, default=rooms, help="how many of them count")
@@ -46,7 +49,10 @@ def options(description: str | None, *, rooms: int, seed: int, results: Path) ->
 
 
 def means_over_rooms(values: Mapping[str, Sequence[float] | np.ndarray]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Mean and standard error of each of the values, NaN left out, and of how many rooms; None where there is none."""
+    """Yield mean, standard error and number of each name's values that are not NaN.
+
+    Without any, mean and error are None; so is the error of a single value.
+    """
     for name, those in values.items():
         known = np.array(those)[~np.isnan(those)]
         mean, error = (
@@ -56,7 +62,7 @@ def means_over_rooms(values: Mapping[str, Sequence[float] | np.ndarray]) -> Iter
 
 
 def tell(said: argparse.Namespace, found: Iterable[tuple[str, Any]], **about: Any) -> None:
-    """Print what was found as it comes, each under its name, and write all to <type>.json, with what it is `about`."""
+    """Print each (name, result) as soon as it is found, and write them all, with `about`, to <type>.json."""
     result: dict[str, Any] = {"rooms": said.rooms, "seed": said.seed} | about
     for name, row in found:
         result[name] = row
@@ -65,6 +71,6 @@ def tell(said: argparse.Namespace, found: Iterable[tuple[str, Any]], **about: An
 
 
 def numbers(layouts: Sequence[Room], designs: Sequence[Room]) -> dict[str, Any]:
-    """Mean and standard error of the MEASURES of layouts beside the designer's."""
+    """Return mean and standard error of the MEASURES of layouts, compared with the designer's."""
     found = summary(measured(layouts, designs))
     return {name: found[name] for name in MEASURES}

@@ -2,11 +2,11 @@
 
     python experiments/left_open.py study [--rooms 40] [--seed 0] [--results <folder>]
 
-Who furnishes knows the room and the list of furniture, but not by which of the designer's templates the list came
-about. Every template that suits the room is asked for the same list. What it makes of it counts as often as it would be
-drawn (`left_open`). One of these layouts is the designer's; the brief does not tell which. `the safest` is the one of
-them that is nearest to all, on average. And where the same template does not furnish a mirrored room as the mirror
-image, who learns from mirrored rooms learns what is wrong: `mirrored`.
+A brief tells the room and the list of furniture, but not by which of the designer's templates the list came about.
+Every template that suits the room is asked for the same list. What it makes of it counts as often as it would be drawn
+(`left_open`). One of these layouts is the designer's; the brief does not tell which. `the safest` is the layout that is
+nearest to all of them, on average. `mirrored` is the IoU of the design with what the same template makes of the
+mirrored room, mirrored back: where it is low, training in mirrored rooms teaches what is wrong.
 
 Prints the numbers and writes experiments/results/left_open/<type>.json.
 """
@@ -31,17 +31,17 @@ from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.commands import answers_errors
 
 KEPT = RESULTS / "left_open"
-TRIES = 4000  # lists that are drawn of a template
-DESIGNED = 40  # of those that may become the brief's, the likeliest, which are furnished
-LUCK = 90  # percent of draws that fall on a size that is in the brief, where one can
-ONE = 0.99  # IoU above which two layouts are one
+TRIES = 4000  # lists that are drawn from each template
+DESIGNED = 40  # lists that may become the brief's: only the likeliest are furnished
+LUCK = 90  # percent of draws that are confined to sizes in the brief, if any is possible
+ONE = 0.99  # IoU above which two layouts count as the same
 CUT_TO_FIT = "counter"  # its width is what is free between two others, whatever was drawn
 
 T = TypeVar("T")
 
 
 class Guessing(Dice):
-    """Dice that mostly fall on sizes of a brief, in centimetres, and know how likely fair ones were to fall so."""
+    """Dice that mostly fall on sizes of a brief, in centimetres, and track how likely fair dice fall the same."""
 
     def __init__(self, sizes: set[int], *seed: int):
         super().__init__(*seed)
@@ -67,21 +67,21 @@ class Guessing(Dice):
 
 @dataclass
 class LeftOpen:
-    """The layouts that designers make of one brief: K of them."""
+    """The K layouts that the designer's templates make of one brief."""
 
     layouts: list[tuple[Item, ...]]
-    template: np.ndarray  # (K,): by which template
-    share: np.ndarray  # (K,): how often, in all 1
-    iou: np.ndarray  # (K, K): of each with each
+    template: np.ndarray  # (K,): names of the templates that made them
+    share: np.ndarray  # (K,): how likely each is; the sum is 1
+    iou: np.ndarray  # (K, K): mean IoU of each with each
 
     @property
     def safest(self) -> int:
-        """The one that is nearest to all on average, as often as they come."""
+        """The index of the layout with the highest mean IoU with all, weighted by `share`."""
         return int((self.iou @ self.share).argmax())
 
 
 def left_open(room: Room, shell: Shell) -> LeftOpen | None:
-    """What every template that suits the shell makes of the room's furniture; None where no draw came to it."""
+    """Return what every template that suits the shell makes of the room's furniture; None if no draw led to one."""
     brief, kind = brief_of(room), ROOM_TYPES[room.room_type]
     suiting = {name: template for name, template in kind.templates.items() if template.suits(shell)}
     found: dict[tuple[str, tuple[Item, ...]], float] = defaultdict(float)
@@ -108,14 +108,14 @@ def left_open(room: Room, shell: Shell) -> LeftOpen | None:
 
 
 def matches_of(layouts: Sequence[tuple[Item, ...]], room: Room) -> tuple[np.ndarray, np.ndarray]:
-    """IoU and facing (K,) of layouts of a room beside it."""
+    """Return IoU and facing of K layouts compared with the room's own: (K,) each."""
     count = len(layouts)
     found = matched([replace(room, furniture=layout) for layout in layouts], [room] * count)
     return means(found.iou, found.room, count), means(found.facing, found.room, count)
 
 
 def may_become(steps: Sequence[Step], room: Room) -> bool:
-    """Whether these pieces are the room's furniture, but for optional ones that were left out."""
+    """Whether the pieces of these steps are the room's furniture, perhaps with optional ones left out."""
     asked = Counter(_drawn_as(item.category, *(round(100 * side) for side in item.size)) for item in room.furniture)
     every, needed = (
         Counter(_drawn_as(step.piece.category, step.piece.depth, step.piece.width) for step in some)
@@ -129,12 +129,12 @@ def _drawn_as(category: str, depth: int, width: int) -> tuple[str, int, int]:
 
 
 def mirrored(shell: Shell) -> Shell:
-    """The shell with left and right changed."""
+    """Return the shell mirrored left to right."""
     notches = tuple(_mirrored(notch, shell.width) for notch in shell.notches)
     bare = replace(shell, notches=notches, doors=(), windows=())
 
     def gap(those: Gap) -> Gap:
-        """The opening in the wall in which it then lies."""
+        """Return the mirrored opening, in the wall of the mirrored shell in which it lies."""
         strip = _mirrored(those.strip(1), shell.width)
         found = next(
             w
@@ -151,7 +151,7 @@ def _mirrored(box: Box, width: int) -> Box:
 
 
 def image_of(items: Sequence[Item], width: float) -> tuple[Item, ...]:
-    """Items that stand in a shell so many metres wide, in the mirrored shell."""
+    """Return the placed items of a shell `width` metres wide as they stand in the mirrored shell."""
     return tuple(
         replace(item, center=(width - item.center[0], item.center[1]), rotation=(180 - item.degrees) % 360)
         for item in items
@@ -160,7 +160,7 @@ def image_of(items: Sequence[Item], width: float) -> tuple[Item, ...]:
 
 
 def told(designed: Design, found: LeftOpen) -> dict[str, float]:
-    """The numbers of one brief, by what they are."""
+    """Return the numbers of one brief, by name."""
     both, other = np.outer(found.share, found.share), found.template[:, None] != found.template
     iou, facing = matches_of(found.layouts, designed.room)
     result = {

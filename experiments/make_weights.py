@@ -5,14 +5,13 @@
     python experiments/make_weights.py scores=<folder> [room=kitchen,study]
 
 The first trains one agent for each type of room and scores it in unseen briefs, as column=rooms_agent of Table 3 does;
-what is finished is not made again. The second takes what is finished in the folders that were `runs` and `results` of
-such trainings, and trains nothing. Either writes the networks, rounded to 16 bits. The third leaves them as they are,
-and takes the cells of column=rooms_package from the folder that was `results` of such: they say anew how good the
-networks are, as agents furnish now. All furnish the first 256 unseen briefs with the rounded networks, to say
-how good they are at each item; and write all that there is to say into weights.json, and from it the page. A type that
-fails is named, and the others go on; what there was of it stays.
+finished agents are not trained again. The second trains nothing: it takes finished agents from the folders that were
+`runs` and `results` of such trainings. Both write the networks, rounded to 16 bits. The third keeps the networks, and
+takes new scores of them, as agents furnish now, from the cells of column=rooms_package in the folder that was their
+`results`. All three furnish the first 256 unseen briefs with the rounded networks, to score each category of items, and
+write weights.json and, from it, the page. A type that fails is named and keeps its old entry, and the others go on.
 
-Further options: weights=<folder> for networks and page, where they shall not be the package's; version=<n>, of the
+Further options: weights=<folder> for networks and page, instead of the package's; version=<n>, the version of the
 weights.
 """
 
@@ -54,11 +53,11 @@ PROJECT = Path(__file__).resolve().parents[1]
 WEIGHTS, PAGE = PROJECT / "layoutrl/weights", PROJECT / "docs/agents.md"
 COLUMN, PACKAGED = "rooms_agent", "rooms_package"
 LICENCE = "MIT"
-LOOKED_AT = 256  # unseen briefs of which items are told: whole blocks of what is furnished at once
+LOOKED_AT = 256  # unseen briefs in which items are scored: whole blocks of rooms that are furnished at once
 WORST = 0.8  # IoU below which an agent is said to be bad at an item
-SAME = 0.01  # mean difference of the IoU of rooms, below which they were furnished alike
-ACROSS = 4  # agents in a table
-FEW = 10  # items of a category, of which nothing is said
+SAME = 0.01  # mean difference of the rooms' IoU, up to which they count as furnished alike
+ACROSS = 4  # agents side by side in a table
+FEW = 10  # with fewer items of a category an agent is not said to be bad at it
 MEASURES = {
     "iou": "IoU",
     "facing": "facing",
@@ -79,7 +78,7 @@ MEASURES = {
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    """Make what is asked for; the exit status is 1 where a type failed."""
+    """Make the agents or scores that are asked for; the exit status is not 0 if a type failed."""
     chosen = given(arguments, "weights", "version", "scores")
     types = some_of("room", chosen, MAIN_ITEM)
     folder, version = Path(chosen.pop("weights", WEIGHTS)), chosen.pop("version", None)
@@ -119,7 +118,7 @@ def main(arguments: list[str]) -> int:
 
 
 def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[str, Any] | None) -> dict[str, Any]:
-    """Write the network of a type, and say what there is to say of it. Raises InputError where it is not finished."""
+    """Write the network of a type and return its card, `before` if it is the same. Raises InputError if unfinished."""
     cell = finished(room_type, COLUMN, chosen)
     run = run_of(cell, Path(chosen.get("runs", "runs")))
     network, categories, *_ = trained_network(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
@@ -153,9 +152,9 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
 
 
 def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | None) -> dict[str, Any]:
-    """The card of a network that is in the package, with what a cell says of it.
+    """Return the card of a network in the package, with the scores of a cell.
 
-    Raises InputError where one of them is not, or the cell is of another network, or of other code.
+    Raises InputError if there is no such network or cell, and if the cell is of another network or other code.
     """
     if before is None:
         raise InputError(f"room: the package has no network for a {room_type}; expected one of those that it has")
@@ -171,7 +170,7 @@ def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | N
 
 
 def finished(room_type: str, column: str, chosen: Mapping[str, str]) -> dict[str, Any]:
-    """A filled cell of Table 3. Raises InputError where it is not."""
+    """Return a filled cell of Table 3. Raises InputError if it is not filled."""
     name = f"{room_type}-own-{column}-seed{chosen.get('seed', '0')}"
     if not (file := cells_of("table3", chosen) / f"{name}.json").exists():
         raise InputError(f"results: {file} is not there; expected a filled cell of column={column}")
@@ -179,7 +178,7 @@ def finished(room_type: str, column: str, chosen: Mapping[str, str]) -> dict[str
 
 
 def scores_of(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """What a cell says of how good an agent is, and by which code it furnished."""
+    """Return an agent's scores from a cell, and the commit of the code by which it furnished."""
     row = cell["rows"][LAYOUTS]
     return {
         "rooms": cell["rooms"],
@@ -197,7 +196,7 @@ def commit_of(machine: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
-    """The finished training that a cell scored, in a folder of runs. Raises InputError where there is none."""
+    """Return the folder in `runs` of the finished training that a cell scored. Raises InputError if there is none."""
     config = cell["config"]
     folder = runs / config["room"]["type"]
     for run in sorted(folder.glob(f"{COLUMN}-*-seed{config['seed']}")):
@@ -207,7 +206,7 @@ def run_of(cell: Mapping[str, Any], runs: Path) -> Path:
 
 
 def command_of(config: Mapping[str, Any]) -> str:
-    """What trains the agent of a cell, and scores it."""
+    """Return the command that trains the agent of a cell and scores it."""
     told = ("train_rooms", "test_rooms", "seed", "disturbed")
     data = " ".join(f"data.{name}={config['data'].get(name, 0.0)}" for name in told)
     budget = config["budget"]["name"]
@@ -217,7 +216,7 @@ def command_of(config: Mapping[str, Any]) -> str:
 
 
 def items_of(furnisher: Furnisher, config: Mapping[str, Any]) -> tuple[dict[str, Any], np.ndarray]:
-    """What an agent is worth in the first unseen briefs: item by item, and the IoU of each room, (B,)."""
+    """Return an agent's scores in the first unseen briefs, by category of items, and the IoU of each room (B,)."""
     count = min(LOOKED_AT, config["data"]["test_rooms"])
     designs = design_rooms(config["room"]["type"], "test", config["data"]["seed"], count).rooms
     layouts = best_layouts(furnisher, [brief_of(design) for design in designs])
@@ -226,7 +225,7 @@ def items_of(furnisher: Furnisher, config: Mapping[str, Any]) -> tuple[dict[str,
 
 
 def page_of(about: Mapping[str, Any]) -> str:
-    """docs/agents.md: a card for each agent."""
+    """Return the text of docs/agents.md, which has a card for each agent."""
     agents = about["agents"]
     types, size = ", ".join(map(words, agents)), sum(card["bytes"] for card in agents.values()) / 1e6
     lines = [
@@ -305,12 +304,12 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
 
 
 def faulty(row: Mapping[str, float]) -> str:
-    """The faults that items of a category have, and how many of them."""
+    """Return the faults of a category, each with the share of items that have it, or "none"."""
     return ", ".join(f"{row[name]:.3f} {name}" for name in FAULTS if name != MISSING and row[name]) or "none"
 
 
 def words(name: str) -> str:
-    """A room type or a category, to read."""
+    """Return the name of a room type or category with blanks for underscores."""
     return name.replace("_", " ")
 
 

@@ -1,4 +1,4 @@
-"""Prints the tables of the cells that are kept, and puts them into the pages that show them: each after the line
+"""Writes the tables of all cells that are kept, and puts each into the pages that show it, after the line
 <!-- its name -->.
 
     python experiments/pages.py
@@ -25,7 +25,7 @@ PAGES = ("README.md", "docs/results.md", "docs/planit.md", "docs/whole_rooms_res
 
 
 def shown(page: str, tables: dict[str, str]) -> str:
-    """The page with the tables (Markdown, by name) as they are now; a table without a mark is not shown."""
+    """Return the page with its tables replaced by these (Markdown, by name); a table without a mark is not shown."""
     for name, table in tables.items():
         page = re.sub(rf"(?<=<!-- {re.escape(name)} -->\n\n)(\|.*\n)*", table.replace("\\", r"\\"), page)
     return page
@@ -44,7 +44,7 @@ def kept() -> dict[str, list[Table]]:
 @answers_errors()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.parse_args()  # who asks for help wants nothing written
+    parser.parse_args()  # so that --help writes nothing
     tables: dict[str, str] = {}
     for name, those in kept().items():
         write(those, KEPT / name)

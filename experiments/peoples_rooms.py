@@ -4,8 +4,8 @@
 
 All that somebody places is lifted and placed anew, as by `place move=all`: by the agents in the package, by the
 search, and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. What counts is what is
-wrong with the pieces that were lifted and, by them, with those that stay; *as they were drawn* is the same count where
-all stood.
+wrong with the pieces that were lifted, and what they make wrong with those that stay; *as they were drawn* is the same
+count where all stood.
 
 Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 """
@@ -37,7 +37,7 @@ KEPT = RESULTS / "peoples_rooms"
 
 
 def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
-    """In how many rooms nothing is a fault, and how many items have each fault, or are odd in which way."""
+    """Return in how many rooms nothing has a fault, and how many items have each fault or oddity."""
     return {
         "faultless": sum(not any(name in FAULTS for _, name in some) for some in found),
         "wrong": dict(Counter(name for some in found for _, name in some)),
@@ -45,7 +45,7 @@ def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
 
 
 def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
-    """What was wrong where the same items stood, as `place` tells it of a layout."""
+    """Return what was wrong with the same items where they were drawn, as `place` would report it of a layout."""
     asked = [answer.asked.can.asked for answer in answers]
     stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(asked, answers, strict=True)]
     return [
@@ -55,7 +55,7 @@ def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
 
 
 def digest(folder: Path) -> str:
-    """Of the files of a folder."""
+    """Return a hash of the content of a folder's files: 12 hex digits."""
     files = sorted(files_below(folder, FORMATS))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 

@@ -75,24 +75,24 @@ MEASURED = ("mean_iou", "sd", "n", "seeds")
 
 @dataclass(frozen=True)
 class Row:
-    """One set of places in one setting, over all seeds that were run."""
+    """The rows of one name in the cells of one setting: the results of one method, over all seeds that were run."""
 
     iou: np.ndarray  # (seeds, B)
     group: np.ndarray  # (B,)
-    numbers: list[dict[str, Any]]  # of each seed
-    cells: dict[Path, dict[str, Any]]
+    numbers: list[dict[str, Any]]  # of each seed, its row
+    cells: dict[Path, dict[str, Any]]  # by file
 
     @property
     def mean(self) -> float:
         return float(self.iou.mean())
 
     def estimate(self, **more: float | None) -> Estimate:
-        """Mean and standard deviation over rooms and seeds, how many these are, and more to stand beside them."""
+        """Return mean and standard deviation of the IoU over rooms and seeds, how many these are, and `more`."""
         seeds, n = self.iou.shape
         return Estimate({"mean_iou": self.mean, "sd": float(self.iou.std()), "n": n, "seeds": seeds, **more}, self)
 
     def ceiling(self) -> Estimate:
-        """The lattice ceiling of its moves, from its starts."""
+        """Return the mean lattice ceiling of the moves, from the starts of these cells."""
         return Estimate({"mean_iou": float(np.mean([cell["ceiling"] for cell in self.cells.values()]))}, self)
 
     def error_over_seeds(self) -> float | None:
@@ -101,7 +101,7 @@ class Row:
 
     @cached_property
     def interval(self) -> dict[str, float]:
-        """95%, of the mean, over rooms."""
+        """The 95% bootstrap interval of the mean, over rooms."""
         low, high = bootstrap_interval(self.iou.mean(0), self.group, seed=0)
         return {"interval_low": low, "interval_high": high}
 
@@ -114,22 +114,22 @@ class Row:
         refuse_other_rooms(f"{ours[0].stem} and {theirs[0].stem}", ours[1]["config"], theirs[1]["config"])
 
     def p_value(self, other: Row) -> float:
-        """Paired. Raises InputError where the rooms are not the same."""
+        """Return the p-value of the difference to another row, paired by room. Raises InputError if rooms differ."""
         self.check_same_rooms(other)
         return paired_p_value(self.iou.mean(0), other.iou.mean(0), self.group, seed=0)
 
     def number(self, name: str) -> float:
-        """Mean over seeds."""
+        """Return a number of the row, the mean over seeds."""
         return float(np.mean([numbers[name] for numbers in self.numbers]))
 
     def about(self, name: str) -> float | None:
-        """Mean over seeds of what a cell says beside its rows, if it does."""
+        """Return a number that cells have beside their rows, the mean over seeds; None if no cell has it."""
         said = [cell[name] for cell in self.cells.values() if name in cell]
         return float(np.mean(said)) if said else None
 
 
 def row(folder: Path, name: str, which: str = "agent") -> Row | None:
-    """A row of the cells <name>-seed<k>.json; None where there is no such cell, or they have no such row.
+    """Return a row of the cells <name>-seed<k>.json; None if there are no such cells, or they have no such row.
 
     Raises InputError for cells of one name that were filled with different configurations.
     """
@@ -150,7 +150,7 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean IoU and what is known of it, and the row that it is of; what the paper prints is of none."""
+    """A mean IoU, further numbers about it, and the row that it comes from; figures of the paper have no row."""
 
     numbers: Record
     row: Row | None = None
@@ -211,10 +211,10 @@ def compared(
     lines: Sequence[tuple[Sequence[str], Sequence[Estimate | str | None]]],
     by: str = "method",
 ) -> Table:
-    """A line a setting, a column a method. A line is (the setting: a value for each key; an entry for each column).
+    """Make a table with a line for each setting and a column for each method.
 
-    An entry is None where nothing was run. A text is shown and stands in no CSV, which has a row for each setting and
-    method; `by` is the field that says which.
+    A line is (the setting: a value for each key; an entry for each column). An entry is None if nothing was run. A text
+    is shown, but not written to the CSV, which has a row for each setting and method; `by` is its field of the method.
     """
     shown, records, rows = [], [], []
     for setting, entries in lines:
@@ -230,9 +230,9 @@ def compared(
 
 
 def listed(name: str, title: str, columns: Mapping[str, str], records: Sequence[Record], rows: Sequence[Row]) -> Table:
-    """A line a record; a column is a template of str.format, with the conversion !p for p-values.
+    """Make a table with a line a record; a column is a template of str.format, with the conversion !p for p-values.
 
-    The CSV has what the templates name, and mean, standard deviation and their number.
+    The CSV has the fields that the templates name and, where records have them, those of MEASURED.
     """
     named = [field for template in columns.values() for _, field, *_ in Formatter().parse(template) if field]
     lines = [[Shown().vformat(template, (), record) for template in columns.values()] for record in records]
@@ -241,7 +241,7 @@ def listed(name: str, title: str, columns: Mapping[str, str], records: Sequence[
 
 
 class Shown(Formatter):
-    """What is None, and what is made of nothing else, is shown as a dash."""
+    """A formatter that shows None as a dash, and as a single dash a text all of whose fields are None."""
 
     def vformat(self, template: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> str:
         named = [field for _, field, *_ in self.parse(template) if field]
@@ -261,7 +261,7 @@ def p_text(p: float) -> str:
 
 
 def show(tables: Sequence[Table]) -> None:
-    """Print the tables, but for those without a line."""
+    """Print the tables that have lines."""
     for table in tables:
         if table.lines:
             print(f"\n{table.markdown()}")
@@ -286,15 +286,15 @@ def write(tables: Sequence[Table], stem: Path) -> None:
 
 
 def rounded(value: str | float | None) -> str | float | None:
-    """To six digits: IoU is kept to fewer."""
+    """Round to six decimals: IoU is kept to fewer."""
     return round(value, 6) if isinstance(value, float) else value
 
 
 def provenance(rows: Sequence[Row]) -> dict[str, Any]:
-    """When, where and with which versions the cells were filled, which these are, and the training, if it is known."""
+    """Return which cells these are, when, where and with which versions they were filled, and known training time."""
     cells = {file: cell for found in rows for file, cell in found.cells.items()}
     machines = [cell["machine"] for cell in cells.values()]
-    # Cells that share a training, as those of two label sets may, have its seconds to the last digit.
+    # Cells that share a training, as those of two label sets may, have its seconds to the last digit; it counts once.
     trainings = {
         (c["config"]["column"], c["config"]["seed"], c["training_seconds"])
         for c in cells.values()

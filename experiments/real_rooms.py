@@ -3,8 +3,8 @@
     python experiments/real_rooms.py floorplans=<folder> designer_rooms=<folder> [room=kitchen] [task=toilet,bed]
 
 The folders are what data.root is for each source; a source without one is left out. One fifth of the rooms is held out
-(fold). `labels=snapped` edits the truth, test rooms included: both label sets stand side by side. What is printed is of
-the room types that were asked for; the files have all.
+(fold). `labels=snapped` edits the truth, test rooms included: both label sets stand side by side. The room types that
+were asked for are printed; the files have all.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TASKS = {
     "designer_rooms": {"bed": "bedroom", "platform": "tatami"},
 }
 LABELS = {"floorplans": ("snapped", "raw"), "designer_rooms": ("snapped",)}  # designer_rooms has one set only
-# What is measured, by its words in the tables: trained on, column and row of its cells.
+# The methods by their names in the tables: what they are trained on, and the column and row of their cells.
 METHODS = {
     "real rooms": ("own", "geometric", "agent"),
     "designed rooms": ("designer", "geometric", "agent"),
@@ -45,7 +45,7 @@ SPREAD = "mean IoU ± standard deviation over rooms"
 
 
 def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """The sweeps of a source, one after the other. Raises InputError for tasks and room types that there are not."""
+    """Return the sweeps of a source, in order. Raises InputError for unknown tasks and room types."""
     rooms = some_of("room", chosen, MAIN_ITEM)
     named = some_of("task", chosen, [task for tasks in TASKS.values() for task in tasks])
     tasks = [task for task in named if TASKS[source].get(task) in rooms]
@@ -79,7 +79,7 @@ def main(arguments: list[str]) -> int:
 
 
 def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
-    """What the filled cells of a folder say of these room types: a table for each question."""
+    """Return a table for each question, made from a folder's filled cells of these room types."""
     rooms = list(rooms)
     trained, simpler, bounds = [], [], []
     for source, tasks in TASKS.items():
@@ -107,12 +107,12 @@ def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
     ]  # fmt: skip
 
 
-Rows = Mapping[str, Row | None]  # by the words of METHODS
+Rows = Mapping[str, Row | None]  # by the names in METHODS
 Entries = list[Estimate | str | None]
 
 
 def of_training(rows: Rows) -> Entries:
-    """How many rooms there are, what the agent is worth by what it was trained on, and how sure that is."""
+    """Return the numbers of rooms, the agent's results by what it was trained on, and the interval of real rooms."""
     known = rows["real rooms"] or rows["random start"]
     size = f"{known.about('rooms'):.0f} ({known.about('training_rooms'):.0f})" if known else NOT_RUN
     agents = [
@@ -123,7 +123,7 @@ def of_training(rows: Rows) -> Entries:
 
 
 def of_simpler(rows: Rows, item: str) -> Entries:
-    """The agent, the scorer and the rules; the hand rule is for bathtubs."""
+    """Return the results of agent, scorer and rules; the hand rule is for bathtubs only."""
     own, scorer = rows["real rooms"], rows["supervised scorer"]
     hand, nearest = estimates(map(rows.get, RULES))
     if not (own and scorer):

@@ -1,4 +1,4 @@
-"""The columns of tables of whole rooms: their rooms, and how a cell of each is filled."""
+"""The columns of tables in which whole rooms are furnished: their rooms, and how a cell of each is filled."""
 
 from __future__ import annotations
 
@@ -39,19 +39,22 @@ class WholeRooms:
 
     @property
     def briefs(self) -> list[Room]:
-        """What who furnishes the rooms is given."""
+        """The briefs of the designs: all that a method is given."""
         return [brief_of(design) for design in self.designs]
 
 
 def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
-    """The whole rooms of a cell: the same for every column and seed, or the first of them."""
+    """Return the rooms of a cell, the same for every column and seed; of those held out the first `share_of_rooms`.
+
+    Raises InputError if there are no rooms to train on or to be scored in.
+    """
     training, held_out = both(*whole_parts(config.room.type, config.data, config.fold))
     training = learned_from(config, training, lambda d: designs(config.room.type, d, "train").rooms)
     return WholeRooms(training, held_out[: max(1, round(config.share_of_rooms * len(held_out)))], device)
 
 
 def each(config: CellConfig, rooms: WholeRooms, furnish: Callable[[Room, np.random.Generator], Room]) -> list[Room]:
-    """Each brief furnished on its own; what is drawn hangs on the seed and on the room's number."""
+    """Furnish each brief on its own, with a random generator that depends on the seed and the index of the room."""
     return [furnish(brief, np.random.default_rng([config.seed, k])) for k, brief in enumerate(rooms.briefs)]
 
 
@@ -97,7 +100,7 @@ def by_untrained(config: CellConfig, rooms: WholeRooms) -> Furnish:
     return partial(best_layouts, Furnisher(network, method, categories), rooms.briefs)
 
 
-Furnish = Callable[[], list[Room]]  # layouts; what comes before it is called is no time of furnishing
+Furnish = Callable[[], list[Room]]  # makes the layouts; only this call is timed as furnishing
 FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "designer": lambda _, rooms: lambda: rooms.designs,
     "random": lambda config, rooms: lambda: each(config, rooms, random_layout),

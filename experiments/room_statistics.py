@@ -2,8 +2,8 @@
 
     python experiments/room_statistics.py <folder of data=designer_rooms> [--rooms 1000] [--seed 0]
 
-Prints 10%, 50% and 90% quantiles and draws experiments/results/room_statistics.png. Of several layouts of a real
-room one counts.
+Prints 10%, 50% and 90% quantiles and draws experiments/results/room_statistics.png. A real room with several layouts
+counts once.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def main() -> None:
             for label, value in values.items():
                 print(f"  {name:15} {label:9} " + " ".join(f"{q:6.2f}" for q in np.quantile(value, QUANTILES)))
             all_values = np.concatenate(list(values.values()))
-            bins = np.linspace(all_values.min() - 0.01, all_values.max() + 0.01, 26)  # wider than one single width
+            bins = np.linspace(all_values.min() - 0.01, all_values.max() + 0.01, 26)  # not empty if all are equal
             for label, value in values.items():
                 axes.hist(value, bins=bins, weights=np.full(len(value), 1 / len(value)), alpha=0.6, label=label)
             axes.set_title(f"{room_type}: {name}", fontsize=9)

@@ -1,4 +1,4 @@
-"""A long training under watch: memory and the run's folder, 300 times at most.
+"""A long training under watch: its memory and its folder are measured, 300 times at most.
 
     python experiments/soak.py [--minutes 30] [--runs runs/soak] [options of layoutrl.train]
 
@@ -33,7 +33,10 @@ UPDATES = 10**7  # more than there is time for
 def watched(
     command: list[str], folder: Path, minutes: float, seconds: float
 ) -> list[tuple[float, float, float, float]]:
-    """(minutes, MB of memory, of checkpoints, of all other files), every so many `seconds`, until the time is over."""
+    """Run a command for `minutes`; return (minutes, MB of memory, of checkpoints, of other files) every `seconds`.
+
+    Raises InputError if the system does not tell how much memory a process has, and if the command ends too early.
+    """
     seen, began = [], time.monotonic()
     if resident_bytes(os.getpid()) is None:
         raise InputError("soak: expected Linux, which says how much memory a process has")
@@ -62,7 +65,7 @@ def main() -> None:
     within("--minutes", options.minutes, options.minutes > 0, "more than 0")
     runs = options.runs.expanduser()
     runs.mkdir(parents=True, exist_ok=True)
-    often = ["budget.reports=10000", "budget.evaluations=10000"]  # of so many updates
+    often = ["budget.reports=10000", "budget.evaluations=10000"]  # often enough, though UPDATES is so large
     given = [f"runs={runs}", f"method.updates.default={UPDATES}", *often]
     command = [sys.executable, "-m", "layoutrl.train", *given, *overrides]
     seen = watched(command, runs, options.minutes, seconds=max(1.0, options.minutes / 5))

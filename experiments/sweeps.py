@@ -1,4 +1,4 @@
-"""What the tables' own scripts have in common: which cells they ask for, and how these are filled side by side."""
+"""What the scripts of the tables share: which cells they ask for, and how these are filled in parallel."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from layoutrl.runs.config import config_directory, expanded
 from layoutrl.runs.wording import options
 
 TIMED = ("regressor", "pointer", "scorer", "planit")  # columns that are trained for as long as the agent
-# Episodes do not climb or snap into line where most cells are of before there was that, and all are to be alike.
+# Episodes do not climb or snap into line where most cells were filled before they could: all are to be alike.
 ENDS = {"method.climbs": "0", "method.snap": "0"}
 
 
 def multirun(table: str, chosen: Mapping[str, str]) -> int:
-    """Fill the cells of a sweep, given as values by name; the exit status: 1 where a cell failed."""
+    """Fill the cells of a sweep, given as option values by name. Return the exit status: not 0 if a cell failed."""
     overrides = [f"{name}={value}" for name, value in chosen.items()]
     command = [sys.executable, str(Path(__file__).resolve().with_name("cells.py")), f"table={table}", *overrides]
     folder, began, status, filled_before = cells_of(table, chosen), time.time(), 1, -1
-    # On this machine a job that is killed takes the others with it: they begin again, as long as any is finished.
+    # On this machine a job that is killed takes the others with it: try again, as long as each attempt finishes a cell.
     while status and (filled_now := len(list(folder.glob("*.json")))) > filled_before:
         filled_before, status = filled_now, subprocess.run(command, check=False).returncode
         if "hydra/launcher" in chosen:  # a cluster's jobs are on their own
@@ -38,7 +38,7 @@ def multirun(table: str, chosen: Mapping[str, str]) -> int:
 
 
 def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[str]:
-    """The values that were chosen for an option, or all. Raises InputError for others."""
+    """Return the values that were chosen for an option, by default all. Raises InputError for unknown ones."""
     every = list(known)
     values = chosen.get(name, ",".join(every)).split(",")
     if unknown := sorted({*values} - {*every}):
@@ -47,7 +47,7 @@ def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[
 
 
 def in_turn(columns: str) -> list[str]:
-    """The columns in sweeps: those without a seed, and those that are trained for as long as the agent after it."""
+    """Split columns into sweeps: those without a seed, the others, and last those trained for as long as the agent."""
     given = columns.split(",")
     seedless = [column for column in given if column in SEEDLESS]
     timed = [column for column in given if column in TIMED]
@@ -56,14 +56,14 @@ def in_turn(columns: str) -> list[str]:
 
 
 def trains_pictures(chosen: Mapping[str, str]) -> bool:
-    """Whether the paper's network is trained in every type and with every seed: on a GPU or a cluster."""
+    """Whether there is a GPU or a cluster to train the paper's network in every type and with every seed."""
     return torch.cuda.is_available() or "hydra/launcher" in chosen
 
 
 def seeds_of(columns: str, usual: str, chosen: Mapping[str, str]) -> str:
-    """The seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these.
+    """Return the seeds of a sweep: those that were chosen or the usual ones; with budget=smoke, the first of these.
 
-    Columns without a seed have seed 0, and a line says so where others were chosen.
+    If no column depends on the seed it is 0, and a line is printed if others were chosen.
     """
     if {*columns.split(",")} <= {*SEEDLESS}:
         if chosen.get("seed", "0") != "0":
@@ -73,19 +73,19 @@ def seeds_of(columns: str, usual: str, chosen: Mapping[str, str]) -> str:
 
 
 def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
-    """The folder of a table's cells, by what was chosen."""
+    """Return the folder of a table's cells, for the chosen results folder and budget."""
     return table_folder(chosen.get("results"), chosen.get("budget", "default"), table)
 
 
 def given(arguments: Sequence[str], *own: str) -> dict[str, str]:
-    """What the user gives, as name=value: options of cells, and the script's own. Raises InputError for anything else,
-    before a sweep begins.
+    """Parse name=value arguments: options of cells, and the script's `own`. Raises InputError for anything else, before
+    a sweep begins.
     """
     for argument in arguments:
         if "=" not in argument:
             raise InputError(f"{argument}: expected options as name=value; --help says which")
     pairs = (argument.split("=", 1) for argument in arguments)
-    chosen = {name: expanded(value) for name, value in pairs}  # of what begins with ~, all are paths
+    chosen = {name: expanded(value) for name, value in pairs}  # only paths begin with ~
     known = [*(group for group in groups("cell") if group != "task"), *options(CellConfig), *own]
     for name in chosen:
         if name not in known and not name.startswith("hydra"):
@@ -95,7 +95,7 @@ def given(arguments: Sequence[str], *own: str) -> dict[str, str]:
 
 
 def asked(script: str | None) -> list[str]:
-    """The command line's arguments; --help is answered with what the script says of itself."""
+    """Return the command line's arguments; with --help, print the script's docstring and exit."""
     if {"-h", "--help"} & set(sys.argv):
         print(script)
         sys.exit()

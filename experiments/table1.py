@@ -2,11 +2,11 @@
 
     python experiments/table1.py [room=kitchen,study] [column=paper] [budget=smoke] [hydra.launcher.n_jobs=2]
 
-Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
-were asked for; the files have all rooms. Without a GPU the paper's network has one seed (three in bedrooms where it
-learns every move), and by method=paper it is trained in two types, unless it is asked for; the supervised networks have
-one seed, and so has PlanIT in six types. The agent has three, of which the first alone is kept: column=geometric seed=0
-asks for no more. With budget=smoke everything has one seed.
+Fills the missing cells in parallel, and prints the tables of all filled cells, for the rooms that were asked for; the
+files have all rooms. Without a GPU the paper's network has one seed (three in bedrooms where it learns every move), and
+with method=paper it is trained in two types only, unless it is asked for. The supervised networks have one seed, and so
+has PlanIT in six types. The agent has three seeds, of which only the first is kept: column=geometric seed=0 asks for no
+more. With budget=smoke everything has one seed.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from layoutrl.runs.commands import answers_errors
 
 
 def printed(mean: float, sd: float) -> Estimate:
-    """A figure of the paper. What its ± means, it does not say."""
+    """Return a figure of the paper, which does not say what its ± means."""
     return Estimate({"mean_iou": mean, "sd": sd})
 
 
-# Of the paper: PlanIT's and its own IoU, as printed there.
+# IoU of PlanIT and of the paper's own method, as the paper prints them.
 PAPER = {
     "bathroom": (printed(0.623, 0.008), printed(0.961, 0.014)),
     "bedroom": (printed(0.647, 0.009), printed(0.952, 0.026)),
@@ -40,7 +40,7 @@ PAPER = {
     "kitchen": (printed(0.636, 0.006), printed(0.953, 0.041)),
     "balcony": (printed(0.651, 0.006), printed(0.951, 0.035)),
 }
-# What is measured, by its words in the tables: the column and the row of its cells.
+# The methods by their names in the tables: the column and the row of their cells.
 AGENT, PAPERS, REGRESSOR, POINTER = "agent", "paper's network", "supervised regressor", "supervised pointer"
 MASKED, EVERY_MOVE = "paper's network, illegal moves masked", "paper's network, learns every move"
 RIVAL, INFORMED = "PlanIT", "PlanIT, told the relations"
@@ -64,7 +64,7 @@ LEARNED = (AGENT, PAPERS, EVERY_MOVE, REGRESSOR, POINTER, RIVAL, INFORMED)
 PICTURES = (PAPERS, MASKED, EVERY_MOVE)
 BOUNDS = ("random start", "nearest wall", "nearest room", "perfect Q")
 SPREAD = "mean IoU ± standard deviation over rooms"
-# What the mean does not say: the columns of three tables, and where their numbers are kept.
+# Three tables of what the mean does not say: their methods, their numbers' names in cells, and their columns.
 DETAILED = (AGENT, PAPERS, EVERY_MOVE, REGRESSOR, POINTER)
 SUPERVISED = {REGRESSOR: "p_regressor", POINTER: "p_pointer"}
 NUMBERS = ("median_iou", "share_090", "overlap", "outside", "blocked")
@@ -94,7 +94,7 @@ COST = {
     "minutes of training": "{training_minutes:.1f}",
     "moves": "{moves:.1f}",
 }
-# Of PlanIT: how it is trained, what it is told and whose size the item has, and how it chooses.
+# PlanIT's variants: how it is trained, what it is told and whose size the item has, and how it chooses.
 TRAINED = {"planit": "agent's minutes", "planit_long": "fixed updates"}
 TOLD = (
     ("sampled graph", "own size"), ("given categories", "own size"), ("given categories", "true size"),
@@ -109,18 +109,18 @@ PLANIT_COST = {
     "minutes of training": "{training_minutes:.1f}",
     "updates": "{updates:.0f}",
 }
-WITHOUT_GPU = ("bedroom", "tatami")  # where method=paper is trained on a processor
+WITHOUT_GPU = ("bedroom", "tatami")  # types in which method=paper is trained on a CPU
 SWEEPS = (
-    ("oracle,rules", "0", tuple(PAPER)),  # before agents: they design the rooms
+    ("oracle,rules", "0", tuple(PAPER)),  # before the agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
-    ("regressor,pointer,planit", "0", tuple(PAPER)),  # after: they train for as long
+    ("regressor,pointer,planit", "0", tuple(PAPER)),  # after the agents: they train for as long
     ("planit", "1,2", ("bathroom", "bedroom")),
     ("planit_long", "0", ("kitchen", "balcony")),  # whether the agent's minutes are too few for it
 )  # columns, seeds, types
 
 
 def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
-    """Sweeps, one after the other. Raises InputError for rooms and columns that it does not have."""
+    """Return the sweeps, in order. Raises InputError for rooms and columns that the table does not have."""
     rooms = some_of("room", chosen, PAPER)
     some_of("column", chosen, dict.fromkeys([*(column for column, _ in METHODS.values()), *TRAINED]))
     seeds, types = ("0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("0", WITHOUT_GPU)
@@ -146,11 +146,11 @@ def main(arguments: list[str]) -> int:
     return status
 
 
-Rows = Mapping[str, Row | None]  # by the words of METHODS
+Rows = Mapping[str, Row | None]  # by the names in METHODS
 
 
 def tables(folder: Path, rooms: Iterable[str] = PAPER) -> list[Table]:
-    """What the filled cells of a folder say of these rooms: a table for each question."""
+    """Return a table for each question, made from a folder's filled cells of these rooms."""
     found = {room: measured(folder, room) for room in rooms}
     return [main_table(found), *comparisons(found), *details(folder, found), *planit_tables(folder, list(found))]
 
@@ -160,7 +160,7 @@ def measured(folder: Path, room: str) -> Rows:
 
 
 def main_table(found: Mapping[str, Rows]) -> Table:
-    """The README's: as a table, and with its intervals as a figure."""
+    """Return the README's table, which is also drawn, with its intervals, as a figure."""
     lines = [
         (
             [room],
@@ -177,7 +177,7 @@ def main_table(found: Mapping[str, Rows]) -> Table:
 
 
 def comparisons(found: Mapping[str, Rows]) -> list[Table]:
-    """All that is beside it: what else is learned, what needs no learning, what the paper has."""
+    """Return the tables of other learned methods, of what needs no learning, and of the paper's network."""
     learned, bounds, papers = [], [], []
     for room, rows in found.items():
         best = ceiling(rows[AGENT] or rows["random start"])
@@ -203,7 +203,7 @@ def comparisons(found: Mapping[str, Rows]) -> list[Table]:
 
 
 def details(folder: Path, found: Mapping[str, Rows]) -> list[Table]:
-    """What the mean does not say of what is learned."""
+    """Return the tables of what the mean does not say, for learned methods."""
     records, used = [], []
     for room, rows in found.items():
         for method in DETAILED:
@@ -235,7 +235,7 @@ def details(folder: Path, found: Mapping[str, Rows]) -> list[Table]:
 
 
 def planit_tables(folder: Path, rooms: Iterable[str]) -> list[Table]:
-    """What PlanIT is worth by how much it is told and how it chooses: one item among the others, and whole rooms."""
+    """Return PlanIT's tables: its training; one item and whole rooms, by what it is told and how it chooses."""
     found = {}
     for room in rooms:
         for column, trained in TRAINED.items():
@@ -263,7 +263,7 @@ def planit_tables(folder: Path, rooms: Iterable[str]) -> list[Table]:
 
 
 def of_all(found: Row | None, words: str) -> Estimate | None:
-    """Of whole rooms, as many as PlanIT furnishes. Mean over seeds; the error is that of one."""
+    """Return PlanIT's mean IoU and standard error in the whole rooms that it furnishes, each the mean over seeds."""
     if not found:
         return None
     every = [cell["all items"][words] for cell in found.cells.values()]

@@ -2,9 +2,9 @@
 
     python experiments/table2.py [room=kitchen,study] [column=geometric] [budget=smoke] [hydra.launcher.n_jobs=2]
 
-(a) is what the authors' own code does, with a budget of its own; a seed is a room. There are three (one for the paper's
-network without a GPU, unless it is asked for, and with budget=smoke). (b) are the agents of Table 1, whose cells are
-only read. What is printed is of the rooms that were asked for; the files have all.
+(a) is what the authors' own code does. It has a budget of its own, and a seed is a room: there are three (one for the
+paper's network without a GPU, unless it is asked for, and with budget=smoke). (b) only reads the cells of Table 1's
+agents. The printed tables have the rooms that were asked for; the files have all.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from table1 import AGENT, EVERY_MOVE, MASKED, METHODS, PAPERS, THEIRS, printed
 from layoutrl.runs.commands import answers_errors
 
 UNSEEN = (AGENT, PAPERS, EVERY_MOVE)
-# The paper's own, as printed there.
+# IoU of the paper's own method, as the paper prints it.
 PAPER = {
     "bathroom": printed(0.953, 0.012),
     "bedroom": printed(0.959, 0.017),
@@ -34,7 +34,7 @@ PAPER = {
 
 
 def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
-    """Sweeps, one after the other. Raises InputError for rooms, columns and budgets that it does not have."""
+    """Return the sweeps, in order. Raises InputError for rooms, columns and budgets that the table does not have."""
     some_of("budget", chosen, ("smoke", "default", "full"))
     scene = {"protocol": "scene", "budget": "smoke" if chosen.get("budget") == "smoke" else "scene"}
     seeds = {"geometric": "0,1,2", "paper": "0,1,2" if trains_pictures(chosen) else "0"}
@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
 
 
 def tables(scenes: Path, unseen: Path, rooms: Iterable[str] = PAPER) -> list[Table]:
-    """What the filled cells of two folders say of these rooms: (a) and (b)."""
+    """Return tables (a) and (b), made from filled cells of these rooms in the folders `scenes` and `unseen`."""
     own, others = [], []
     for room in rooms:
         agent, papers, masked = (

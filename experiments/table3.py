@@ -2,12 +2,12 @@
 
     python experiments/table3.py [room=kitchen,study] [column=annealer] [designer_rooms=<folder>] [budget=smoke]
 
-Fills the cells that are not filled, side by side, and prints the tables that all filled ones make, of the rooms that
-were asked for; the files have all rooms. The agents are those in the package. The quick methods furnish all held-out
-rooms, those that take a second a room or more a fifth of them. With `designer_rooms`, the folder of the authors' real
-bedrooms and tatami rooms, these are furnished, too, a fifth of them that is held out: agent and pointer, trained anew,
-learn from designed rooms, real ones and both. What takes ten seconds a room, PlanIT and the untrained agent furnish
-designed rooms alone, unless they are asked for (column=...).
+Fills the missing cells in parallel, and prints the tables of all filled cells, for the rooms that were asked for; the
+files have all rooms. The agents are those in the package. The quick methods furnish all held-out rooms, those that take
+a second a room or more a fifth of them, the untrained agent a twentieth. With `designer_rooms`, the folder of the
+authors' real bedrooms and tatami rooms, the held-out fifth of these is furnished, too; agent and pointer are trained
+anew for it, on designed rooms, on real ones and on both. Search and annealer with ten seconds a room, PlanIT and the
+untrained agent furnish designed rooms alone, unless they are asked for (column=...).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from layoutrl.evaluation.statistics import paired_p_value
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
 
-# What furnishes rooms, by its words in the tables: the column of its cells.
+# The methods by their names in the tables: the column of their cells.
 METHODS = {
     "designer": "designer",
     "agent": "rooms_package",
@@ -42,13 +42,13 @@ METHODS = {
     "nearest room": "nearest",
     "random": "random",
 }
-NO_RIVALS = ("designer", "untrained agent")  # that others are compared with; the second is a part of the agent
+NO_RIVALS = ("designer", "untrained agent")  # nothing is compared with them; the second is a part of the agent
 REAL = ("bedroom", "tatami")  # the types of which there are real rooms
-TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # in real rooms, of what learns places
-LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # in real rooms, where they are trained anew
+TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}  # of LEARNS, in real rooms
+LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # columns trained anew for real rooms
 # Columns that furnish real rooms only where they are asked for.
 DESIGNED_ALONE = ("rooms_untrained", "annealer_long", "search_long", "rooms_planit")
-# Agents of real rooms make longer episodes and have a smaller memory: their cells are of before others were usual.
+# Agents of real rooms have longer episodes and a smaller replay buffer, the defaults of when their cells were filled.
 OF_BEFORE = {
     "method.max_moves": "30", "method.evaluation_moves": "30", "method.episodes": "64",
     "method.replay_capacity": "200000",
@@ -95,7 +95,10 @@ NUMBERS = (
 
 
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
-    """Sweeps, one after the other: of designed rooms, and of real ones. Raises InputError for other types."""
+    """Return the sweeps of designed and of real rooms, in order.
+
+    Raises InputError for unknown types and columns, and for a column of real rooms only if none are asked for.
+    """
     rooms = some_of("room", chosen, MAIN_ITEM)
     some_of("column", chosen, dict.fromkeys([*METHODS.values(), *LEARNS.values()]))
     common = {
@@ -145,7 +148,7 @@ def main(arguments: list[str]) -> int:
 
 
 def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
-    """What the filled cells of a folder say of these rooms: a table for each question, designed rooms and real ones."""
+    """Return a table for each question, of designed and of real rooms, from a folder's filled cells of these types."""
     rooms = list(rooms)
     made: list[Table] = []
     designed = {words: f"own-{column}" for words, column in METHODS.items()}
@@ -175,7 +178,7 @@ def tables(folder: Path, rooms: Iterable[str] = MAIN_ITEM) -> list[Table]:
 
 
 def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
-    """A line of the tables. Each is compared with the best of the others but for NO_RIVALS."""
+    """Return a line of the tables. Each method but the designer is compared with its best rival, none of NO_RIVALS."""
     own = known[method]
     rivals = {words: rows for words, rows in known.items() if words not in (method, *NO_RIVALS)}
     numbers = {name: None if own.numbers[0][name] is None else own.number(name) for name in NUMBERS}
@@ -194,7 +197,7 @@ def record(room: str, method: str, known: Mapping[str, Row]) -> dict[str, Any]:
 
 
 def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
-    """p-values against the rival that is best in IoU, and the one that is best in faultless, in the rooms of both.
+    """Return the p-values against the rival with the best IoU, and against the one with the most faultless rooms.
 
     Raises InputError where a rival furnished other rooms.
     """
@@ -207,9 +210,9 @@ def compared_with(own: Row, rivals: Mapping[str, Row]) -> dict[str, float]:
 
 
 def p_value(ours: np.ndarray, rivals: Sequence[np.ndarray], own: Row) -> float:
-    """Against the best rival: paired, over the rooms that both furnished, the first of the held-out ones.
+    """Return the p-value against the best rival, paired over the rooms that both furnished.
 
-    The best is the best in the rooms that all furnished.
+    Those are the first of the held-out ones. The best rival is the best in the rooms that all furnished.
     """
     every = min(map(len, [ours, *rivals]))
     best = max(rivals, key=lambda values: values[:every].mean())
@@ -218,7 +221,7 @@ def p_value(ours: np.ndarray, rivals: Sequence[np.ndarray], own: Row) -> float:
 
 
 def faultless(found: Row) -> np.ndarray:
-    """Of each room, over seeds: (B,)."""
+    """Return the share of seeds in which each room is faultless: (B,)."""
     return np.mean([unpacked(numbers["faultless_rooms"], FLAG) for numbers in found.numbers], axis=0, dtype=float)
 
 

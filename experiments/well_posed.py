@@ -3,7 +3,7 @@
     python experiments/well_posed.py bedroom [--train 5000] [--test 1000] [--seed 0]
 
 Ambiguity: how good another place would have been to the designer. A room with a near tie is not used; what counts is
-how many tries were thrown away for one, and how small margins are beyond. That the place can be inferred from what is
+how many tries were rejected for one, and how small the other margins are. That the place can be inferred from what is
 seen, the supervised columns of Table 1 show, and that it is not trivial, the columns that need no learning.
 
 Prints the numbers and writes experiments/results/well_posed/<type>.json; with --results=trial, trial/<type>.json.
@@ -27,13 +27,14 @@ from layoutrl.runs.files import write_json
 from layoutrl.runs.ranges import within
 
 KEPT = RESULTS / "well_posed"
-CLOSE = 20  # centimetres by which the designer's choice was better than its second: few would decide by them
+CLOSE = 20  # centimetres by which the designer's choice beats the second best: few would decide by less
 
 
 def ambiguity(room_type: str, seed: int, count: int) -> dict[str, float]:
-    """What the designer's second-best place for the main item was worth, in the test rooms.
+    """Return how good the designer's second-best place for the main item was, in `count` test rooms.
 
-    Shares of rooms, but `tries_rejected_as_ties`: of tries, for any item. Margins in centimetres, 100 for yes or no.
+    The numbers are shares of rooms, but `iou_with_second_place` is a mean, and `tries_rejected_as_ties` a share of all
+    tries, for any item. Margins are in centimetres, 100 if a yes-or-no rule decided.
     """
     designs = [design_room(room_type, "test", seed, index) for index in range(count)]
     choices = [next(c for c in d.choices if c.place.piece.category == MAIN_ITEM[room_type]) for d in designs]

@@ -3,7 +3,7 @@
     python experiments/worst_rooms.py bathroom-own-geometric-seed0 [--table table1] [--budget default] [--root FOLDER]
 
 The name is that of a filled cell; `--root` is where the rooms' files are, if they are not the designer's. A room fails
-with an IoU below 0.9; the first that is true says why:
+with an IoU below 0.9; the first of these reasons that is true counts:
   imprecise   the agent's place is off by less than a quarter of the item, along both axes
   ambiguous   it is the designer's own second choice, by a margin of less than 20 cm
   knew better the agent values the designer's place higher than its own: it was not led there
@@ -54,12 +54,12 @@ def why(room: Room, place: np.ndarray, knew_better: bool, config: TrainConfig) -
 
 
 def kind_of(room: Room) -> str:
-    """What a floor plan calls the room: a bathroom of ours may be its washing room."""
+    """Return what a floor plan calls the room, as its id tells: a bathroom here may be a washing room there."""
     return room.id.partition("#")[2].rpartition("-")[0]
 
 
 def second_choice(room: Room, place: np.ndarray, config: TrainConfig) -> bool:
-    """Whether a place is the designer's runner-up, by a margin that few would decide by."""
+    """Whether a place is the designer's second choice, which was worse by a margin below CLOSE."""
     assert config.data.seed is not None
     index = int(room.id.rpartition("-")[2])
     for choice in design_room(config.room.type, "test", config.data.seed, index).choices:
@@ -70,7 +70,7 @@ def second_choice(room: Room, place: np.ndarray, config: TrainConfig) -> bool:
 
 
 def worst(rooms: list[Room], iou: np.ndarray) -> list[int]:
-    """The rooms of the lowest IoU, in the same order on every machine: last digits and ties do not decide it."""
+    """Return the indices of the rooms with the lowest IoU, rounded, ties by id: in the same order on every machine."""
     return sorted(range(len(rooms)), key=lambda k: (round(float(iou[k]), 4), rooms[k].id))[:WORST]
 
 
@@ -102,8 +102,8 @@ def main() -> None:
     cell: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     if "knew_better" not in cell:
         raise InputError(f"{options.cell}: expected the cell of an agent; got {cell['config']['fill']}")
-    # Of its configuration what an agent has: what cells have beside it grew while they were filled, and where runs lie
-    # they leave out.
+    # Only the agent's part of the cell's configuration: the rest got new options while cells were filled. Cells leave
+    # out where runs lie.
     trained = {part.name: cell["config"][part.name] for part in fields(TrainConfig)} | {"runs": TrainConfig.runs}
     config: TrainConfig = OmegaConf.to_object(OmegaConf.merge(TrainConfig, trained))  # type: ignore[assignment]
     config.data.root = options.root
