@@ -34,7 +34,7 @@ def multirun(table: str, chosen: Mapping[str, str]) -> int:
     failed = [error for error in sorted(folder.glob("*.error")) if error.stat().st_mtime >= began]
     for error in failed:
         print(f"{error.stem} failed: {error.read_text(encoding='utf-8').splitlines()[-1]}", file=sys.stderr)
-    return status or int(bool(failed))
+    return abs(status) or int(bool(failed))  # less than 0: the number of the signal that ended it
 
 
 def some_of(name: str, chosen: Mapping[str, str], known: Iterable[str]) -> list[str]:

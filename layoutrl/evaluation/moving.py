@@ -10,6 +10,7 @@ import shapely
 import torch
 from torch import nn
 
+from layoutrl import InputError
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
@@ -38,7 +39,7 @@ class Mover:
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. The value of a layout is the mean of the agent's values of its items' places.
 
-        Raises ValueError if an item does not fit into its room in any facing.
+        Raises InputError if an item does not fit into its room in any facing.
         """
         return several(self._layouts, briefs, choices, seed)
 
@@ -46,10 +47,14 @@ class Mover:
         layouts, values = list(briefs), [np.zeros(0) for _ in briefs]
         rngs = [dice(brief, seeds) for brief in briefs]
         orders = [largest_first(brief) for brief in briefs]
-        for turn in range(max(map(len, orders))):
+        for turn in range(max(map(len, orders), default=0)):
             asked = [(k, order[turn]) for k, order in enumerate(orders) if turn < len(order)]
             turned = [(k, facing) for k, item in asked for facing in facing_all_ways(layouts[k], item)]
             turned = [entry for entry, fits in zip(turned, fitting([room for _, room in turned]), strict=True) if fits]
+            for k, item in asked:
+                if all(of != k for of, _ in turned):
+                    category = briefs[k].furniture[item].category
+                    raise InputError(f"room {briefs[k].id}: the {category} does not fit into it")
             rooms = [room for _, room in turned]
             place, value = self._moved(rooms, [rngs[k] for k, _ in turned])
             for k, item in asked:
@@ -59,7 +64,7 @@ class Mover:
                 layouts[k] = with_poses(layouts[k], {item: (center, rooms[best].moving.degrees)})
                 values[k] = np.append(values[k], value[best])
         made = zip(briefs, layouts, values, strict=True)
-        return [laid_out(brief, layout, float(value.mean())) for brief, layout, value in made]
+        return [laid_out(brief, layout, float(value.mean()) if value.size else 0.0) for brief, layout, value in made]
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
         """Return where the agent moves the targets (B, 2) and the values of these places (B,): the best over starts."""

@@ -245,6 +245,11 @@ def test_jobs_that_died_with_another_begin_again_while_that_helps(tmp_path, monk
     assert runs[0][2:] == ["table=table1", "budget=scene", "room=tatami", f"results={tmp_path}"]
 
 
+def test_a_sweep_that_is_killed_did_not_end_well_beside_one_that_did(tmp_path, monkeypatch):
+    monkeypatch.setattr(subprocess, "run", lambda command, check: subprocess.CompletedProcess(command, -9))
+    assert max(0, multirun("table1", {"budget": "scene", "room": "tatami", "results": str(tmp_path)})) > 0
+
+
 def test_the_slurm_launchers_local_executor_fills_cells(tmp_path, designed):
     launcher = (
         "hydra/launcher=submitit_local",
