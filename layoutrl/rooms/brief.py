@@ -1,7 +1,7 @@
-"""Briefs: a room, and the list of the furniture that somebody is to place in it.
+"""Briefs: rooms with a list of furniture that is to be placed in them.
 
-A brief is a room of which some items have no center. Those without a rotation face where who furnishes the room
-chooses, along its walls. A layout is the same room, with the same items in the same order, and their poses.
+A brief is a room in which some items have no center. If such an item has no rotation either, whoever furnishes the
+room chooses one along the walls. A layout is the same room, with the same items in the same order, and their poses.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from itertools import pairwise
 from layoutrl.rooms.clearances import may_tuck, off, period
 from layoutrl.rooms.room import Item, Point, Room
 
-LEVEL = 1e-3  # degrees by which a wall may lean from the axes and be upright: a millimetre in 57 m
+LEVEL = 1e-3  # degrees: directions closer than this count as one, a millimetre in 57 m
 
 Pose = tuple[Point, float]  # centre in metres, and degrees
 
 
 def brief_of(room: Room) -> Room:
-    """The room without the places and rotations of its furniture, all of which is to be placed.
+    """Return the room with all of its furniture still to be placed: without centers, rotations and a target.
 
-    The list is in alphabetical order of category, then by size: it tells nothing of the designer's order. Nor does it
-    tell which of the chairs and stools stood under a table: any chair may, where there is one, and nothing else.
+    Items are sorted by category, then by size, so that their order does not reveal the designer's. Nor does `tucked`
+    reveal which chairs and stools stood under a table: any chair that stood may be, where there is a desk or table,
+    and nothing else that stood.
     """
     told = [replace(item, tucked=item.tucked and item.center is None) for item in room.furniture]
     free = lifted(told, range(len(told)))
@@ -32,10 +33,10 @@ def brief_of(room: Room) -> Room:
 
 
 def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
-    """The items, of which `those`, by their indices, are to be placed anew.
+    """Return the items, with those at the indices `those` to be placed anew: without center and rotation, not locked.
 
-    A chair may then stand under what one sits at, wherever it stood: designs have it there. What else stood under
-    others may again, and what stood nowhere says itself whether it may.
+    Such a chair becomes `tucked` if it had a center and there is a desk or table, since designs have chairs there. Any
+    other item keeps its `tucked`.
     """
     return tuple(
         replace(item, center=None, rotation=None, tucked=_may_stand_under(item, items), locked=False)
@@ -60,14 +61,14 @@ def standing(room: Room) -> list[Item]:
 
 
 def largest_first(room: Room) -> list[int]:
-    """The indices of the items that are to be placed, the largest first; what is tucked under others after them."""
+    """The indices of the items that are to be placed, the largest first, but tucked ones last."""
     items = room.furniture
     return sorted(missing(room), key=lambda k: (items[k].tucked, -math.prod(items[k].size)))
 
 
 def facings(room: Room) -> tuple[float, float, float, float]:
-    """The rotations in degrees that items may have: along most of the walls, and turned by quarters from there."""
-    length: dict[float, float] = {}  # of the walls in each direction, modulo quarters
+    """Return the four rotations that items may have, in degrees: along most of the walls, and its quarter turns."""
+    length: dict[float, float] = {}  # metres of wall, by direction in degrees modulo 90
     for (x0, y0), (x1, y1) in pairwise((*room.outline, room.outline[0])):
         along = math.degrees(math.atan2(y1 - y0, x1 - x0)) % 90
         near = min(length, key=lambda known: _apart(known, along), default=along)
@@ -79,13 +80,13 @@ def facings(room: Room) -> tuple[float, float, float, float]:
 
 
 def upright(room: Room) -> tuple[Room, float]:
-    """The room turned until most of its walls are upright, and by how many degrees it leaned."""
+    """Return the room turned until most of its walls are parallel to the axes, and the degrees by which it leaned."""
     lean, *_ = facings(room)
     return (room.rotated(-lean) if lean else room), lean
 
 
 def ways(room: Room, item: Item) -> tuple[float, ...]:
-    """The rotations in degrees of an item that look different, the one that is given or those along the walls."""
+    """Return the rotations, in degrees, in which an item looks different: its own if given, else along the walls."""
     if item.rotation is not None:
         return (item.rotation,)
     return facings(room)[: round(period(item) / 90)]

@@ -1,4 +1,4 @@
-"""What other programs call furniture and rooms, and its name here: `categories.yaml`, and a user's own file."""
+"""Names that other programs give to furniture and rooms, and ours: `categories.yaml`, and a user's own file."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from layoutrl import InputError
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import MAIN_ITEM
 
-OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # entries of the file that are no category
-RUG = "rug"  # one that is floor
-NOTHING = (DECOR, RUG)  # among what stands in a home
-NOTED = 20  # names that are not known, with a line each
-LARGEST_FILE = 2**20  # bytes, of a user's own
+OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # keys of the file that are no categories
+RUG = "rug"  # a key of the file: floor, on which furniture may stand
+NOTHING = (DECOR, RUG)  # not read as furniture of a home
+NOTED = 20  # unknown names that notes list at most
+LARGEST_FILE = 2**20  # bytes of a user's own file
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
-SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between names of a room that is several in one
-WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w(?! d\b))\b")  # before what a room has, too
-AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture: one says what it is
-SEATS = {"bench", "chair", "stool"}  # which say less what a thing is than the table or desk that they stand at
-UNSPACED = re.compile("[\u3040-\u9fff]")  # signs of languages that part no words by blanks
-FAINT = {  # say it where no other word of a room does
+SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between the names of several rooms in one
+WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w(?! d\b))\b")  # before what a room or piece also has
+AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture, one of which counts
+SEATS = {"bench", "chair", "stool"}  # in a name with a desk or table, that one counts instead
+UNSPACED = re.compile("[\u3040-\u9fff]")  # characters of languages without spaces between words
+FAINT = {  # tell a room's type only where no other word of its name does
     *("ensuite", "en suite", "master", "kids", "guest", "bed", "family", "suite", "deck", "patio", "porch"),
 }
-BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them says no more what a thing is
-SHAPES = {  # words of names that people give a better one
+BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them does not help to tell what a thing is
+SHAPES = {  # words of names of plain shapes, for which another name, given by the user, says more
     *("box", "cylinder", "triangle", "cube", "sphere", "cone", "pyramid", "prism", "shape", "texturable", "half"),
 }
 SIZES = {  # words that may follow an English name, with numbers or without
@@ -43,10 +43,10 @@ SIZES = {  # words that may follow an English name, with numbers or without
     *("left", "right", "links", "rechts", "gauche", "droite", "round", "rund", "rond", "ronde"),
     *("small", "medium", "large", "big", "xl", "xxl", "king", "queen", "twin", "single", "double", "size", "sized"),
 }
-ALL = "all"  # of `move`: whatever who places can place
+ALL = "all"  # value of `move`: everything that can be placed
 
-# What tells the type of a room without a name, in this order; what the designer puts into rooms of each type, so that
-# agents and rivals place it there; and what may be put there as well.
+# TELLING: furniture that tells the type of a room without a name, in this order. DESIGNED: what the designer puts into
+# rooms of each type, so that agents and rivals place it there. AS_WELL: what else may be put there.
 TELLING = {
     "bathroom": {"toilet", "bathtub", "shower"},
     "bedroom": {"bed"},
@@ -79,16 +79,16 @@ HOLDS = {room_type: DESIGNED[room_type] | AS_WELL[room_type] for room_type in DE
 
 
 class Names:
-    """What a name of another program is here, and the names that nobody knew.
+    """A lookup of categories and room types by the names of other programs, which counts the unknown names.
 
-    Of tables, the last that has a name says what it is.
+    Where several tables have a name, the last one counts.
     """
 
     def __init__(self, *tables: Mapping[str, Iterable[str]]):
         self._furniture: dict[str, str] = {}
         self._rooms: dict[str, str] = {}
-        self._first: set[str] = set()  # furniture with a star
-        self._winning: set[str] = set()  # rooms with a star
+        self._first: set[str] = set()  # names of furniture with a star
+        self._winning: set[str] = set()  # names of rooms with a star
         for ours, theirs in chain.from_iterable(table.items() for table in tables):
             rooms = ours in MAIN_ITEM or ours == NO_ROOM
             for name in (ours, *theirs):
@@ -98,17 +98,18 @@ class Names:
         order = [*dict.fromkeys(chain(*tables))]
         by_type = sorted(self._rooms.items(), key=lambda entry: (entry[0] in FAINT, order.index(entry[1])))
         self._rooms = dict(by_type)
-        self.unknown: Counter[tuple[str, str]] = Counter()  # (name, what it is called as an obstacle), how often
+        self.unknown: Counter[tuple[str, str]] = Counter()  # how often, by (name, its category as an obstacle)
 
     @cached_property
     def categories(self) -> list[str]:
-        """The categories that furniture is known by."""
+        """The known categories of furniture, sorted; obstacles, decor and rugs are none."""
         return sorted(set(self._furniture.values()) - {OBSTACLE, *NOTHING})
 
     def category(self, *names: str | None) -> tuple[str, bool] | None:
-        """(what it is here, whether that is a known category) of the first name that is known; None for decor and rugs.
+        """Return (category, whether it is a known one) of a thing with these names; None for decor and rugs.
 
-        What is not known is an obstacle, called as it is there.
+        An obstacle is called by its name in the table, and an unknown thing by its first name. The latter is counted
+        in `unknown`.
         """
         given = [name for name in names if name and name.strip()]
         if part := self._known(given):
@@ -120,14 +121,14 @@ class Names:
         return called, False
 
     def meant(self, name: str) -> str | None:
-        """The category that a name is known by, if any; rugs are `rug`."""
+        """Return the category that a name means, `rug` for rugs; None for obstacles, decor and unknown names."""
         if name in self.categories:
             return name
         found = self._furniture.get(self._known([name]) or "")
         return None if found in (OBSTACLE, DECOR) else found
 
     def kind(self, *names: str | None) -> str | None:
-        """The category that a name is of, if any."""
+        """Return the category of a thing with these names; None for obstacles, decor, rugs and unknown names."""
         found = self._furniture.get(self._known([name for name in names if name]) or "")
         return None if found in (OBSTACLE, *NOTHING) else found
 
@@ -141,7 +142,7 @@ class Names:
         return part is not None and self._furniture[part] in NOTHING
 
     def ours(self, document: Any) -> Any:
-        """A room's document, its furniture by the categories that its names are known by; all else is as it was."""
+        """Return a room's document with known names of furniture replaced by categories; all else is unchanged."""
         if not isinstance(document, dict) or not isinstance(document.get("furniture"), list):
             return document
         return document | {"furniture": [self._named(entry) for entry in document["furniture"]]}
@@ -153,20 +154,21 @@ class Names:
         return entry | {"category": ours}
 
     def _known(self, names: list[str]) -> str | None:
-        """The part of the table that says what a thing of these names is: one by which a shape is called says it."""
+        """Return the table's name for a thing of these names, or None. Names of SHAPES count only if no other does."""
         said = [name for name in names if not SHAPES.issuperset(plain(name).split())]
         return self._found(said) or self._found(names)
 
     def _found(self, names: list[str]) -> str | None:
-        """The first part of these names that the table has; else the longest words of it that one ends with, or a word
-        that no blanks part; else those that one begins with, where a beginning counts.
-
-        In English the last words say what a thing is: a blue loft bed is a bed, and a bed lamp is none.
-        """
+        """Return the table's name for a thing with these names, each of which may have several parts, or None."""
         return self._saying([*map(self._leading, chain.from_iterable(map(_parts, names)))])
 
     def _saying(self, parts: list[str]) -> str | None:
-        """The part of the table that says what a thing of these plain names is, of which none is several in one."""
+        """Return the table's name for a thing with these plain names, none of which joins several, or None.
+
+        It is the first that the table has of: the whole names; the longest words that one ends with; the longest end
+        of a word of a language without spaces; the longest words that one begins with, where these count (`_begins`).
+        In English the last words tell what a thing is: a blue loft bed is a bed, and a bed lamp is none.
+        """
         words = [part.split() for part in parts]
         ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
         unspaced = (word for each in words for word in reversed(each) if UNSPACED.search(word))
@@ -175,11 +177,11 @@ class Names:
         return next((p for p in chain(parts, ends, ends_of_word, begins) if p in self._furniture), None)
 
     def _leading(self, part: str) -> str:
-        """What of a plain name says what it is: a bed with nightstands is a bed, and so is a bed and nightstands.
+        """Return the part of a plain name that tells what it is: "bed" in "bed with nightstands".
 
-        Of names with an "and" it is the first of a category, so that no lamp hides a table; but a desk, not its chair.
-        Else it is an obstacle among them, else the whole. Nor is a name parted that the table has, as a cabinet with
-        basin.
+        Of names joined by "and" it is the first of a known category, so that a lamp does not hide a table; if that is
+        a seat and there is a desk or table, it is the latter. Else it is the first obstacle, else the whole name. A
+        name that the table has as a whole, such as "cabinet with basin", is not split.
         """
         first = WITH.split(part, maxsplit=1)[0].strip()
         part = part if not first or self._goes_on(first, part) else first
@@ -193,7 +195,7 @@ class Names:
         return next(chain(seated, placed, standing), part)
 
     def _joined(self, part: str) -> Iterator[str]:
-        """The names between which a plain name has an "and"."""
+        """Yield the names that "and" joins in a plain name. A name that the table has as a whole is not split."""
         while part:
             first, *others = AND.split(part, maxsplit=1)
             if not others or self._goes_on(first, part):
@@ -204,14 +206,14 @@ class Names:
             part = others[0].strip()
 
     def _goes_on(self, first: str, part: str) -> bool:
-        """Whether the table has a name that begins within the first words of a part and ends with it."""
+        """Whether a name of the table runs from a word of `first`, with which `part` begins, to the end of `part`."""
         return any(part[at.start() :] in self._furniture for at in re.finditer(r"\S+", first))
 
     def _begins(self, words: list[str]) -> Iterator[str]:
-        """The beginnings of a name that say what it is, the longest first.
+        """Yield the beginnings of a name that tell what it is, the longest first.
 
-        In Romance languages the first words do, which have a star in the table: a "lit double" is a bed. Others do
-        where nothing but a size follows: a "sofa 3 seater" is a sofa.
+        In Romance languages the first words do, and names with a star in the table are such: a "lit double" is a bed.
+        Any others do where nothing but a size follows: a "sofa 3 seater" is a sofa.
         """
         for last in range(len(words) - 1, 0, -1):
             begin = " ".join(words[:last])
@@ -219,9 +221,10 @@ class Names:
                 yield begin
 
     def room_type(self, name: str | None, furniture: Iterable[str]) -> str | None:
-        """The type of a room by its name, else by what stands in it; NO_ROOM for one that nobody furnishes.
+        """Return the type of a room by its name, else by the categories in it; None if neither tells it.
 
-        Of a room that is several in one the first of the table counts; of one with something, what it is itself.
+        NO_ROOM stands for a room that nobody furnishes. If the name joins several rooms, the first in the table
+        counts; what a room is "with" is ignored.
         """
         parts = [WITH.split(plain(part))[0] for part in SIGNS.split((name or "")[:LONGEST])]
         found = {self._room(part) for part in parts}
@@ -232,9 +235,9 @@ class Names:
         return next((room_type for room_type, telling in TELLING.items() if telling & held), None)
 
     def _room(self, part: str) -> str | None:
-        """The name of the table that says what room this is: one with a star, else the first; none within a longer.
+        """Return the table's name for a room with this plain name, or None: one with a star, else the table's first.
 
-        Of a name without blanks it is the one that ends last.
+        Names within longer ones do not count. In a language without spaces, the one that ends last comes first.
         """
         held = [named for named in self._rooms if _holds(part, named)]
         whole = [named for named in held if not any(_holds(other, named) for other in held if other != named)]
@@ -243,7 +246,7 @@ class Names:
         return next((named for named in whole if named in self._winning), whole[0] if whole else None)
 
     def notes(self) -> list[str]:
-        """A line for each name that was not known."""
+        """Return a line for each unknown name, the most frequent first, NOTED at most."""
         known = self.categories
         lines = []
         for (name, called), times in self.unknown.most_common(NOTED):
@@ -263,13 +266,13 @@ def nearest(name: str, known: Collection[str]) -> list[str]:
 
 
 def names_in(said: str | None) -> set[str]:
-    """The names with commas between them, as `move` and `only` have them."""
+    """Return the names in a comma-separated list, such as `move` and `only`; empty for None."""
     return set() if said is None else {name.strip() for name in said.split(",")}
 
 
 def plain(name: str) -> str:
-    """A name in small letters, without its catalogue, accents, numbers and signs: eTeks#bed140x190 is "bed"."""
-    name = re.sub(r"^\S*#(?=[^\W\d_])", "", name[:LONGEST])  # but of "Bedroom #2" and "Bedroom #B" all is a name
+    """Return a name in lower case without catalogue, accents, numbers and signs: eTeks#bed140x190 becomes "bed"."""
+    name = re.sub(r"^\S*#(?=[^\W\d_])", "", name[:LONGEST])  # but "Bedroom #2" and "Bedroom #B" have no catalogue
     name = re.sub(r"(?<=[^\W\d_])\s*[&+]\s*(?=[^\W\d_])", " and ", name)
     name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     decomposed = unicodedata.normalize("NFKD", name).casefold()
@@ -278,12 +281,12 @@ def plain(name: str) -> str:
 
 
 def _holds(part: str, named: str) -> bool:
-    """Whether a plain name has another in it, as words of its own."""
+    """Whether a plain name contains another as whole words, or anywhere in a language without spaces."""
     return named in part if UNSPACED.search(named) else f" {named} " in f" {part} "
 
 
 def _parts(name: str) -> list[str]:
-    """A name, and its parts at slashes without what follows a dash, the last first: "table/coffee table - round"."""
+    """Return the plain name, then its parts between slashes, last first, up to a dash: "table/coffee table - round"."""
     name = re.sub(r"\bw/d\b", "w d", name[:LONGEST], flags=re.IGNORECASE)  # a washer and dryer
     name = re.sub(r"\bw/", "with ", name, flags=re.IGNORECASE)
     name = BRACKETS.sub(" ", name).strip() or name
@@ -292,13 +295,13 @@ def _parts(name: str) -> list[str]:
 
 
 def names_of(file: Path | str | None = None) -> Names:
-    """The package's table, and a user's file, whose names win. Raises InputError where that is no such file."""
+    """Return the names of the package's table and of a user's file, which win. Raises InputError if it is unusable."""
     return Names(_own_table()) if file is None else Names(_own_table(), _users(Path(file)))
 
 
 @cache
 def own_names() -> Names:
-    """The package's table, made once: to look names up in, where nobody asks which were unknown."""
+    """Return the names of the package's table, made once: for look-ups where nobody asks for `unknown`."""
     return names_of()
 
 

@@ -1,7 +1,7 @@
-"""What furniture needs of the floor around it, as the designer has it. Metres.
+"""The floor that furniture needs around it, as the designer has it. Metres.
 
-Depths are the least that any of the designer's templates keeps for the category (`Piece.front`): whose figures they
-are, of the HUD's, Neufert's and the NKBA's or unsourced, the templates say.
+Depths are the least that any of the designer's templates keeps for the category (`Piece.front`). The templates give
+the source of each figure: the HUD, Neufert, the NKBA, or none.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from layoutrl.rooms.room import Item
 
 Angle = TypeVar("Angle", float, np.ndarray)
 
-# Kept free before an item, as wide as it is; 0 where it has a front but some template keeps nothing free there. What
-# is not named has no front: it faces nowhere, as tables and stools do. Nor has anything round.
+# Depth kept free before an item, over its whole width; 0 if it has a front but some template keeps nothing free there.
+# Categories that are not listed have no front, such as tables and stools. Nor has any round item.
 FRONT_DEPTH = {
     "armchair": 0.0,  # 0.5 in studies
     "bathtub": 0.0,
@@ -48,21 +48,21 @@ FRONT_DEPTH = {
 }
 
 RUGS = frozenset({"carpet", "mat", "rug"})
-RAISED = frozenset({"platform"}) | RUGS  # floor to walk on, and to stand on
+RAISED = frozenset({"platform"}) | RUGS  # floor: people walk on it, and furniture stands on it
 
 # What a tucked item may stand under: a chair, under the desk or table where one sits.
 HOSTS = frozenset({"desk", "table"})
 
-# What may stand in the floor before a category: who sits at a desk; wardrobes round a corner, one before the other's
-# end.
+# What may stand on the floor before a category: seats before a desk; wardrobes round a corner, one before the end of
+# the other.
 MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset({"wardrobe"})}
 
-PASSAGE = 0.6  # to every item,
-NARROW = {"bathroom": 0.5, "kitchen": 0.5}  # but in these types
+PASSAGE = 0.6  # width of the way to every item,
+NARROW = {"bathroom": 0.5, "kitchen": 0.5}  # except in these room types
 
 
 def may_tuck(item: Item, items: Iterable[Item]) -> bool:
-    """Whether an item that is to be placed may stand under one of these: a chair, where one sits at something."""
+    """Whether an item may stand under one of these: it is a chair, and there is a desk or table."""
     return item.category == "chair" and any(other.category in HOSTS for other in items)
 
 
@@ -72,26 +72,26 @@ def front_depth(item: Item) -> float:
 
 
 def floor_before(item: Item) -> Item | None:
-    """The floor that is to be free before an item, as an item that faces as this one does; its centre is `ahead`."""
+    """Return the floor to keep free before an item, as an item in its axes (`ahead` has its centre), or None."""
     depth = front_depth(item)
     return Item(item.category, (depth, item.size[1])) if depth else None
 
 
 def ahead(item: Item, floor: Item) -> float:
-    """How many metres before the middle of an item that of the floor before it is."""
+    """Return the distance from the centre of an item to that of the floor before it, in metres."""
     return (item.size[0] + floor.size[0]) / 2
 
 
 def may_stand_before(category: str, other: str) -> bool:
-    """Whether what is of the other category takes nothing of the floor before one of the first."""
+    """Whether items of the category `other` may stand on the floor before those of `category`."""
     return other in RAISED or other in MAY_STAND_BEFORE.get(category, ())
 
 
 def may_share_floor(item: Item, other: Item) -> bool:
-    """Whether two items do not overlap wherever they stand, as `layoutrl.rooms.faults` has it.
+    """Whether two items may overlap without a fault, as in `layoutrl.rooms.faults`.
 
-    One is tucked and the other a host, which is not tucked itself; or one is raised floor, on which the other stands,
-    or a rug.
+    One is tucked and the other is one of the HOSTS that is not tucked itself; or one of them is RAISED and the other
+    is not; or one is a rug.
     """
     if {item.category, other.category} & RUGS or (item.category in RAISED) != (other.category in RAISED):
         return True
@@ -101,13 +101,15 @@ def may_share_floor(item: Item, other: Item) -> bool:
 
 
 def passage(room_type: str) -> float:
-    """How wide the way to every item is at least."""
+    """Return the least width of the way to every item, in metres."""
     return NARROW.get(room_type, PASSAGE)
 
 
 def period(item: Item) -> float:
-    """Degrees after which an item looks as before: without a front half a turn is none; of a square one no quarter is,
-    either, and of a round one no turn at all."""
+    """Return the degrees of turn after which an item looks as before: 360 with a front, else 180, or 90 if square.
+
+    A round item looks the same after any turn; its period is 90, too.
+    """
     if item.form == "circle":
         return 90.0
     if item.category in FRONT_DEPTH:

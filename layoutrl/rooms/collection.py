@@ -1,4 +1,4 @@
-"""Rooms as a source hands them over, and what training takes from them: the item, the split."""
+"""Rooms as a source reads them, and what training takes from them: the item that moves, the held-out split."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ UNTOLD = "nothing tells its type"
 class Collection:
     """What a source read: the rooms it kept, and (id, reason) of each that it left out.
 
-    `inside` says that no item reaches beyond the outer walls, which spares the check. `notes` are what else the user
-    should know of how it was read, a line each; `homeless` are the categories of what is to be placed, and in no room.
+    `inside` says that no item reaches beyond the outer walls, so that this need not be checked. `notes` are lines with
+    what else the user should know of the reading; `homeless` are the categories of items that are to be placed but
+    found no room.
     """
 
     source: str
@@ -44,7 +45,7 @@ class Collection:
 
     @contextmanager
     def or_left_out(self, label: str) -> Iterator[None]:
-        """Leave out what is read inside where it cannot be used: for its InputError, or what else its fields raise."""
+        """Leave out `label`, with the reason, if the body raises InputError or what a broken field raises (ODD)."""
         try:
             yield
         except InputError as error:
@@ -67,14 +68,15 @@ class Collection:
 
 
 def taken_for(room: Room) -> str:
-    """The note on a room of which nothing tells the type."""
+    """Return the note on a room whose type nothing tells: which type it is taken for."""
     return f"{room.id}: {UNTOLD}; it is taken for a {room.room_type.replace('_', ' ')}"
 
 
 def choose_item(collection: Collection, category: str) -> Collection:
-    """The rooms in which an item of `category` can move, as their target: a room once for each such item.
+    """Return the rooms with an item of `category` as their target, each room once for every such item.
 
-    `main` keeps the source's choice; `all` takes every item.
+    `main` keeps the source's choice; `all` takes every item. Rooms without such an item are left out, and so are items
+    that have no center or reach beyond the outer walls.
     """
     chosen = _after(collection, f"item {category}")
     for room in collection.rooms:
@@ -98,7 +100,7 @@ def choose_item(collection: Collection, category: str) -> Collection:
 
 
 def all_standing(collection: Collection) -> Collection:
-    """The rooms that are furnished, and of which every item stands within the outer walls, and fits along them."""
+    """Return the furnished rooms in which every item stands within the outer walls, and also fits along the walls."""
     chosen = _after(collection, "whole rooms")
     for room in collection.rooms:
         if not room.furniture:
@@ -115,14 +117,14 @@ def all_standing(collection: Collection) -> Collection:
 
 
 def _fits_along_walls(room: Room, item: Item) -> bool:
-    """Whether an item that stands in the room at any angle also fits into it, empty, along its walls."""
+    """Whether an item that stands at any angle would fit into the empty room along its walls."""
     if off(item.degrees - facings(room)[0], 90.0) < LEVEL:
         return True
     return fits(room.envelope, item, ways(room, replace(item, rotation=None)))
 
 
 def _after(collection: Collection, chosen: str) -> Collection:
-    """An empty collection that knows what was left out before."""
+    """Return a collection without rooms, with what was left out and noted before."""
     return Collection(f"{collection.source}, {chosen}", left_out=[*collection.left_out], notes=[*collection.notes])
 
 

@@ -1,7 +1,7 @@
-"""Designed rooms, disturbed as flats are: less regular than the designer draws them, under the same layout.
+"""Designed rooms made less regular, as flats are, under the same layout.
 
-Once or twice a corner is cut off or built in, a column or a pier stands there, the windows are bricked up, or a wall
-has one more door. Nothing is wrong with the designer's layout in such a room either.
+At most two of these are done: a corner is cut off or built in, a column or a pier is added, the windows are bricked up,
+or a wall gets one more door. The designer's layout has no fault in such a room either.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ TRIES = 8  # of each kind, in a room
 CORNER = (0.3, 1.5)  # metres of each wall that a corner takes, and half of the wall at most
 COLUMN = (0.2, 0.5)  # metres, of the sides of a column or a pier
 DOOR = (0.7, 1.0)  # metres, of a door's width
-CLEAR_OUTSIDE = 0.9  # metres beyond a door in which the room itself does not lie, as the designer has it
-GRID = 1e-6  # metres, of the corners of what is left
-LITTLE = 0.01  # square metres: a piece as small takes nothing
-ROUNDING = 1e-6  # square metres: no area
+CLEAR_OUTSIDE = 0.9  # metres outside a door that the room itself stays clear of, as the designer has it
+GRID = 1e-6  # metres, to which the corners of the remaining floor are rounded
+LITTLE = 0.01  # square metres: a piece that takes less counts as nothing
+ROUNDING = 1e-6  # square metres: smaller areas are rounding
 
 
 def disturbed(rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> list[tuple[Room, list[str]]]:
-    """(the room, disturbed by its generator, the names of what was done to it), of each room.
+    """Return (disturbed room, names of its disturbances) for each room; its generator draws them.
 
-    It is the room itself, and no name, where nothing was found that can be done without a fault.
+    A room is returned as it is, with no names, if none was found that leaves its layout without a fault.
     """
     result = [(room, list[str]()) for room in rooms]
     wanted = [rng.integers(1, MOST + 1) for rng in rngs]
@@ -63,7 +63,7 @@ def corner_built_in(room: Room, rng: np.random.Generator) -> Room | None:
 
 
 def column(room: Room, rng: np.random.Generator) -> Room | None:
-    """An upright rectangle anywhere."""
+    """Build a column, a rectangle parallel to the axes, anywhere."""
     x0, y0, x1, y1 = room.indoor.bounds
     x, y = rng.uniform((x0, y0), (x1, y1))
     width, depth = rng.uniform(*COLUMN, 2)
@@ -71,19 +71,19 @@ def column(room: Room, rng: np.random.Generator) -> Room | None:
 
 
 def pier(room: Room, rng: np.random.Generator) -> Room | None:
-    """A rectangle with its back at a wall."""
+    """Build a pier, a rectangle with its back at a wall."""
     width, depth = rng.uniform(*COLUMN, 2)
     start, along, inwards = _along_a_wall(room, rng, width)
     return without(room, Polygon([start, start + along, start + along + depth * inwards, start + depth * inwards]))
 
 
 def bricked_up(room: Room, _: np.random.Generator) -> Room | None:
-    """No windows are left."""
+    """Remove all windows; None if there are none."""
     return replace(room, openings=room.doors) if room.windows else None
 
 
 def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
-    """A door where the wall has no opening yet, that leads out of the room."""
+    """Add a door that leads out of the room; None if the chosen place is narrow, near an opening or leads back in."""
     start, along, inwards = _along_a_wall(room, rng, rng.uniform(*DOOR))
     thickness = wall_thickness(room)
 
@@ -98,14 +98,17 @@ def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
     return replace(room, openings=(*room.openings, Opening("door", _ring(door.exterior))))
 
 
-# Each leaves the walls as they were: they are made anew where nothing is wrong.
+# None of them changes the walls: `disturbed` draws these anew where the layout has no fault.
 DISTURBANCES: tuple[Callable[[Room, np.random.Generator], Room | None], ...] = (
     corner_cut, corner_built_in, column, pier, bricked_up, one_more_door,
 )  # fmt: skip
 
 
 def without(room: Room, piece: Polygon) -> Room | None:
-    """The room without a piece of its floor; None where an item or an opening is in the way, or nothing is taken."""
+    """Return the room without a piece of its floor.
+
+    None where an item or an opening is in the way, the floor would fall apart, or nothing is taken.
+    """
     if shapely.dwithin([item.footprint for item in room.furniture], piece, TOLERANCE).any():
         return None
     left = shapely.set_precision(room.indoor.difference(piece), GRID)
@@ -119,12 +122,12 @@ def without(room: Room, piece: Polygon) -> Room | None:
 
 
 def _walled(room: Room, thickness: float) -> Room:
-    """The room with the walls that its outline, holes and openings make."""
+    """Return the room with walls drawn anew from its outline, holes and openings."""
     return replace(room, walls=wall_band(room.outline, room.holes, room.openings, thickness))
 
 
 def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A corner, and how far what is taken there reaches along both of its walls."""
+    """Choose a corner at random, and vectors along both of its walls that span what is taken there: each (2,)."""
     ring = np.array(room.outline)
     k = rng.integers(len(ring))
     corner = ring[k]
@@ -135,7 +138,7 @@ def _corner(room: Room, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
 
 
 def _along_a_wall(room: Room, rng: np.random.Generator, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where a piece of a wall begins, the way along it, and a metre inwards; as wide as the wall at most."""
+    """Choose a stretch of wall at random, `width` metres at most: its start, the vector along it, a metre inwards."""
     ring = np.array(room.outline)
     k = rng.integers(len(ring))
     way = ring[(k + 1) % len(ring)] - ring[k]

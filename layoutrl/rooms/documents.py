@@ -12,16 +12,16 @@
 An item's `size` is its depth, from front to back, and its width. With rotation 0 its front is to the right, along x;
 degrees go counter-clockwise.
 
-May be left out: `holes`, `walls` (a 0.2 m band is taken), an item's `center` (it is to be placed), `rotation` (of an
-item that stands it is 0; of one to be placed it is to be chosen), `shape`, `tucked` (whether the item may stand under
-another: of one that stands it is false; of a chair to be placed it is true where the room has a desk or a table),
-`locked` (whether an item that stands stays there, whatever is to move), `target` where the type's main item is there
-once, and `group`.
+Optional are `holes`, `walls` (default: a band of 0.2 m), `target` (default: the item of the type's main category, if
+there is just one) and `group`; of an item, `center` (without it, the item is to be placed), `rotation` (default: 0 for
+an item with a center; else it is to be chosen), `shape`, `tucked` (whether the item may stand under another; default:
+true for a chair to be placed in a room with a desk or table, else false) and `locked` (whether an item with a center
+stays there, whatever is to move).
 What is called a `rug`, a `carpet` or a `mat` is floor: furniture may stand on it.
 Fields of other names are the user's own: they are not read, and are kept where layouts are written (`with_layout`). One
-that is spelled much like a field of ours is refused, and so is an item's `position`, `x`, `y` or `angle` in the place
-of its `center` or `rotation`.
-What is wrong is answered with the field and what is expected there.
+that is spelled much like a field of ours is refused, and so is an item's `position`, `pos`, `x`, `y` or `angle` in the
+place of its `center` or `rotation`.
+Errors name the field and what is expected there.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ from layoutrl.rooms.units import UNITS
 
 REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
-LARGEST = 1000.0  # of any number in a room, metres or degrees; no NaN, no infinity, no millimetres
-SMALLEST = 1e-12  # metres; what is nearer to zero is zero: geometry divides by it
-MOST = 1000  # corners of a polygon, and entries of any other list
+LARGEST = 1000.0  # limit of any number in a room, metres or degrees: refuses NaN, infinity, lengths in millimetres
+SMALLEST = 1e-12  # metres: what is nearer to zero is read as zero, since geometry divides by it
+MOST = 1000  # corners of a polygon, or entries of any other list, at most
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
-ELSEWHERE = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}  # in other files
-EXPECTED = {  # of each field that must be there
+ELSEWHERE = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}  # other names
+EXPECTED = {  # what messages say of a field that is missing or has another name
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
     "outline": "the corners of the floor, as [[0, 0], [4, 0], [4, 3], [0, 3]] in metres",
@@ -73,9 +73,9 @@ EXPECTED = {  # of each field that must be there
     "center": "center, as [1.8, 2.1] in metres",
     "rotation": "rotation, in degrees",
 }
-FAULTS_FIELD = "faults"  # of an item in a file that `place` has written: what is wrong with where it stands
-BEYOND = "lie within the room's outer walls"  # what is expected of an item that stands elsewhere
-ALIKE = 0.8  # of names (difflib's ratio): what is as near to a field's name means it
+FAULTS_FIELD = "faults"  # an item's faults in a file that `place` has written
+BEYOND = "lie within the room's outer walls"  # what messages expect of an item that does not
+ALIKE = 0.8  # difflib's ratio: a name as similar to a field's is taken for a misspelling of it
 
 
 def room_to_dict(room: Room) -> dict[str, Any]:
@@ -112,10 +112,11 @@ def room_to_dict(room: Room) -> dict[str, Any]:
 def with_layout(
     document: Mapping[str, Any], asked: Room, layout: Room, wrong: Iterable[tuple[int, str]], unit: str = "m"
 ) -> dict[str, Any]:
-    """A room's document with a layout of what was asked: poses of items that had no center, and what is wrong.
+    """Return a room's document with the poses that a layout gives to items without a center, and with faults.
 
-    `wrong` is (index of the item, fault), `unit` that of the document. All else is as it was; so is an item that the
-    layout does not place, but for its faults. Centers are told to a tenth of a millimetre.
+    `asked` is the room as it was read, `wrong` lists (index of the item, fault), and `unit` is that of the document.
+    All else is unchanged; an item that the layout does not place gets only its faults. Centers are rounded to a tenth
+    of a millimetre.
     """
     entries = [dict(entry) for entry in document["furniture"]]
     for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
@@ -137,14 +138,17 @@ def with_layout(
 
 
 def parsed(text: str | bytes) -> Any:
-    """What a text of JSON holds, or the RoomError that says why it is none; in a list, of each entry."""
+    """Return the content of a JSON text, or a RoomError that says why it cannot be read.
+
+    In a list, each entry in which a key stands twice is a RoomError of its own.
+    """
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         return json.loads(text, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
         if not error.doc.strip():
             return RoomError("file", "is empty; expected a room, or a list of them")
-        several = "\n" in error.doc.rstrip()  # lines: a file, and no line of one
+        several = "\n" in error.doc.rstrip()  # lines: it is a whole file, not a line of one
         if error.pos < len(error.doc.rstrip()):
             line = f"line {error.lineno}, " * several
             return RoomError(f"{line}column {error.colno}", f"expected JSON; {error.msg}")
@@ -159,14 +163,14 @@ def parsed(text: str | bytes) -> Any:
 
 
 def name_in(document: Any) -> str:
-    """How the room calls itself, where that can be read: "room 'b-17': "."""
+    """Return the id of a room's document as the beginning of a message, "room 'b-17': ", or "" if it has none."""
     return f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
 
 
 def room_from_dict(document: Any) -> Room:
-    """One room from plain lists and numbers (as `room_to_dict` makes them).
+    """Return the room of a document of plain lists and numbers, as `room_to_dict` makes it.
 
-    Raises RoomError: that which stands in a document's place where its text could not be read, too.
+    Raises RoomError where something is wrong with it, and one that `parsed` returned in place of the document.
     """
     if isinstance(document, RoomError):
         raise document
@@ -192,7 +196,7 @@ def room_from_dict(document: Any) -> Room:
     )
     try:
         walls = _polygons(document["walls"], "walls") if "walls" in document else wall_band(outline, holes, openings)
-    except shapely.errors.GEOSException:  # of an outline that leans by micrometres, a few in a hundred thousand
+    except shapely.errors.GEOSException:  # for a few in a hundred thousand outlines that lean by micrometres
         raise RoomError("walls", "cannot be drawn around this outline; expected them to be given") from None
     furniture = _furniture(_list(document["furniture"], "furniture"))
     target = _target(document.get("target"), furniture, MAIN_ITEM[room_type])
@@ -230,7 +234,7 @@ def _check_places(room: Room, with_walls: bool) -> None:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any] | RoomError:
-    """An object of JSON, in which no key may stand twice, nor in what it holds: json itself would take the last."""
+    """Return a JSON object, or a RoomError if it or its content has a key twice: json itself would take the last."""
     document = dict(pairs)
     found = next(_errors(document.values()), None)
     if len(document) < len(pairs):
@@ -264,7 +268,7 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
 
 
 def _meant(room_type: str) -> str:
-    """What a type of another name is here, by the table of names."""
+    """Return a hint at the room type that another name means in the table of names, or ""."""
     ours = own_names().room_type(room_type, ())
     return f", which is a {ours} here" if ours and ours != NO_ROOM else ""
 
@@ -317,7 +321,7 @@ def _target(index: Any, furniture: tuple[Item, ...], main_item: str) -> int | No
 
 
 def _ring(value: Any, field: str) -> Ring:
-    """A simple counter-clockwise ring. Repeated corners and a clockwise order are mended: they change nothing."""
+    """Return a simple counter-clockwise ring. Repeated corners are dropped, and a clockwise order is reversed."""
     points = [_pair(point, f"{field}[{k}]") for k, point in enumerate(_list(value, field))]
     ring = tuple(p for p, previous in zip(points, points[-1:] + points[:-1], strict=True) if p != previous)
     if len(ring) < 3:
@@ -377,5 +381,5 @@ def _lists(ring: Ring) -> list[list[float]]:
 
 
 def _show(value: Any) -> str:
-    text = json.dumps(value, default=str)  # of what is no JSON: what `parsed` says of it
+    text = json.dumps(value, default=str)  # a value that is no JSON, such as a RoomError of `parsed`, as its text
     return text if len(text) <= 60 else text[:57] + "..."

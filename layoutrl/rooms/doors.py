@@ -13,21 +13,21 @@ from shapely.affinity import translate
 from layoutrl.rooms.clearances import RAISED, passage
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through
 
-DOOR_CLEARANCE = 0.3  # metres before and behind a door that who passes it needs
+DOOR_CLEARANCE = 0.3  # metres before and behind a door that are needed to pass it
 WIDEST_LEAF = 1.2  # metres: wider doors slide, or have two leaves
 STEPS = 9  # straight lines for the arc that a leaf sweeps
 
 
 @dataclass(frozen=True, eq=False)
 class Leaf:
-    """How a door's leaf can be hung: where its hinge is, and its other end, shut and open; points (2,)."""
+    """A way to hang a door's leaf: its hinge, and its other end when shut and when open, as points (2,)."""
 
     hinge: np.ndarray
     shut: np.ndarray
     open: np.ndarray
 
     def arc(self, steps: int) -> np.ndarray:
-        """Where its other end comes by, from shut to open, in straight lines: (steps + 1, 2)."""
+        """Return the points (steps + 1, 2) on the arc of its other end, from shut to open."""
         angle = np.linspace(0, np.pi / 2, steps + 1)[:, None]
         return self.hinge + np.cos(angle) * (self.shut - self.hinge) + np.sin(angle) * (self.open - self.hinge)
 
@@ -38,12 +38,12 @@ class Leaf:
 
 
 def kept_free(room: Room) -> shapely.Geometry:
-    """Doors and windows, and the floor before and behind each door."""
+    """Return the area to keep free: windows, doors, and the floor before and behind each door."""
     return _kept_free(_bare(room))
 
 
 def entrance(room: Room) -> Opening | None:
-    """The door by which one enters: the first that is as wide as the `passage` but for 1 cm, or else the widest."""
+    """Return the door by which one enters: the first as wide as the `passage` less 1 cm, else the widest, or None."""
     wide = passage(room.room_type) - TOLERANCE
     doors = list(zip(room.doors, door_widths(room), strict=True))
     first = next((door for door, width in doors if width >= wide), None)
@@ -56,7 +56,7 @@ def way_width(room: Room) -> float:
 
 
 def empty_floor(room: Room, radius: float) -> shapely.Geometry:
-    """Where the middle of a disc of this radius (metres) can be while nothing stands there. Doors are wide open."""
+    """Return where the centre of a disc of this radius (metres) can be in the empty room. Doors are wide open."""
     return _empty_floor(_bare(room), radius)
 
 
@@ -66,12 +66,15 @@ def door_widths(room: Room) -> tuple[float, ...]:
 
 
 def leaves(room: Room) -> tuple[tuple[Leaf, Leaf] | None, ...]:
-    """Of each door its leaf, hung at either end; None of a door that is wider than WIDEST_LEAF."""
+    """Return the leaf of each door, hung at one end and at the other; None for a door wider than WIDEST_LEAF."""
     return _leaves(_bare(room))
 
 
 def drawn_leaves(room: Room) -> list[Leaf | None]:
-    """Of each door its leaf as plans draw it, hung where it opens, or else nearer to a corner; None as in `leaves`."""
+    """Return the leaf of each door as plans draw it; None as in `leaves`.
+
+    It is hung at the end at which no furniture stops it; if that holds of both or none, at the one nearer to a corner.
+    """
     corners = shapely.multipoints(room.outline)
     stands = shapely.union_all([i.footprint for i in room.furniture if i.center and i.rotation is not None and bars(i)])
     solid = stands.buffer(-TOLERANCE)
@@ -83,12 +86,12 @@ def drawn_leaves(room: Room) -> list[Leaf | None]:
 
 
 def bars(item: Item) -> bool:
-    """Whether a door that meets an item does not open: what is tucked is moved aside, and what is RAISED is floor."""
+    """Whether an item stops a door that meets it: tucked items are moved aside, and RAISED ones are floor."""
     return not item.tucked and item.category not in RAISED
 
 
 def _bare(room: Room) -> Room:
-    """The room without furniture: many layouts have the same."""
+    """Return the room without furniture, which many layouts share: the caches are keyed by it."""
     return replace(room, furniture=(), target=None)
 
 

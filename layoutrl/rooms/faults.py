@@ -1,7 +1,7 @@
-"""What is wrong with the items of whole layouts, worked out from polygons, of all rooms at once.
+"""Faults of the items in whole layouts, computed from polygons, for all rooms at once.
 
-Drawing noise is no fault: what overlaps, stands outside or in the way by TOLERANCE, a centimetre, or less does not
-count, and a passage may be a centimetre too narrow.
+Drawing noise is no fault: an item that overlaps another, or is outside or in the way, by TOLERANCE (a centimetre) or
+less does not count, and a passage may be a centimetre too narrow.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from layoutrl.rooms.clearances import HOSTS, RAISED, RUGS, front_depth, may_stan
 from layoutrl.rooms.doors import bars, empty_floor, entrance, kept_free, way_width
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
-ROUNDING = 1e-9  # square metres: no area
-MISSING = "not placed"  # the fault that leaves no room for others
+ROUNDING = 1e-9  # square metres: smaller areas are rounding
+MISSING = "not placed"  # `faults` gives such an item no other fault
 OVERLAPS, OUTSIDE, BLOCKS = "overlaps", "outside", "blocks an opening"
 OUT_OF_REACH, FRONT_NOT_FREE = "out of reach", "front not free"
 FAULTS = (MISSING, OVERLAPS, OUTSIDE, BLOCKS, OUT_OF_REACH, FRONT_NOT_FREE)
@@ -28,9 +28,9 @@ CORNERS = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])
 
 
 def faults(layout: Room) -> list[Fault]:
-    """(index of the item, what is wrong with it), item by item: the names are those of `item_faults`.
+    """Return (index of the item, name of the fault) of all FAULTS of a layout, item by item.
 
-    Of what is not placed nothing else is said.
+    An item that is not placed has MISSING alone.
     """
     return faults_of_all([layout])[0]
 
@@ -52,7 +52,7 @@ def faults_of_all(layouts: Sequence[Room]) -> list[list[Fault]]:
 
 
 def new_faults(wrong: Sequence[Fault], before: Sequence[Fault]) -> list[Fault]:
-    """What is wrong with a layout, without what was wrong with what stood there before anything was placed."""
+    """Return the faults that a layout has but did not have `before` anything was placed; MISSING always counts."""
     return [(k, fault) for k, fault in wrong if fault == MISSING or (k, fault) not in before]
 
 
@@ -60,16 +60,16 @@ def new_faults(wrong: Sequence[Fault], before: Sequence[Fault]) -> list[Fault]:
 class Items:
     """All N items of B layouts, one layout after the other."""
 
-    room: np.ndarray  # (N,)
+    room: np.ndarray  # (N,), index of the layout
     category: np.ndarray  # (N,)
     size: np.ndarray  # (N, 2)
     center: np.ndarray  # (N, 2), NaN where it is not placed
     degrees: np.ndarray  # (N,), NaN where it is to be chosen
     round: np.ndarray  # (N,)
     tucked: np.ndarray  # (N,)
-    bars: np.ndarray  # (N,), whether a door that meets it does not open, as `doors.bars` has it
-    period: np.ndarray  # (N,), degrees as `clearances.period` has them
-    front: np.ndarray  # (N,), metres as `clearances.front_depth` has them
+    bars: np.ndarray  # (N,), whether it stops a door that meets it, as in `doors.bars`
+    period: np.ndarray  # (N,), degrees, as in `clearances.period`
+    front: np.ndarray  # (N,), metres, as in `clearances.front_depth`
 
     @classmethod
     def of(cls, layouts: Sequence[Room]) -> Items:
@@ -90,11 +90,11 @@ class Items:
 
     @cached_property
     def footprint(self) -> np.ndarray:
-        """Where each stands, as Item.footprint: (N,), None where it is not placed."""
+        """The polygon of each item, as Item.footprint: (N,), None where it is not placed."""
         return self.grown(0)
 
     def grown(self, by: float) -> np.ndarray:
-        """The footprints (N,), so many metres larger on all sides."""
+        """Return the footprints (N,), grown by so many metres on all sides, or shrunk by a negative number."""
         shape = rectangles(self.center, self.size + 2 * by, self.degrees)
         shape[self.round] = shapely.buffer(
             shapely.points(self.center[self.round]), self.size[self.round, 0] / 2 + by, quad_segs=CIRCLE_SEGMENTS
@@ -104,17 +104,20 @@ class Items:
 
     @cached_property
     def placed(self) -> np.ndarray:
-        """Whether it stands somewhere, facing somewhere: (N,)."""
+        """Whether an item has a center and, unless it is round, a rotation: (N,)."""
         return ~np.isnan(self.center[:, 0]) & (self.round | ~np.isnan(self.degrees))
 
     @cached_property
     def hosts(self) -> np.ndarray:
-        """Whether what is tucked may stand under it: (N,)."""
+        """Whether tucked items may stand under an item: (N,)."""
         return np.isin(self.category, list(HOSTS)) & ~self.tucked
 
 
 def rectangles(center: np.ndarray, size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-    """Rectangles (N,) with these centres (N, 2), sizes (N, 2) along their own axes, turned; None where one is NaN."""
+    """Return rectangles (N,) with these centres (N, 2), sizes (N, 2) along their own axes, and degrees (N,).
+
+    None where a centre or the degrees are NaN, or a size is not above zero.
+    """
     # Rounded, since a sine of 180 degrees is not quite 0.
     cosine, sine = (np.round(f(np.radians(degrees)), 15)[:, None] for f in (np.cos, np.sin))
     x, y = np.moveaxis(CORNERS * size[:, None], 2, 0)
@@ -126,9 +129,9 @@ def rectangles(center: np.ndarray, size: np.ndarray, degrees: np.ndarray) -> np.
 
 
 def item_faults(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
-    """Which items have each of the FAULTS, (N,) by its name.
+    """Return which items have each of the FAULTS: arrays (N,) by its name.
 
-    What is not placed has the first, is out of reach and has no free front if it should; it has no other.
+    An item that is not placed is MISSING and OUT_OF_REACH, and FRONT_NOT_FREE if it keeps floor free; it has no other.
     """
     found = (
         ~items.placed,
@@ -142,17 +145,17 @@ def item_faults(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
 
 
 def overlapping(items: Items) -> np.ndarray:
-    """Which items are more than 1 cm deep in another that they do not share the floor with: (N,)."""
+    """Which items are more than 1 cm deep in another with which they may not share the floor: (N,)."""
     a, b = meeting(items)
     core = items.grown(-TOLERANCE / 2)
     return np.bincount(a, shapely.intersects(core[a], core[b]), len(items.room)) > 0
 
 
 def meeting(items: Items) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of items that touch or overlap, each twice, as indices (n,) of the one and of the other.
+    """Return pairs of items that touch or overlap, each twice, as indices (n,) of the one and of the other.
 
-    What is tucked and what it may stand under, one of the HOSTS, share the floor; so do what is RAISED and what stands
-    on it, and RUGS and all else.
+    Without those that may share the floor: a tucked item and one of the HOSTS; an item that is RAISED and one that is
+    not; one of the RUGS and anything.
     """
     raised = np.isin(items.category, list(RAISED))
     rug = np.isin(items.category, list(RUGS))
@@ -172,9 +175,9 @@ def standing_outside(layouts: Sequence[Room], items: Items) -> np.ndarray:
 def blocking(
     rooms: Sequence[Room], room: np.ndarray, category: Sequence[str] | np.ndarray, footprint: np.ndarray
 ) -> np.ndarray:
-    """Which footprints (N,) stand more than 1 cm deep in what is `kept_free` of doors and windows: (N,).
+    """Which footprints (N,) are more than 1 cm deep in the area `kept_free` for doors and windows: (N,).
 
-    Each is in the room of index `room` (N,). What is RAISED is floor, and blocks nothing.
+    Each is in the room of index `room` (N,). RAISED categories are floor, and block nothing.
     """
     free = shapely.buffer([kept_free(each) for each in rooms], -TOLERANCE, join_style="mitre")
     in_the_way = shapely.area(shapely.intersection(free[room], footprint)) > 0
@@ -184,8 +187,8 @@ def blocking(
 def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether the floor of FRONT_DEPTH before each item is indoors and free of others, but for 1 cm all round: (N,).
 
-    What is RAISED or MAY_STAND_BEFORE it does not count. True for what keeps no floor free, False for what keeps some
-    and is not placed.
+    Others that are RAISED or MAY_STAND_BEFORE it do not count. True for an item that keeps no floor free, False for one
+    that does and is not placed.
     """
     keeps = np.flatnonzero(items.front > 0)
     depth, width = items.front[keeps], items.size[keeps]
@@ -208,15 +211,15 @@ def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Floor:
-    """Where the middle of a disc can be that walks in B rooms: P connected parts, one room after the other."""
+    """Where the centre of a disc that walks in B rooms can be: P connected parts, one room after the other."""
 
-    part: np.ndarray  # (P,)
-    room: np.ndarray  # (P,)
-    entered: np.ndarray  # (P,): by the `entrance`; where there is no door, the largest is
+    part: np.ndarray  # (P,), polygons
+    room: np.ndarray  # (P,), index of the room
+    entered: np.ndarray  # (P,), whether it is at the `entrance`, or without a door the largest
 
 
 def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius: np.ndarray) -> Floor:
-    """Where discs of these radii (B,) can be, among the items that stand in the way (N,). Doors are wide open."""
+    """Return where discs of these radii (B,) can be among the items in the way, `stands` (N,). Doors are wide open."""
     empty = [empty_floor(layout, r) for layout, r in zip(layouts, radius.tolist(), strict=True)]
     stands = stands & items.placed
     solid = gathered(items.footprint[stands], items.room[stands], len(layouts))
@@ -232,10 +235,10 @@ def free_floor(layouts: Sequence[Room], items: Items, stands: np.ndarray, radius
 
 
 def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether who enters by the `entrance`, as wide as the `way_width` but for 1 cm, comes to touch each item: (N,).
+    """Whether a person as wide as the `way_width` less 1 cm who enters by the `entrance` can touch each item: (N,).
 
-    Tucked items are moved aside, RAISED ones walked on, and RUGS reached under whatever stands on them. False for what
-    is not placed.
+    Tucked items are moved aside, RAISED ones walked on, and RUGS reached under whatever stands on them. False for items
+    that are not placed.
     """
     radius = np.array([way_width(layout) / 2 for layout in layouts])
     floor = free_floor(layouts, items, items.bars, radius - TOLERANCE / 2)
@@ -245,7 +248,7 @@ def within_reach(layouts: Sequence[Room], items: Items) -> np.ndarray:
 
 
 def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(indices into the first, into the second) of all pairs of one room; both are rooms (n,), ascending."""
+    """Return (indices into the first, into the second) of all pairs in one room; both hold rooms (n,), ascending."""
     start, stop = np.searchsorted(second, first, "left"), np.searchsorted(second, first, "right")
     count = stop - start
     a = np.repeat(np.arange(len(first)), count)
@@ -253,12 +256,12 @@ def pairs(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def unions(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
-    """The union of the shapes (n,) of each of `count` owners (n,); empty for who has none."""
+    """Return the union (count,) of the shapes (n,) of each owner, empty if it has none; `owner` (n,) are indices."""
     return shapely.union_all(gathered(shapes, owner, count)[:, None], axis=1)
 
 
 def gathered(shapes: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
-    """The shapes (n,) of each of `count` owners (n,), as a collection."""
+    """Return the shapes (n,) of each owner as collections (count,); `owner` (n,) are indices."""
     order = np.argsort(owner, kind="stable")
     owned = np.full(count, shapely.GeometryCollection())
     shapely.geometrycollections(shapes[order], indices=owner[order], out=owned)

@@ -1,7 +1,6 @@
 """Files of rooms in JSON: a room a line in a .jsonl file, one or a list of them in a .json file.
 
-`layoutrl.rooms.documents` has every field. What is wrong is answered with the file, the line, the room, the field and
-what is expected.
+`layoutrl.rooms.documents` has every field. Errors name the file, the line, the room, the field and what is expected.
 """
 
 from __future__ import annotations
@@ -21,15 +20,16 @@ from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
 SUFFIXES = (".json", ".jsonl")
 HOMES = (".sh3d", ".sh3x")  # of Sweet Home 3D: of the program, and of its online edition
 FORMATS = (".json", ".jsonl", ".gz", *HOMES)  # that rooms and homes are read from
-PART = ".part"  # the suffix of a folder in which a file grows
+PART = ".part"  # suffix of a folder in which a file is still being written
 
 
 def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_type: str | None = None) -> Collection:
     """Read one .json or .jsonl file, or every such file below a folder.
 
-    Lengths are in `unit`: m, cm, mm, in, ft, or auto, which tells the first three by how large a file's rooms and doors
-    are, and notes it. A room without a `room_type` is of this one, unless its id or its furniture tells another.
-    A room that cannot be used is left out and named; with `strict` it raises InputError.
+    Lengths are in `unit`: m, cm, mm, in, ft, or auto, which infers one of the first three from the size of a file's
+    rooms and doors, and notes it unless it is m. `room_type`, if given, is the type of rooms that say none, unless
+    their id or furniture tells another. A room that cannot be used is left out and named; with `strict` it raises
+    InputError.
     Raises InputError where there is no file to read, or no such unit.
     """
     if unit not in ("auto", *UNITS):
@@ -61,8 +61,11 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
 
 
 def _typed(document: Any, room_type: str) -> tuple[Any, bool]:
-    """The document of a room with the type that its id or its furniture tells, where it says none, null or "", or else
-    this one; and whether anything tells it. Of what nobody furnishes, and of what is no room, it is as it was."""
+    """Return the document of a room with a type, and whether the document itself tells it.
+
+    If it says none, null or "", its id or its furniture tells the type, else it is `room_type`. The document of a room
+    that nobody furnishes, or of no room, is unchanged.
+    """
     if not isinstance(document, dict) or "outline" not in document or document.get("room_type") not in (None, ""):
         return document, True
     furniture = own_names().ours(document).get("furniture")
@@ -81,7 +84,7 @@ def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
 
 
 def check_unsaid(rooms: Path | str, **said: object) -> None:
-    """Raise InputError where something is said that rooms in JSON say themselves; None is not said."""
+    """Raise InputError for an option that is given (not None) though rooms in JSON say it themselves."""
     for name, value in said.items():
         if value is not None:
             raise InputError(f"{name}: rooms of {rooms} say themselves what and where they are; expected no {name}=")
@@ -106,9 +109,9 @@ def room_files(path: Path) -> list[Path]:
 
 
 def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) -> list[Path]:
-    """A file, or all of these suffixes and not of the names `but` below a folder, in one order on all systems.
+    """Return a file, or the files below a folder with these suffixes, without the names `but`, in a fixed order.
 
-    What grows in a folder <name>.part is none yet.
+    The order is the same on all systems. A file in a folder <name>.part is still being written, and is left out.
     """
 
     def suits(file: Path) -> bool:
@@ -120,15 +123,15 @@ def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) ->
 
 
 def name_of(file: Path, root: Path) -> str:
-    """What a file at or below `root` is called among the others: its way from there, without the suffix."""
+    """Return the name of a file at or below `root`: its path from there, with slashes and without the suffix."""
     way = Path(file.name) if file == root else file.relative_to(root)
-    while way.suffix.lower() in FORMATS:  # of .jsonl.gz both; what else follows a dot is of the name
+    while way.suffix.lower() in FORMATS:  # both of .jsonl.gz; what follows another dot belongs to the name
         way = way.with_suffix("")
     return way.as_posix()
 
 
 def documents_of(file: Path) -> Iterator[tuple[str, Any]]:
-    """(where, what `parsed` makes of it) of every room in a file. Raises InputError where it cannot be read."""
+    """Yield (where it is, what `parsed` returns) for each room in a file. Raises InputError if it cannot be read."""
     try:
         with file.open("rb") as stream:
             if file.suffix.lower() == ".jsonl":

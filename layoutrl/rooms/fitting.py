@@ -32,7 +32,7 @@ def fitting_positions(areas: np.ndarray, templates: np.ndarray, slack: float = F
     ends, area = edges(regions)
     count = np.bincount(area, minlength=len(regions))
     first = np.cumsum(count) - count
-    # All areas lose their k-th edge at once: faster than one by one, or than to unite what is swept first.
+    # All areas lose their k-th edge at once: faster than area by area, or than uniting the swept edges first.
     for k in range(count.max(initial=0)):
         left = np.flatnonzero(count > k)
         corners, of = shapely.get_coordinates(templates[left], return_index=True)
@@ -43,6 +43,6 @@ def fitting_positions(areas: np.ndarray, templates: np.ndarray, slack: float = F
 
 
 def fits(area: Polygon, item: Item, degrees: Iterable[float]) -> bool:
-    """Whether there is a place at which an item lies in the area, turned in one of these ways."""
+    """Whether an item fits somewhere into the area, at one of these rotations in degrees."""
     templates = np.array([replace(item, rotation=way).template for way in degrees])
     return not shapely.is_empty(fitting_positions(np.array([area] * len(templates)), templates)).all()

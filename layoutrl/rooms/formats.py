@@ -1,11 +1,11 @@
-"""Files of rooms, of whichever format: read into rooms, and layouts written back as what they came from.
+"""Read rooms from files of all formats, and write layouts back: a home as a home, all else as rooms in JSON.
 
     source = opened(Path("home.sh3d"), move="bed,wardrobe")
     print(source.collection)           # what was read, and what was left out, and why
     ...                                # furnish rooms of source.collection.rooms that lack an item's center
     source.write(layouts, Path("home-placed.sh3d"))
 
-A format is found out from the content, that of a folder from its first file.
+The format is detected from the content; that of a folder, from its first file.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from layoutrl.rooms.sources.procthor import SUFFIXES as HOUSE_SUFFIXES
 from layoutrl.rooms.sources.sweethome3d import read_folder, read_home
 
 SUFFIXES = ".json, .jsonl, .jsonl.gz, .sh3d and .sh3x"
-READ = {  # suffixes of the files that are read of a folder, by its format
+READ = {  # suffixes of the files that are read from a folder, by its format
     "json": JSON_SUFFIXES,
     "sweethome3d": HOMES,
     "procthor": HOUSE_SUFFIXES,
     "front3d": (".json",),
 }
-LOOK = 2**20  # bytes, at the start of a file, that tell its format
+LOOK = 2**20  # bytes at the start of a file, from which its format is detected
 
 
 class Source(Protocol):
     """Rooms that were read, and how layouts of them are written."""
 
-    collection: Collection  # what is to be placed has no center
+    collection: Collection  # items that are to be placed have no center
 
     @property
     def suffix(self) -> str:
-        """Of the files that it writes, such as ".jsonl"."""
+        """The suffix of the files that it writes, such as ".jsonl"."""
         ...
 
     @property
     def stood(self) -> list[tuple[Item, ...]]:
-        """The furniture of each room as the file has it, what is to be placed, too."""
+        """The furniture of each room as it stands in the file, including what is to be placed anew."""
         ...
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
@@ -68,16 +68,17 @@ class Source(Protocol):
 
 @dataclass
 class RoomsSource:
-    """Rooms in JSON, or of a format that layouts are not written in: they are written as JSON, a room a line."""
+    """Rooms in JSON, or in a format that is only read. Layouts of both are written as JSON, a room a line."""
 
     collection: Collection
     stood: list[tuple[Item, ...]]
     suffix: str = ".jsonl"
 
     def write(self, layouts: Iterable[Room], out: Path) -> None:
-        """Write the layouts, and no other rooms; what was outside its room has no place in them.
+        """Write the layouts, and no other rooms.
 
-        Raises InputError as every Source does.
+        An item without a center is written where it stood, unless that is outside its room. Raises InputError as every
+        Source does.
         """
         check_new(out, self.suffix)
         stood = {room.id: items for room, items in zip(self.collection.rooms, self.stood, strict=True)}
@@ -88,7 +89,7 @@ class RoomsSource:
 
 
 def _or_as_it_stood(layout: Room, stood: Sequence[Item]) -> Room:
-    """The layout, in which what has no center is as it stood, if that is in the room."""
+    """Return the layout with each item without a center as it stood, if that is in the room."""
 
     def stays(item: Item, before: Item) -> bool:
         return item.center is None and before.center is not None and layout.envelope.covers(Point(before.center))
@@ -106,20 +107,21 @@ def opened(
     categories: Path | str | None = None,
     unit: str = "auto",
 ) -> Source:
-    """The rooms of a file, or of all files of a folder. Raises InputError where there is none that can be read, and for
-    what is said of rooms that is not of their format.
+    """Read the rooms of a file, or of all files of a folder.
 
-    The format is found out from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d, .sh3x),
+    Raises InputError where none can be read, and for an option that does not apply to their format.
+
+    The format is detected from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d, .sh3x),
     houses of ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
 
     - `move`: what is to be placed anew, `all` or categories with commas between them. By default what the file marks:
       items without a center; in a home, what stands outside all rooms.
-    - `into`: of a home, the id of the one room that furniture outside all rooms is for; by default each piece goes to a
-      room whose type knows it and that has floor for it.
-    - `room_type`: the type of rooms that neither they themselves, nor their name or furniture tell; without it they are
+    - `into`: for a home, the id of the one room that gets the furniture outside all rooms; by default each piece goes
+      to a room whose type knows it and that has floor for it.
+    - `room_type`: the type of rooms whose type neither the file, nor their name or furniture tells; without it they are
       left out.
-    - `categories`: a YAML file with names of furniture, beside those that are known; of all but rooms in JSON.
-    - `unit`: of lengths of rooms in JSON, as `layoutrl.rooms.files.read_rooms` has it. Layouts are written in metres.
+    - `categories`: a YAML file with more names of furniture; for all formats but rooms in JSON.
+    - `unit`: of the lengths in JSON, as in `layoutrl.rooms.files.read_rooms`. Layouts are written in metres.
     """
     path = Path(path)
     kind = format_of(path)
@@ -151,9 +153,10 @@ def other_formats(path: Path, kind: str) -> list[str]:
 
 
 def format_of(path: Path) -> str:
-    """The format of a file, or of the first that can be one in a folder: json, sweethome3d, procthor or front3d.
+    """Return the format of a file, or of the first that can be one in a folder: json, sweethome3d, procthor or front3d.
 
-    Raises InputError where there is none. What is none of the others is taken for json: its reader says what is wrong.
+    Raises InputError where there is none, it cannot be read, or it is packed but not of ProcTHOR. A file of no known
+    format is taken for json, or procthor if packed: the reader then says what is wrong.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected one of {SUFFIXES}")
@@ -177,10 +180,10 @@ def format_of(path: Path) -> str:
 
 
 def _told(start: bytes) -> str | None:
-    """The format that the start of a file tells, if it does.
+    """Return the format that the start of a file tells, or None.
 
-    Rooms in JSON may have fields of other names, such as "jid" and "mesh": they are told by a "room_type" in this start
-    alone. Houses of 3D-FRONT may have an "outline".
+    The order counts: "room_type" comes first, since rooms in JSON may have fields of the user's own, such as "jid" and
+    "mesh"; "outline" comes later, since houses of 3D-FRONT may have one.
     """
     if b'"room_type"' in start:
         return "json"
@@ -192,9 +195,9 @@ def _told(start: bytes) -> str | None:
 
 
 def to_place(room: Room, move: str | None) -> Room:
-    """The room in which what `move` names, all or categories with commas between them, has no center or rotation.
+    """Return the room with the items that `move` names still to be placed: without center and rotation.
 
-    What is locked stays.
+    `move` is `all` or categories with commas between them; None leaves the room as it is. Locked items stay.
     """
     if move is None:
         return room

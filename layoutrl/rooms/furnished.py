@@ -1,4 +1,4 @@
-"""What who furnishes rooms answers, an agent, a rival, or whoever comes; and layouts of a room that differ."""
+"""The interface of all that furnishes rooms, such as agents and rivals; and several layouts of a room that differ."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from layoutrl.rooms.brief import largest_first
 from layoutrl.rooms.clearances import off, period
 from layoutrl.rooms.room import Item, Point, Room
 
-APART = 0.3  # metres: layouts in which no item stands further elsewhere are one
-TURNED = 45.0  # degrees
-TRIES = 2  # for each layout that is asked for, until that many differ
+APART = 0.3  # metres: layouts count as the same if their items stand closer than this
+TURNED = 45.0  # degrees: and their rotations differ by less than this
+TRIES = 2  # attempts for each layout that is asked for, to find as many that differ
 
 Placement = tuple[int, Point, float]  # index of an item in the room's furniture, its centre in metres, degrees
 
 
 @dataclass(frozen=True)
 class Furnished:
-    """A layout of a brief. What found no place in it has no center."""
+    """A layout of a brief. Items that found no place have no center."""
 
     layout: Room
-    value: float  # what who made it thinks of it: the higher, the better
-    path: list[Placement] = field(default_factory=list)  # all of the items on their way, in order
-    taken: frozenset[int] = frozenset()  # the indices of the path at which an item was taken up, where they are known
-    by: str = ""  # who made it, where that is not who was asked
+    value: float  # as its maker estimates it: the higher, the better
+    path: list[Placement] = field(default_factory=list)  # all placements of the items on their way, in order
+    taken: frozenset[int] = frozenset()  # indices into `path` at which an item is taken up, where known
+    by: str = ""  # its maker, if that is not the one that was asked
 
 
 class Furnishes(Protocol):
-    """Who places all that has no center in rooms."""
+    """An agent, a rival or any other method that places the items without a center in rooms."""
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """Of each brief one layout or up to so many different ones, best first; what is drawn hangs on the seed."""
+        """Return for each brief one to `choices` different layouts, best first. Random draws depend on the seed."""
 
 
 def best_layouts(who: Furnishes, briefs: Sequence[Room]) -> list[Room]:
@@ -44,17 +44,17 @@ def best_layouts(who: Furnishes, briefs: Sequence[Room]) -> list[Room]:
     return [best.layout for best, *_ in who.furnish(briefs, 1, 0)]
 
 
-Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]  # one of each brief, by these seeds
+Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]  # (briefs, seeds) -> a layout of each brief
 
 
 def laid_out(brief: Room, layout: Room, value: float) -> Furnished:
-    """A layout that took each item to its place at once, the largest first."""
+    """Return a layout whose path takes each item to its place in one step, the largest first."""
     items = [(k, layout.furniture[k]) for k in largest_first(brief)]
     return Furnished(layout, value, [(k, item.center, item.degrees) for k, item in items if item.center is not None])
 
 
 def several(layouts: Layouts, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-    """Of each brief up to so many layouts that differ, best first: `layouts` makes one of each with other seeds."""
+    """Return for each brief up to `choices` layouts that differ, best first: `layouts` is called with several seeds."""
     found: list[list[Furnished]] = [[] for _ in briefs]
     for attempt in range(TRIES * choices if choices > 1 else 1):
         if short := [k for k, answers in enumerate(found) if len(answers) < choices]:
@@ -65,7 +65,7 @@ def several(layouts: Layouts, briefs: Sequence[Room], choices: int, seed: int) -
 
 
 def same(one: Room, other: Room) -> bool:
-    """Whether each item of either layout has one like it in the other that stands there and faces alike."""
+    """Whether each item of either layout has one of its kind in the other at nearly the same place and rotation."""
     return _covered(one, other) and _covered(other, one)
 
 
@@ -83,5 +83,5 @@ def _alike(one: Item, other: Item) -> bool:
 
 
 def dice(brief: Room, seeds: Sequence[int]) -> np.random.Generator:
-    """Of a room: the same in whichever file, shard or block it is."""
+    """Return a random generator for a room, the same in whichever file, shard or block the room is."""
     return np.random.default_rng([*seeds, zlib.crc32(brief.id.encode())])

@@ -1,4 +1,4 @@
-"""What no designer would do, though it breaks no rule and is no fault: said of layouts, and mended where it can be."""
+"""Oddities of layouts: what no designer would do, though it breaks no rule and is no fault; mended where possible."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 IN_SWING = "in a door's swing"
-NEAR = 0.05  # metres: no farther from its wall or window is at it
-CLOSED = 0.2  # metres of a window
-BACK = 1  # of the sides of an item, in the order of their corners
+NEAR = 0.05  # metres: an item no farther from its wall, table or window is at it
+CLOSED = 0.2  # metres of a window's length that a tall item may cover
+BACK = 1  # index of the back among the sides of an item, in the order of its corners
 
-# What the designer always puts with its back at a wall, in 300 rooms of every type; not what rooms of people have in
-# their middle, too: sofas, armchairs, lounge chairs.
+# Categories that the designer always puts with their backs at a wall, in 300 rooms of every type; without those that
+# people also put in the middle of rooms: sofas, armchairs, lounge chairs.
 AT_A_WALL = frozenset({
     "bathtub", "bed", "bench", "bookcase", "cooktop", "counter", "dresser", "fridge", "laundry_cabinet", "nightstand",
     "plant_rack", "shower", "sideboard", "sink", "sofa_bed", "toilet", "tv_unit", "vanity", "wardrobe", "washer",
@@ -28,14 +28,14 @@ TALL = frozenset({"bookcase", "fridge", "wardrobe"})
 
 
 def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
-    """(index of the item, what is odd about it) of those `asked` about, or of all; item by item."""
+    """Return (index of the item, name of the oddity) of the items `asked` about, or of all, item by item."""
     found = item_oddities([layout], Items.of([layout]))
     those = range(len(layout.furniture)) if asked is None else sorted(asked)
     return [(k, name) for k in those for name, odd in found.items() if odd[k]]
 
 
 def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
-    """What is odd about which items, (N,) by its name. Nothing is about what is not placed."""
+    """Return which items have each oddity: arrays (N,) by its name. Items that are not placed have none."""
     return {
         OFF_ITS_WALL: off_their_walls(layouts, items),
         ASTRAY: astray(layouts, items),
@@ -53,9 +53,9 @@ def off_their_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:
 
 
 def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) -> np.ndarray:
-    """How far the four sides of some items (n,), rectangles that stand, are from the walls, in metres: (n, 4).
+    """Return how far the four sides of `those` items (n,), placed rectangles, are from the walls, in metres: (n, 4).
 
-    Of a side it is the farther of its ends; the BACK is one of them.
+    A side is as far as the farther of its ends; BACK is the index of the back.
     """
     corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
     walls = shapely.boundary([layout.indoor for layout in layouts])[items.room[those]]
@@ -64,10 +64,10 @@ def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) ->
 
 
 def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether an item is tucked, and sits at none of the tables and desks, where the room has some: (N,).
+    """Whether an item is tucked but at none of the tables and desks of its room, if there are any: (N,).
 
-    The middle half of its front is within NEAR of one then, its back not under it. Of what has no front any part may
-    touch it.
+    It is at one if the middle half of its front is within NEAR of it and its back is not under it; an item without a
+    front, if any part touches it.
     """
     hosts = unions(items.footprint[items.hosts], items.room[items.hosts], len(layouts))[items.room]
     result = items.tucked & items.placed & ~shapely.is_empty(hosts)
@@ -90,16 +90,16 @@ def before_windows(layouts: Sequence[Room], items: Items) -> np.ndarray:
     of = np.repeat(np.arange(len(layouts)), [len(layout.windows) for layout in layouts])
     a, b = pairs(items.room[tall], of)
     item, window = items.footprint[tall[a]], windows[b]
-    reaches = np.maximum(NEAR - shapely.distance(item, window), 0)  # metres into what is NEAR the window
+    reaches = np.maximum(NEAR - shapely.distance(item, window), 0)  # metres into the zone NEAR the window
     closes = shapely.area(shapely.intersection(item, shapely.buffer(window, NEAR))) > reaches * CLOSED
     result[tall[a[closes]]] = True
     return result
 
 
 def in_swings(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether an item is why a door's leaf does not open, at whichever end it is hung: (N,).
+    """Whether an item stops a door's leaf that cannot open, at whichever end it is hung: (N,).
 
-    What is tucked is moved aside, and what is RAISED is floor. A centimetre is none.
+    Tucked items are moved aside, and RAISED ones are floor. A centimetre does not count.
     """
     hung = [(room, both) for room, layout in enumerate(layouts) for both in leaves(layout) if both]
     of = np.array([room for room, _ in hung], dtype=int)

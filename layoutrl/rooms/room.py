@@ -92,7 +92,7 @@ class Item:
 
     @property
     def kind(self) -> tuple[str, tuple[float, float], str]:
-        """What items have in common of which each could stand where another does: category, size and form."""
+        """Category, size and form: items that have these in common are interchangeable."""
         return self.category, self.size, self.form
 
     @property
@@ -129,7 +129,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Room:
-    """A room and where its designer put every item.
+    """A room and its furniture, as its designer placed it or still to be placed.
 
     `outline` (counter-clockwise) and `holes` bound the indoor area. `walls` are polygons around
     it, already cut by the openings. `target` is the index of the item that moves; None where
@@ -202,12 +202,15 @@ class Room:
         return replace(turned, id=f"{self.id}~{quarters % 4}{'m' if mirror else ''}")
 
     def rotated(self, degrees: float) -> Room:
-        """The same room, turned around the origin by any angle, to nanometres: what is level then is level."""
+        """The same room, turned around the origin by any angle.
+
+        Coordinates are rounded to nanometres, so that walls that become level are exactly so.
+        """
         (a, b), (c, d) = rotation(degrees).tolist()
         return self._mapped(lambda x, y: (round(a * x + b * y, 9), round(c * x + d * y, 9)), degrees, False)
 
     def _mapped(self, move: Callable[[float, float], Point], degrees: float, mirror: bool) -> Room:
-        """The room with its points moved by what turns them by degrees, after mirroring them or not."""
+        """Return the room with its points moved by `move`, which mirrors them if `mirror`, then turns by `degrees`."""
 
         def turn(rotation: float) -> float:
             return ((180 - rotation if mirror else rotation) + degrees) % 360
@@ -258,14 +261,14 @@ def sole(furniture: Sequence[Item], category: str) -> int | None:
 def wall_band(
     outline: Ring, holes: tuple[Ring, ...], openings: tuple[Opening, ...], thickness: float = WALL_THICKNESS
 ) -> tuple[Ring, ...]:
-    """The walls of a room that names none: one band an outline edge, cut by the openings; columns are solid.
+    """Return walls for a room that has none: a band along each edge of the outline, cut by the openings, and the holes.
 
-    Each wall reaches around the corner to its end, and the earlier wall keeps the corner.
+    Holes are solid columns. Each wall reaches around the corners at its ends; the earlier wall keeps the corner.
     """
     room = Polygon(outline)
     band = room.buffer(thickness, join_style="mitre").difference(room)
     taken = shapely.union_all([o.shape for o in openings])
-    noise = TOLERANCE + FIT  # by which openings may be drawn off their walls: what is left of a wall there is none
+    noise = TOLERANCE + FIT  # openings may be drawn so far off their walls: a sliver that is left there is no wall
     beside = taken.buffer(noise, join_style="mitre")
     walls: list[Ring] = [hole[::-1] for hole in holes]
     for (x0, y0), (x1, y1) in zip(outline, outline[1:] + outline[:1], strict=True):
@@ -287,9 +290,9 @@ def wall_band(
 
 
 def without_films(wall: shapely.Geometry, grid: float = 1e-9) -> shapely.Geometry:
-    """A wall without what is thinner than FILM: where rounding leaves an opening not quite as deep as the wall.
+    """Return a wall without parts thinner than FILM, which rounding leaves where an opening is not quite as deep.
 
-    Corners are on a grid of so many metres.
+    Corners are rounded to a grid of so many metres.
     """
     return shapely.set_precision(without_narrow(wall, FILM), grid)
 
@@ -316,7 +319,7 @@ def envelopes(rooms: Sequence[Room]) -> np.ndarray:
 
 
 def middles(rooms: Sequence[Room]) -> np.ndarray:
-    """The middles (B, 2) of the boxes around envelopes, in metres: what observations are told from."""
+    """Return the centres (B, 2) of the bounding boxes of envelopes, in metres: the origins of observations."""
     return shapely.bounds(envelopes(rooms)).reshape(-1, 2, 2).mean(1)
 
 
@@ -345,7 +348,7 @@ def _envelopes(rooms: Sequence[Room]) -> np.ndarray:
 
 
 def is_drawn_before(shape: Polygon, others: Iterable[Polygon]) -> bool:
-    """Whether it all but coincides with what was drawn before."""
+    """Whether a shape shares more than TWIN of the smaller area with one that was drawn before."""
     return any(shape.intersection(other).area > TWIN * min(shape.area, other.area) for other in others)
 
 
@@ -354,8 +357,8 @@ def along_and_through(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The sides of an opening's rectangle as vectors (2,) in metres: along its wall, and through it.
 
-    Along is as the `border` of its room runs beside it: some windows are less wide than their wall is thick. Where no
-    border is there it is the longer side, as of most openings.
+    The side along the wall is the one along which the room's `border` runs, since some windows are less wide than their
+    wall is thick. Without a border there, it is the longer side, as of most openings.
     """
     corners = np.array(shapely.minimum_rotated_rectangle(opening).exterior.coords)
     one, other = np.diff(corners[:3], axis=0)
@@ -368,7 +371,7 @@ def along_and_through(
 
 
 def _share(border: shapely.Geometry, opening: shapely.Geometry, sides: np.ndarray) -> np.ndarray:
-    """How far a border runs along each of two `sides` (2, 2) of an opening, in it and 2 cm around it: metres (2,)."""
+    """Return how far a border runs along each of two `sides` (2, 2) of an opening, up to 2 cm off it: metres (2,)."""
     near = shapely.intersection(border, opening.buffer(2 * TOLERANCE, join_style="mitre"))
     points, line = shapely.get_coordinates(shapely.get_parts(near), return_index=True)
     steps = np.diff(points, axis=0)[line[1:] == line[:-1]]
@@ -376,7 +379,7 @@ def _share(border: shapely.Geometry, opening: shapely.Geometry, sides: np.ndarra
 
 
 def wall_thickness(room: Room) -> float:
-    """How thick the walls of a room are, as most of its sides have it, in metres."""
+    """Return the median thickness of the walls of a room's sides, in metres; WALL_THICKNESS if that is 1 cm or less."""
     sides = zip(room.outline, [*room.outline[1:], room.outline[0]], strict=True)
     border = room.envelope.exterior
     depth = median(shapely.distance(border, shapely.Point(np.mean(side, 0))) for side in sides)

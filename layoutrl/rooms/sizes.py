@@ -1,4 +1,4 @@
-"""How large furniture is, as the designer has it, and what a size may mean that none of it has. Metres."""
+"""Sizes of furniture, as the designer has it, and questions about sizes that none of it has. Metres."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ SIZES = {
     "washer": ((0.6, 0.6), (0.6, 0.6)),
     "washing_machine": ((0.55, 0.6), (0.6, 0.6)),
 }
-ROOMY = 1.25  # times as large or as small as the designer has it is nothing to ask about
-ALIKE = 0.2  # metres: sides that differ by less are taken as they are said
-OUTSIZE = 2.0  # times as large as any, in depth and width: nobody has it so
+ROOMY = 1.25  # times as large or as small as the designer has it: no question yet
+ALIKE = 0.2  # metres: if the sides differ by less, it does not matter which is the depth
+OUTSIZE = 2.0  # times as large as any of the designer's, in depth and in width: too large
 
 
 def doubt(item: Item) -> str | None:
-    """What to ask about the size of an item of a known category, if anything: its unit, or which side is its depth."""
+    """Return a question about the size of an item, on its unit or on which side is its depth; None if there is none."""
     if item.category not in SIZES:
         return None
     depth, width = SIZES[item.category]

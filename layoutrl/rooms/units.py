@@ -1,7 +1,8 @@
-"""Lengths of rooms in JSON: metres, centimetres, millimetres, inches or feet, as the user says.
+"""Units of lengths of rooms in JSON: metres, centimetres, millimetres, inches or feet, as the user says.
 
-Where nobody says it, metres, centimetres and millimetres are told by how wide doors are, else by how large rooms and
-their openings are. Inches and feet are not: a door of 36 inches may be one of 36 cm, and a room of 12 feet one of 12 m.
+If the user does not, metres, centimetres and millimetres are told apart by the width of doors, else by the size of
+rooms and their openings. Inches and feet are not: a door of 36 inches may be one of 36 cm, and a room of 12 feet one of
+12 m.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from statistics import median
 from typing import Any
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}  # in a metre
-LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room: below 1.3 m none is one, above 13 m few are
-WIDEST = {"m": 8.0, "cm": 300.0}  # door or window: the narrowest of most rooms is between 0.3 and 3 m
-DOOR = (0.6, 2.0)  # metres, of most doors
-INCHES = (20.0, 45.0)  # most doors, as wide in inches; in centimetres nobody fits through
+LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room, by unit: no room is below 1.3 m, few are above 13 m
+WIDEST = {"m": 8.0, "cm": 300.0}  # narrowest door or window, by unit: that of most rooms is between 0.3 and 3 m
+DOOR = (0.6, 2.0)  # metres: the width of most doors
+INCHES = (20.0, 45.0)  # the width of most doors in inches; in centimetres nobody fits through
 LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
 
 
 def unit_of(documents: Iterable[Any]) -> str:
-    """The unit of most rooms of a file."""
+    """Return the unit that most rooms of a file seem to have: m, cm or mm; m where none tells it."""
     return _most(_guess(document) for document in documents)
 
 
@@ -31,8 +32,11 @@ def _most(told: Iterable[str | None]) -> str:
 
 
 def unit_line(unit: str, documents: Sequence[Any]) -> str:
-    """The line that says which unit `unit_of` told of documents, by what: by doors where the size of rooms would tell
-    another; and that it may be inches, as doors are narrow."""
+    """Return a line for the user with the unit that was inferred, and from what: doors or the size of rooms.
+
+    Doors are named where the size of rooms would tell another unit. Where they are as narrow in cm as most are in
+    inches, the line says so.
+    """
     by_doors = unit == unit_of(documents) != _most(_guess(document, by_doors=False) for document in documents)
     told = "doors are wide" if by_doors else "rooms are large"
     line = f"lengths are read as {unit}, as {told} (unit=m if they are)"
@@ -43,7 +47,7 @@ def unit_line(unit: str, documents: Sequence[Any]) -> str:
 
 
 def _door_widths(document: Any) -> list[float]:
-    """Of a room as its document has it; none of what is no room."""
+    """Return the widths of the doors of a room's document, in its own unit; none if it is no room."""
     try:
         return [float(_extent(door["polygon"])) for door in document["doors"]]
     except (LookupError, TypeError, ValueError, ArithmeticError):
@@ -51,9 +55,11 @@ def _door_widths(document: Any) -> list[float]:
 
 
 def _guess(document: Any, by_doors: bool = True) -> str | None:
-    """The unit of a room: that in which its doors are as wide as most are, and it is no narrower than they; else, or
-    where it is not told `by_doors`, the first in which it is no larger than rooms are, or its narrowest opening no
-    wider.
+    """Return the unit of a room's document, m, cm or mm; None if it is no room.
+
+    It is the first in which its median door is as wide as a DOOR and the room no narrower than the least of these.
+    Where there is none, or without `by_doors`, it is the first in which the room is no longer than LONGEST or its
+    narrowest opening no wider than WIDEST, else mm.
     """
     try:
         across, side = sorted(_extents(document["outline"]))
@@ -66,7 +72,7 @@ def _guess(document: Any, by_doors: bool = True) -> str | None:
         widths = [_extent(door["polygon"]) for kind in ("doors", "windows") for door in document[kind]]
         narrowest = min(widths, default=inf)
         return next((unit for unit in WIDEST if side <= LONGEST[unit] or narrowest <= WIDEST[unit]), "mm")
-    except (LookupError, TypeError, ValueError, ArithmeticError):  # no room; it is left out later, and said why
+    except (LookupError, TypeError, ValueError, ArithmeticError):  # no room: it is left out later, with the reason
         return None
 
 
@@ -75,12 +81,12 @@ def _extent(ring: Any) -> float:
 
 
 def _extents(ring: Any) -> list[float]:
-    """Along x and along y."""
+    """Return the extents of a ring along x and along y."""
     return [max(axis) - min(axis) for axis in zip(*ring, strict=True)]
 
 
 def in_metres(document: Any, per_metre: float) -> Any:
-    """A document with its lengths in metres; what is no length is as it was."""
+    """Return a document with its lengths in metres; all else is unchanged."""
     if per_metre == 1 or not isinstance(document, dict):
         return document
     scaled = {name: _divided(value, per_metre) for name, value in document.items() if name in LENGTHS}
@@ -88,7 +94,7 @@ def in_metres(document: Any, per_metre: float) -> Any:
 
 
 def _divided(value: Any, by: float, depth: int = 4) -> Any:
-    """Numbers divided, in lists and in what has lengths by name, as deep as a room has them."""
+    """Return a value with its numbers divided, in lists and the LENGTHS of objects, as deep as a room has them."""
     if isinstance(value, list) and depth:
         return [_divided(each, by, depth - 1) for each in value]
     if isinstance(value, dict):
