@@ -116,7 +116,9 @@ def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) ->
 
     def suits(file: Path) -> bool:
         growing = any(Path(part).suffix == PART for part in file.relative_to(path).parts[:-1])
-        return file.suffix.lower() in suffixes and file.name not in but and file.is_file() and not growing
+        archive = file.suffix.lower() == ".gz" and Path(file.stem).suffix.lower() not in SUFFIXES  # as .tar.gz
+        named = file.suffix.lower() in suffixes and file.name not in but and not archive
+        return named and file.is_file() and not growing
 
     found = [path] if path.is_file() else filter(suits, path.rglob("*"))
     return sorted(found, key=lambda file: file.parts)  # paths by themselves are in another order on Windows

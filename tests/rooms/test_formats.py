@@ -168,6 +168,14 @@ def test_files_of_other_formats_in_a_folder_are_said(tmp_path: Path) -> None:
     assert opened(tmp_path / "a.jsonl").collection.notes == []
 
 
+def test_an_archive_before_rooms_in_a_folder_is_no_file_of_houses(tmp_path: Path) -> None:
+    write_rooms(tmp_path / "b.json", [rectangular_room()])
+    (tmp_path / "a_backup.tar.gz").write_bytes(gzip.compress(b"?" * 99))
+    source = opened(tmp_path)
+    assert len(source.collection.rooms) == 1
+    assert source.collection.notes == []
+
+
 def test_rooms_of_which_nothing_tells_the_type_are_what_is_said_of_houses_and_folders_too(tmp_path: Path) -> None:
     bare = house(furniture=[{"uid": "lamp", "jid": "a"}])
     bare["scene"]["room"][0] |= {"type": "none", "children": bare["scene"]["room"][0]["children"][:4]}
