@@ -5,8 +5,8 @@ its x0, y0, x1, y1. The edges (..., E, 4) of a simple polygon are the x0, y0, x1
 rings, counter-clockwise outside and clockwise around holes; edges of no length, which fill up a batch, add nothing.
 
 Areas of shapes that only touch are 0 up to rounding, on either side. In float32 that is up to 1e-5 m² in a room of
-12 m, and a third of it with coordinates from the centre of the box or disc. On a CPU all is fastest where memory has
-the batch innermost: a tensor (4, E, B) seen as (B, E, 4).
+12 m, and a third of it with coordinates from the centre of the box or disc. On a CPU all functions are fastest where
+the batch is the innermost dimension in memory: a tensor (4, E, B) viewed as (B, E, 4).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-TINY = 1e-18  # metres: stands for no length in quotients, and in roots, as that of exactly 0 is slow on some CPUs
+TINY = 1e-18  # metres: replaces a length of 0 in quotients and under roots; the root of exactly 0 is slow on some CPUs
 
 
 def box_box(a: Tensor, b: Tensor) -> Tensor:
@@ -30,15 +30,15 @@ def box_polygon(box: Tensor, edges: Tensor) -> Tensor:
     """
     left, bottom, right, top = box[..., None, :].unbind(-1)
     x0, y0, x1, y1 = edges.unbind(-1)
-    slope = (y1 - y0).div_(x1 - x0).nan_to_num_(0, 0, 0)  # an upright edge has no x-range, so any will do
+    slope = (y1 - y0).div_(x1 - x0).nan_to_num_(0, 0, 0)  # an upright edge has no x-range, so any slope will do
     start = x0.clamp(left, right)
     width = x1.clamp(left, right).sub_(start)
     start_height = torch.addcmul(y0, slope, start.sub_(x0))
     end_height = torch.addcmul(start_height, slope, width)
     start_clamped, end_clamped = start_height.clamp(bottom, top), end_height.clamp(bottom, top)
-    # The mean clamped height is that of both clamped ends, and what was cut off them times the share of the width on
-    # which the edge is neither above nor below the box. The usual quotient, a difference of integrals by the rise,
-    # would lose its digits where an edge is nearly level.
+    # The mean clamped height is the mean of both clamped ends, plus the mean of what was cut off them times the share
+    # of the width on which the edge is neither above nor below the box. The usual quotient, a difference of integrals
+    # divided by the rise, would lose its digits where an edge is nearly level.
     free = (end_clamped - start_clamped).div_(slope).nan_to_num_()
     clamped = start_clamped.add_(end_clamped)
     cut = start_height.add_(end_height).sub_(clamped)
@@ -58,7 +58,8 @@ def disc_polygon(center: Tensor, radius: Tensor, edges: Tensor) -> Tensor:
     length = dx.square().addcmul_(dy, dy).clamp_(min=TINY**2).sqrt_()
     dx.div_(length)
     dy.div_(length)
-    # The edge's line passes the centre at a signed distance; start and end are places along it, from where it does.
+    # The edge's line passes the centre at a signed distance; start and end are measured along it from the point that
+    # is nearest to the centre.
     distance = (x * dy).addcmul_(y, dx, value=-1)
     start = x.mul_(dx).addcmul_(y, dy)
     end = start + length

@@ -1,4 +1,4 @@
-"""What users give to the environments, checked: rooms, moves, a reset's options, actions."""
+"""Checks of what users pass to the environments: rooms, moves, options of a reset, actions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
 
 
 def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
-    """As `given_or_some`. Raises InputError where the item that moves has no center, too."""
+    """As `given_or_some`. Raises ValueError, too, where a room has no target, and InputError where it has no center."""
     rooms = given_or_some(rooms)
     for room in rooms:
         if room.moving.center is None:
@@ -44,10 +44,10 @@ def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
 def check_spaces(
     rooms: Sequence[Room], categories: Sequence[str] | None, elements: int | None, observation: str = "geometry"
 ) -> None:
-    """Checks what fixes the space of an observation: the categories that are known, in their order, and its rows.
+    """Check what fixes the space of an observation: `categories`, in the order of their columns, and rows (`elements`).
 
-    None is what the rooms need. Raises ValueError for what is neither that nor different names and a count, and for any
-    with pictures; InputError where a room has furniture that is not among the categories.
+    None stands for what the rooms need. Raises ValueError unless categories are different names and elements is 1 or
+    more, and for either with pictures; InputError where a room has furniture that is not among the categories.
     """
     if observation == "image" and (categories, elements) != (None, None):
         raise ValueError("categories, elements: expected none with observation='image', which looks alike in all rooms")
@@ -64,7 +64,7 @@ def check_spaces(
 
 
 def given_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves, Reward]:
-    """Moves and a reward, the project's where None are given. Raises ValueError for what is neither."""
+    """Return moves and reward, with the defaults for None. Raises ValueError for objects of another type."""
     for name, given, kind in (("moves", moves, Moves), ("reward", reward, Reward)):
         if not (given is None or isinstance(given, kind)):
             raise ValueError(f"{name}: expected {kind.__name__}(...) or None; got {given!r:.60}")
@@ -72,14 +72,14 @@ def given_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves,
 
 
 def checked_options(options: dict[str, Any] | None, *names: str) -> dict[str, Any]:
-    """The options of a reset, which may have these names. Raises ValueError for all else."""
+    """Return the options of a reset, {} for None. Raises ValueError for all but a dict with keys among `names`."""
     if not (options is None or (isinstance(options, dict) and options.keys() <= {*names})):
         raise ValueError(f"options: expected a dict of {' and '.join(names)}; got {options!r:.60}")
     return options or {}
 
 
 def checked_room(room: Any, count: int) -> int | None:
-    """The room that a reset's options ask for; None: it is to be drawn. Raises ValueError for no such room."""
+    """Return the room that a reset's options name, None to draw one. Raises ValueError for what is no room's index."""
     if room is not None and not (is_whole(room) and 0 <= room < count):
         raise ValueError(f"options['room']: expected a whole number from 0 to {count - 1}; got {room!r}")
     return room
@@ -92,32 +92,32 @@ def refuse_options(options: dict[str, Any] | None) -> None:
 
 
 def checked_action(action: Any, actions: spaces.Discrete) -> int:
-    """The number of an action of the space, legal now or not. Raises ValueError for all else."""
+    """Return an action, legal or not, as an int. Raises ValueError for what is not in the action space."""
     if isinstance(action, bool) or not actions.contains(action):
         raise ValueError(f"action: expected a whole number from 0 to {actions.n - 1}; got {action!r}")
     return int(action)
 
 
 def begun(episode: Begun | None) -> Begun:
-    """What a reset made. Raises gymnasium's ResetNeeded before the first."""
+    """Return the episode that a reset began. Raises gymnasium's ResetNeeded before the first reset."""
     if not episode:
         raise ResetNeeded("expected a call of reset before step, render and action_masks")
     return episode
 
 
 def check_at_least_one(**counts: int) -> None:
-    """Raises ValueError, with its name, for what is no count of one or more."""
+    """Raise ValueError, which names the argument, for a count that is not a whole number of 1 or more."""
     for name, count in counts.items():
         if not is_whole(count) or count < 1:
             raise ValueError(f"{name}: expected a whole number, 1 or more; got {count!r}")
 
 
 def check_render_mode(mode: str | None) -> None:
-    """Raises ValueError for what is no way to render."""
+    """Raise ValueError for an unknown render mode."""
     if mode not in (None, "rgb_array"):
         raise ValueError(f"render_mode: expected rgb_array or None; got {mode!r}")
 
 
 def is_whole(number: object) -> bool:
-    """Whether it is a whole number; True and False are none here."""
+    """Return whether a number is an integer of Python or NumPy, and no bool."""
     return isinstance(number, int | np.integer) and not isinstance(number, bool)

@@ -1,7 +1,7 @@
 """The simulator as tensors: thousands of episodes step at once, exactly, on CPU or GPU.
 
-What a room, a move, the reward and the envelope are, the reference `Simulator` says; areas and crossings follow here in
-closed form, from tables of its shapes.
+The reference `Simulator` defines rooms, moves, rewards and envelopes. Areas and crossings are computed here in closed
+form, from tables of its shapes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from layoutrl.rooms.fitting import edges
 class BatchSimulator:
     """Moves and rewards of B poses at once in the rooms of a `Simulator`: room int64 (B,), position float64 (B, 2).
 
-    Positions are metres on the grid, as the simulator has them; areas and lengths are computed in `dtype`.
+    Positions are metres on the grid, as in `Simulator`; areas and lengths are computed in `dtype`.
     `others`, where they are given, are footprints of what else stands in each room now and could stand elsewhere.
     Discs are true circles, where shapely has polygons of 256 corners.
     """
@@ -44,7 +44,7 @@ class BatchSimulator:
         shapes = _shifted(simulator.shapes, -origin[simulator.room_of_shape])
         self._starts = Starts(legal, self.device)
         borders, room = edges(legal)
-        borders = borders.round(12)  # picometres: what is level but for rounding is level
+        borders = borders.round(12)  # to picometres, so that what is level up to rounding is exactly level
         self._borders = Lines(borders, room, len(origin), 0.0, like)
         contacts = simulator.contacts - np.tile(origin, 2)[:, None]
         room, k = np.nonzero(~np.isnan(contacts[..., 0]))
@@ -57,7 +57,7 @@ class BatchSimulator:
         return snap(self._origin.index_select(0, room) + self._starts.draw(room, generator))
 
     def starts_at(self, room: Tensor, uniform: Tensor) -> Tensor:
-        """The positions (B, 2) that random numbers float64 (3, B), from 0 to 1, stand for: the same in any batch."""
+        """Map random numbers from 0 to 1, float64 (3, B), to starts (B, 2): each is the same in any batch."""
         return snap(self._origin.index_select(0, room) + self._starts.at(room, uniform))
 
     def is_legal(self, room: Tensor, position: Tensor) -> Tensor:
@@ -74,7 +74,7 @@ class BatchSimulator:
         if contacts is not None and others is not None:
             origin, around = self._origin.index_select(0, room), self._around.index_select(0, room)
             contacts = torch.cat([contacts, others.lines(origin, around, across, TOUCHING)], 1)
-        # The batch last from here on: long rows.
+        # From here on the batch is the last axis, which makes long rows.
         along, steps = along.T.contiguous(), self._steps.index_select(0, room).T
         reached = along[:, None, None] + self._signs * steps  # (axis, direction, steps, B)
         legal = _inside(borders, reached.flatten(1, 2)).unflatten(1, reached.shape[1:3])
@@ -88,9 +88,9 @@ class BatchSimulator:
         return length.T, legal.T
 
     def moved(self, room: Tensor, position: Tensor, action: Tensor, length: Tensor) -> Tensor:  # noqa: ARG002
-        """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far.
+        """Return positions (B, 2) moved by `length` (B,) metres in the direction of each action (B,).
 
-        Directions are the same in all rooms; in those of `Scenes` they are not.
+        `room` is unused, since directions are the same in all rooms; those of `Scenes` depend on it.
         """
         return snap(position + self._directions[action % 4] * length[:, None])
 
@@ -104,8 +104,8 @@ class BatchSimulator:
     ) -> RewardTerms[Tensor]:
         """The reward of standing at `position`: terms of shape (B,).
 
-        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own, and of the
-        floor before items `floor_taken` (B,) is, else none.
+        `target_iou` (B,), where given, replaces the IoU with the designer's place in the room. `floor_taken` (B,) is
+        how much of the floor before items is taken, by default 0.
         """
         if target_iou is None:
             off_target = position - self._designer_position.index_select(0, room)
@@ -121,7 +121,7 @@ class BatchSimulator:
         return self._shapes.ious_with(room, at, around)
 
     def _from(self, room: Tensor, position: Tensor, footprints: Footprints | None) -> tuple[Tensor, Footprints | None]:
-        """Both as they lie from the rooms' origins."""
+        """Return positions and footprints relative to the origins of their rooms."""
         origin = self._origin.index_select(0, room)
         if footprints is not None:
             footprints = footprints._replace(center=footprints.center - origin[:, None])
@@ -138,7 +138,10 @@ def _shifted(shapes: np.ndarray, by: np.ndarray) -> np.ndarray:
 
 
 def _inside(borders: Tensor, places: Tensor) -> Tensor:
-    """Whether places (axis, n, B) on a line lie within borders that cross it at (axis, lines, B): odd ones out are."""
+    """Return whether places (axis, n, B) on a line lie inside borders that cross it at (axis, lines, B).
+
+    Inside, the number of borders before a place is odd.
+    """
     return (borders[:, None] < places[:, :, None]).sum(2, dtype=torch.uint8).bitwise_and_(1).bool()
 
 

@@ -1,8 +1,8 @@
 """Exact shares of pixels that shapes cover: what `render.coverage` computes, for a batch and on any device.
 
-Every function takes the centre (B, 2) and the size of one shape a window, and returns the share of each pixel
-of the window: float32 (B, side, side), rows first. All is float32, in pixels, x to the right and y down; a centre
-counts from the window's upper left corner. Shapes may reach out of the window; one of no size covers nothing.
+Every function takes the centre (B, 2) and the size of one shape per window, and returns the share of each pixel
+of the window: float32 (B, side, side), rows first. All is float32, in pixels, x to the right and y down; centres are
+relative to the window's upper left corner. Shapes may reach out of the window; one of size 0 covers nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ def boxes(center: Tensor, half: Tensor, side: int) -> Tensor:
     """Upright rectangles of half sides (B, 2)."""
     pixel = torch.arange(side, device=center.device)
     low, high = (center - half)[..., None], (center + half)[..., None]
-    # A box covers of a pixel what it covers of its column times what it covers of its row.
+    # The share of a pixel is the share of its column times the share of its row.
     columns, rows = (torch.minimum(high, pixel + 1) - torch.maximum(low, pixel)).clamp(min=0).unbind(1)
     return rows[:, :, None] * columns[:, None, :]
 
@@ -25,8 +25,8 @@ def boxes(center: Tensor, half: Tensor, side: int) -> Tensor:
 def polygons(center: Tensor, corners: Tensor, side: int) -> Tensor:
     """Simple polygons whose corners (B, n, 2), counted from the centre, run counter-clockwise on the screen.
 
-    What a column holds of a polygon above a level is a sum over edges: the area above the edge and the level,
-    positive for edges that run to the right. The levels are the borders of rows, whose differences are pixels.
+    The polygon's area in a column of pixels above a level is a sum over edges: the area above both the edge and the
+    level, positive for edges that run to the right. Levels are the borders of rows; their differences are pixels.
     """
     border = torch.arange(side + 1, device=center.device)
     start = (center[:, None] + corners)[..., None]
@@ -49,9 +49,9 @@ def polygons(center: Tensor, corners: Tensor, side: int) -> Tensor:
 def discs(center: Tensor, radius: Tensor, side: int) -> Tensor:
     """Discs of radius (B, 1).
 
-    Pixels are differences of what a disc holds of the upright rectangle between its centre and a corner: all of
-    the rectangle if the corner lies in the disc, else the disc's part up to the corner's x, plus that up to its y,
-    less a quarter of the disc.
+    A pixel is a difference of areas that the disc shares with the upright rectangles between its centre and the pixel's
+    corners: all of the rectangle if the corner lies in the disc, else the disc's part up to the corner's x, plus that
+    up to its y, less a quarter of the disc.
     """
     radius = radius[..., None]
     corner = torch.arange(side + 1, device=center.device) - center[..., None]

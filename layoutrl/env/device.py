@@ -8,7 +8,7 @@ from layoutrl import InputError
 
 
 def usable_device(device: torch.device | str, *others: str) -> torch.device:
-    """The device of a name. Raises InputError where this machine has none such; `others` are names that do as well."""
+    """Return the device of a name. Raises InputError if this machine has none such; the message also lists `others`."""
     try:
         chosen = torch.device(device)
         torch.zeros(1, device=chosen).item()  # which a device without memory refuses

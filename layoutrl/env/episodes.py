@@ -13,7 +13,7 @@ from layoutrl.env.geometry import snap
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.scenes import Scenes
 
-NEAR = (0.1, 0.3, 1.0)  # metres, standard deviations, each as likely: how near to the designer's place is near
+NEAR = (0.1, 0.3, 1.0)  # metres: standard deviations, equally likely, of starts near the designer's place
 
 
 class Step(NamedTuple):
@@ -22,22 +22,22 @@ class Step(NamedTuple):
     room: Tensor  # int64 (B,), or scenes, int32 (B, columns)
     position: Tensor  # float64 (B, 2), before the move
     action: Tensor  # int64 (B,)
-    legal: Tensor  # bool (B,): whether the move was; one that was not is dropped, and changes nothing
+    legal: Tensor  # bool (B,): whether the move was legal; an illegal one is dropped and changes nothing
     next_position: Tensor  # float64 (B, 2)
     next_legal: Tensor  # bool (B, A): the moves that are legal from there
-    terms: RewardTerms[Tensor]  # of standing there
-    terminated: Tensor  # bool (B,): at the goal
+    terms: RewardTerms[Tensor]  # the reward at `next_position`, (B,)
+    terminated: Tensor  # bool (B,): whether the goal is reached
     ended: Tensor  # int64 (n,): the episodes that terminated or were truncated
-    whole: Tensor  # int64 (m,): of these, those that began at age 0: their moves are all that an episode has
+    whole: Tensor  # int64 (m,): those of `ended` that began at age 0 and so made all moves of an episode
 
 
 class Episodes:
     """B parallel episodes in rooms drawn at random. Their state is `room`, `position` and `legal`, as in Step.
 
     An episode is truncated after `max_moves` moves and, with `goal_iou`, terminates at that IoU with the
-    designer's footprint. `near` is the share of them that are to begin near the designer's places, and these
-    (rooms, 2): where a place that is drawn there is illegal the start is anywhere.
-    `ages` (B,) are the moves that count as made at the beginning: staggered, not all end at once.
+    designer's footprint. `near` is the share of episodes that begin near the designer's places, and these places
+    (rooms, 2), in metres; where the start drawn there is illegal, one is drawn from anywhere.
+    `ages` (B,) are numbers of moves that count as made already: if staggered, episodes do not all end at once.
     """
 
     def __init__(
@@ -54,17 +54,17 @@ class Episodes:
         self._goal_iou = goal_iou
         self._near = near
         self._generator = generator
-        self._age = ages.copy()  # kept on the host: who is truncated is known without waiting for the device
+        self._age = ages.copy()  # on the host, so that truncation is known without waiting for the device
         self._whole = ages == 0
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
     def explore_by(self, epsilon: float) -> float | Tensor:
-        """Explore so much from now on: the probability of a drawn action, the same in all episodes."""
+        """Return the probability of a random action at this exploration rate: here the same in all episodes."""
         return epsilon
 
     def step(self, action: Tensor) -> Step:
-        """Make one move (B,) each."""
+        """Make one move in each episode, int64 (B,). Episodes that end begin anew."""
         simulator, index = self._simulator, action[:, None]
         legal = self.legal.gather(1, index).squeeze(1)
         moved = simulator.moved(self.room, self.position, action, self._length.gather(1, index).squeeze(1))
@@ -89,7 +89,7 @@ class Episodes:
         return step
 
     def state_dict(self) -> dict[str, Any]:
-        """Where every episode is, and what is drawn next."""
+        """Return the state of all episodes and of their random generator."""
         return {
             "room": self.room,
             "position": self.position,
@@ -99,7 +99,7 @@ class Episodes:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from where others were."""
+        """Continue from a state that `state_dict` returned."""
         self.stand_at(state["room"], state["position"])
         self._age = np.array(state["age"])
         self._whole = np.array(state["whole"])
@@ -120,7 +120,7 @@ class Episodes:
         self.legal = self.legal.index_copy(0, ended, legal)
 
     def _following(self, ended: Tensor) -> tuple[Tensor, Tensor]:
-        """The rooms and positions in which episodes that ended go on."""
+        """Return the rooms and positions in which the next episodes begin, one for each that ended."""
         return self._drawn(len(ended))
 
     def _drawn(self, count: int) -> tuple[Tensor, Tensor]:

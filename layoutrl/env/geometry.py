@@ -1,4 +1,4 @@
-"""The grid of positions, in metres; tables."""
+"""The grid on which positions are kept, in metres, and padded tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from layoutrl.env.reward import Array
 
 GRID = 1e-6  # metres: positions are kept on this grid, so that a move and its opposite cancel exactly
-CONTACT = 2e-6  # metres: a place that touches a border, rounded to the grid, still fits
+CONTACT = 2e-6  # metres of slack: a place that touches a border still fits once it is rounded to the grid
 
 
 def snap(position: Array) -> Array:
@@ -16,7 +16,7 @@ def snap(position: Array) -> Array:
 
 
 def padded(entries: np.ndarray, row: np.ndarray, rows: int) -> np.ndarray:
-    """Entries (n, ...), each of a `row` (n,), ascending, as a table filled up with NaN: (rows, longest, ...)."""
+    """Return entries (n, ...), ascending by their `row` (n,), as a table padded with NaN: (rows, longest, ...)."""
     count = np.bincount(row, minlength=rows)
     column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     table = np.full((rows, count.max(initial=0), *entries.shape[1:]), np.nan)

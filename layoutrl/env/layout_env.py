@@ -32,27 +32,27 @@ from layoutrl.rooms.room import Point, Room
 class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     """`gymnasium.make("layoutrl/Layout-v0", rooms=..., observation="geometry", moves=Moves(...))`.
 
-    In every room the item that moves has a center, the designer's; any other without one is left out of the room.
-    Every reset draws a room (or takes `options={"room": index}`) and a random start (or
-    `options={"position": (x, y)}`, metres; with several rooms beside `room`).
+    Every room needs a target with a center, the designer's place for it; other items without a center are left out.
+    Every reset draws a room (or takes `options={"room": index}`) and a random start (or takes
+    `options={"position": (x, y)}` in metres, which needs `room` if there are several rooms).
 
     action: Discrete(A), see Moves. observation: `geometry` float32 (elements, columns) or `image`
     uint8 (128, 128, 3). reward: the paper's, -200 to 100.
     info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`, `r4`; `iou`;
-    `position`; `room`, its index; `illegal`, whether this move was. `action_masks()` is `legal` as
-    sb3-contrib's MaskablePPO asks for it.
+    `position`; `room`, its index; `illegal`, whether this move was illegal. `action_masks()` is `legal`, under the
+    name that sb3-contrib's MaskablePPO asks for.
 
-    The space of `geometry` hangs on the rooms, unless the `categories` that it knows and `elements`, its number
-    of rows, are given: environments that are given the same have the same spaces.
+    The space of `geometry` depends on the rooms, unless `categories`, those that have a column, and `elements`, the
+    number of rows, are given: environments with the same of both have the same spaces.
 
-    Areas are in closed form and in double precision: those of `Simulator`, with discs as true circles.
+    Areas are those of `Simulator`, computed in closed form and double precision, with discs as true circles.
 
     An illegal move is dropped with `on_illegal="drop"` (training, section 4.2 of the paper): nothing
     changes, and the caller should not store it. With `"stop"` (test) it terminates the episode.
     An episode is truncated after `max_moves` moves, dropped ones included; it never ends otherwise.
 
     Raises ValueError where a room has no target, a target that does not fit, or more than the given space
-    holds; for an action outside the action space; for options that cannot be, and such a reset leaves the
+    holds; for an action outside the action space; for invalid options of a reset, which then leaves the
     environment as it was. Raises gymnasium's ResetNeeded for `step`, `render` and `action_masks` before
     the first reset.
     """
@@ -93,7 +93,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         room, position = self._chosen(checked_options(options, "room", "position"))  # refused before anything changes
         super().reset(seed=seed)
-        drawn = self.np_random.integers(len(self.simulator.rooms))  # with a room that was asked for, in vain
+        drawn = self.np_random.integers(len(self.simulator.rooms))  # drawn even where it is not used
         self._room = int(drawn if room is None else room)
         if position is None:
             position = self.simulator.starts(np.array([self._room]), self.np_random)[0]
@@ -120,9 +120,9 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         return self._legal.copy()
 
     def render(self) -> np.ndarray | None:
-        """The way so far, uint8 (384, 384, 3): start pale, item red, the designer's place outlined.
+        """Return a picture of the path so far, uint8 (384, 384, 3): start pale, item red, designer's place outlined.
 
-        It is for people: an agent that learns from these pictures is told the answer.
+        It is for people: an agent that learns from these pictures is told the answer. None without a render mode.
         """
         begun(self._path)
         if self.render_mode != "rgb_array":
@@ -130,7 +130,10 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         return story(self.simulator.rooms[self._room], np.array(self._path))
 
     def _chosen(self, options: dict[str, Any]) -> tuple[int | None, np.ndarray | None]:
-        """Room and position (2,) that the options of a reset ask for; None for what is to be drawn."""
+        """Return the room and position (2,) that the options of a reset name, None for what is to be drawn.
+
+        Raises ValueError for options that cannot be used.
+        """
         given, count = options.get("position"), len(self.simulator.rooms)
         room = checked_room(options.get("room"), count)
         if given is None:
@@ -149,7 +152,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         return room, position
 
     def _arrive(self) -> dict[str, Any]:
-        """Reward and next moves at the present position, told as info."""
+        """Update the reward and the next moves for the current position; return them as info."""
         position = self._path[-1]
         single = self._singles[self._room]
         self._reached, legal = single.destinations(*position)

@@ -1,4 +1,4 @@
-"""What layouts of whole rooms are worth, beside the designer's: all measures, of all rooms at once."""
+"""Measures of whole-room layouts compared with the designer's, for all rooms at once."""
 
 from __future__ import annotations
 
@@ -26,38 +26,38 @@ from layoutrl.rooms.faults import (
 )
 from layoutrl.rooms.room import TOLERANCE, Room
 
-ROBOT = 0.3  # metres wide: who walks in PhyScene's measures (Yang et al. 2024)
+ROBOT = 0.3  # metres: width of the robot that walks in PhyScene's measures (Yang et al. 2024)
 
-NEARER = 1e-9  # of IoU a square metre: of matches with the same sum of IoU, the one that moves items less
+NEARER = 1e-9  # IoU per square metre: of matches with the same sum of IoU, prefer the one that moves items less
 
 
 @dataclass(frozen=True)
 class Measures:
-    """What B layouts are worth, an array (B,) each: shares unless a unit is named, NaN where there is nothing to count.
+    """Measures of B layouts, an array (B,) each: shares unless a unit is named, NaN where there is nothing to count.
 
     An item that is not placed has IoU 0, does not face as the designer's, is not reached and its front is not free;
-    it does not overlap, stand outside, block or move. A room that lacks an item is not faultless.
+    it does not overlap, stand outside, block or move. A layout that lacks an item is not faultless.
     """
 
-    iou: np.ndarray  # mean over the designer's items, matched within a category for the highest sum
-    facing: np.ndarray  # of the designer's items but round ones and square ones without a front: matched and alike
-    overlap: np.ndarray  # of all items, as what follows: more than 1 cm deep in another, but for a tucked one's HOSTS
-    overlap_area: np.ndarray  # mean over items: how much of it others cover
-    outside: np.ndarray  # of items: more than 1 cm outside the indoor area
-    outside_area: np.ndarray  # mean over items: how much of it is not indoors
-    blocked: np.ndarray  # of items: in a door, in a window, or in the 30 cm before and behind a door: `kept_free`
-    reached: np.ndarray  # of items: who enters by the `entrance`, as wide as the `way_width`, comes to touch it
-    fronts: np.ndarray  # of items that keep a FRONT_DEPTH: free of walls and of other items
-    walkable: np.ndarray  # of the floor where the middle of the ROBOT can be: connected with the `entrance`
-    reach: np.ndarray  # of items: touched from a connected part of that floor; mean over the parts, by their area
-    moved: np.ndarray  # metres from the middle of the matched item, mean over those that have one
-    missing: np.ndarray  # of the designer's items: without a match
+    iou: np.ndarray  # mean over the designer's items of the IoU with their match, see `matched`
+    facing: np.ndarray  # share of designer's items, not round nor square without a front, whose match faces alike
+    overlap: np.ndarray  # share of items more than 1 cm deep in another that may not share their floor
+    overlap_area: np.ndarray  # mean over items: share of the footprint that such others cover
+    outside: np.ndarray  # share of items more than 1 cm outside the indoor area
+    outside_area: np.ndarray  # mean over items: share of the footprint that is not indoors
+    blocked: np.ndarray  # share of items in a door, in a window, or in the 30 cm before and behind a door: `kept_free`
+    reached: np.ndarray  # share of items that somebody as wide as `way_width`, entering by the `entrance`, can touch
+    fronts: np.ndarray  # share of items with a FRONT_DEPTH whose front is free of walls and of other items
+    walkable: np.ndarray  # share, connected with the `entrance`, of the floor where the middle of the ROBOT can be
+    reach: np.ndarray  # share of items touched from a connected part of that floor; mean over parts, weighted by area
+    moved: np.ndarray  # metres from the middle of the matched item, mean over items with a match
+    missing: np.ndarray  # share of the designer's items without a match
     faultless: np.ndarray  # 1 where no item is missing or has a fault, else 0
-    group: np.ndarray  # of rooms that are not independent
+    group: np.ndarray  # `Room.group`: rooms of one group are not independent
 
 
 def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
-    """All measures of layouts beside the designer's (B,), of the same rooms in the same order."""
+    """Return all measures of layouts (B,) compared with the designer's (B,), of the same rooms in the same order."""
     assert len(layouts) == len(designed)
     count, items, matches = len(layouts), Items.of(layouts), matched(layouts, designed)
     found = item_faults(layouts, items)
@@ -88,7 +88,7 @@ def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
 
 
 def covered(items: Items) -> np.ndarray:
-    """The share of each item's footprint that others cover, but for those that it shares the floor with: (N,)."""
+    """Return the share of each item's footprint that others cover, without those that may share its floor: (N,)."""
     a, b = meeting(items)
     shared = unions(shapely.intersection(items.footprint[a], items.footprint[b]), a, len(items.room))
     return np.nan_to_num(shapely.area(shared) / shapely.area(items.footprint))
@@ -102,7 +102,10 @@ def beyond(layouts: Sequence[Room], items: Items) -> np.ndarray:
 
 
 def walked(layouts: Sequence[Room], items: Items) -> tuple[np.ndarray, np.ndarray]:
-    """PhyScene's walkable area and reach (B,), of a ROBOT that walks on what is RAISED; 0 where it can be nowhere."""
+    """Return PhyScene's walkable area and reach, (B,) each, for a ROBOT that walks on RAISED items.
+
+    Both are 0 where the robot fits nowhere. Reach is NaN in rooms without items.
+    """
     count, radius = len(layouts), ROBOT / 2
     floor = free_floor(layouts, items, ~np.isin(items.category, list(RAISED)), np.full(count, radius))
     area = shapely.area(floor.part)
@@ -124,17 +127,17 @@ def means(value: np.ndarray, room: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Matches:
-    """Of the designer's M placed items, one room after the other."""
+    """The designer's M placed items, one room after the other, compared with their matches in the layouts."""
 
     room: np.ndarray  # (M,)
     category: np.ndarray  # (M,)
-    iou: np.ndarray  # (M,), with the match; 0 without one
-    facing: np.ndarray  # (M,): 1 where the match faces alike, 0 where not or without one, NaN of round and square ones
+    iou: np.ndarray  # (M,): with the match, 0 without one
+    facing: np.ndarray  # (M,): 1 where the match faces alike, 0 where not or without one, NaN as in `Measures`
     moved: np.ndarray  # (M,): metres to the middle of the match, NaN without one
 
 
 def matched(layouts: Sequence[Room], designed: Sequence[Room]) -> Matches:
-    """The designer's items, each with one of its category, so that the sum of IoU in a room is the highest."""
+    """Match the designer's items one to one with items of their category, for the highest sum of IoU in each room."""
     ours, theirs = Items.of(layouts), Items.of(designed)
     a, b = pairs(theirs.room, ours.room)
     alike = (theirs.category[a] == ours.category[b]) & theirs.placed[a] & ours.placed[b]
@@ -159,7 +162,10 @@ def iou_of(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def assigned(value: np.ndarray, category: np.ndarray, room: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Of pairs (n,), ascending by their first item, the indices of those that are matched for the highest sum."""
+    """Return the indices of the pairs that match items for the highest sum of values in each room and category.
+
+    The pairs (n,) ascend by their first item and are all that a category has in a room.
+    """
     order = np.lexsort((category, room))  # stable: a category's pairs in a room stay a table, row by row
     ends = np.flatnonzero(np.diff(room[order]) | np.diff(category[order])) + 1
     taken = []

@@ -25,20 +25,20 @@ from layoutrl.rooms.clearances import period
 from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Point, Room, middles, polygons
 
-# Columns of one element in the geometry observation; one column a known furniture category follows.
+# Columns of one element in the geometry observation; one column per known furniture category follows.
 KINDS = ("moving", "wall", "door", "window", "item")
 COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
 X, Y, PRESENT, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
     COLUMNS.index(name)
     for name in ("x", "y", "present", "item", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
 )
-STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # what else stands in a room is one of these
+STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # the kinds of elements that do not move
 LIMIT = 2 * LARGEST  # metres: no entry of a room that can be read is larger
 BLOCK = 128  # pictures painted at once: on a CPU, a larger block waits for memory
 
 
 class Observe(Protocol):
-    """What an agent sees of poses; GeometryObservation, ImageObservation or ScenesObservation."""
+    """Protocol of what an agent sees of poses: GeometryObservation, ImageObservation or ScenesObservation."""
 
     def __call__(self, room: Tensor, position: Tensor, /) -> Tensor:
         """Observations (B, ...) of rooms (B,) or scenes (B, columns) with the item at positions (B, 2)."""
@@ -48,12 +48,12 @@ class Observe(Protocol):
 
 
 def in_every_view(observe: Observe, symmetries: Sequence[Symmetry], observation: Tensor) -> Tensor:
-    """The same observations (B, ...), an equal share of them in each symmetry."""
+    """Return the observations (B, ...) with each symmetry applied to an equal share of them."""
     return torch.cat([in_view(observe, symmetry, share) for symmetry, share in shares(symmetries, observation)])
 
 
 def in_view(observe: Observe, symmetry: Symmetry, observation: Tensor) -> Tensor:
-    """How the same rooms look in a symmetry; the observation itself in the one that changes nothing."""
+    """Return the observation of the same rooms in a symmetry; the observation itself for the identity."""
     return observe.turned(observation, symmetry) if symmetry.changes else observation
 
 
@@ -64,7 +64,10 @@ def observation_of(
     categories: Sequence[str] | None = None,
     elements: int | None = None,
 ) -> GeometryObservation | ImageObservation:
-    """What is seen of the rooms, by who knows these furniture categories; if none are given, those of the rooms."""
+    """Return the observation of the rooms. Raises ValueError for another kind.
+
+    The geometry observation has a column for each of the categories, by default those of the rooms.
+    """
     if kind == "geometry":
         known = categories_of(rooms) if categories is None else categories
         return GeometryObservation(rooms, known, device, elements)
@@ -79,8 +82,8 @@ class GeometryObservation:
     An element is its kind, centre and size (metres, from the centre of the envelope), the double angle of its
     rotation (a rectangle turned by half a circle covers the same), where it faces (0, 0 for what has no front: walls,
     openings, tables and the like) and its category.
-    There are `elements` rows, or if none are given as many as the rooms need, at least 2. Rows of rooms with fewer
-    elements are zero; `present` tells them apart. `origin` (rooms, 2) are those centres.
+    There are `elements` rows, by default as many as the rooms need, at least 2. Rooms with fewer elements are padded
+    with rows of zeros, which have `present` 0. `origin` (rooms, 2) holds the centres of the envelopes.
 
     Raises InputError where rooms need more rows than are given.
     """
@@ -120,7 +123,7 @@ class GeometryObservation:
 class ImageObservation:
     """The paper's picture of each pose: uint8 (B, 128, 128, 3), the moving item with exact pixel coverage.
 
-    What does not move is copied; the item is painted into a window of it that holds the largest item of the rooms.
+    The background of the room is copied; the item is painted into a window that holds the largest item of the rooms.
     """
 
     def __init__(self, rooms: Sequence[Room], device: torch.device | str = "cpu"):
@@ -130,7 +133,7 @@ class ImageObservation:
         self._scale = torch.tensor([[view.scale, -view.scale] for view in views], dtype=torch.float64, device=device)
         self._offset = torch.tensor(np.array([view.offset for view in views]), device=device)
 
-        # Pixels. An item has its size in the table of its form, and none in the others.
+        # Sizes in pixels. An item has its size in the table of its form, and zeros in the others.
         half, corners, radius = np.zeros((len(rooms), 2)), np.zeros((len(rooms), 4, 2)), np.zeros((len(rooms), 1))
         for k, (room, view) in enumerate(zip(rooms, views, strict=True)):
             item = room.moving
@@ -171,7 +174,7 @@ class ImageObservation:
         center = self._offset.index_select(0, room) + position * self._scale.index_select(0, room)
         first = (center - self._reach).floor().clamp(0, SIDE_PX - self._side)  # column and row of the window
         column, row = first.long().unbind(1)
-        # The colours of a row of pixels in one axis: an inner axis of length three would be several times slower.
+        # Columns and colours share an axis: an inner axis of length three would be several times slower.
         windows = image.flatten(2).unfold(1, self._side, 1).unfold(2, 3 * self._side, 3)
         at = (torch.arange(len(room), device=room.device), row, column)
         painted = windows[at].float()
@@ -187,18 +190,18 @@ def categories_of(rooms: Sequence[Room]) -> list[str]:
 
 
 def enough(elements: int | None, needed: int) -> int:
-    """How many rows an observation has that needs so many. Raises InputError where it is given fewer `elements`."""
-    needed = max(2, needed)  # to take extremes over others
+    """Return the number of rows: `elements`, or as many as needed, at least 2. Raises InputError if it is too few."""
+    needed = max(2, needed)  # so that there are others to take extremes over
     if elements is not None and elements < needed:
         raise InputError(f"elements: expected {needed} or more: so many rows do these rooms fill; got {elements}")
     return elements or needed
 
 
 def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Every element of all rooms in the columns above, and the room (n,) of each; of a room the moving item first.
+    """Return the elements of all rooms (n, columns), columns as above, and the room (n,) of each, ascending.
 
-    The moving item, where there is a target, is at no place: at 0, 0, like an element in the middle of its envelope
-    (rooms, 2).
+    In each room the target, if there is one, comes first, then walls and openings, then the other items. Positions are
+    relative to `origin` (rooms, 2), the middles of the envelopes; the target has none yet and is put at 0, 0.
     """
     moving = [(k, "moving", room.moving) for k, room in enumerate(rooms) if room.target is not None]
     walls = [(k, "wall", wall) for k, room in enumerate(rooms) for wall in room.walls]
@@ -213,7 +216,7 @@ def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray
     shape = np.concatenate([described(size, degrees), items_described(items, [item.degrees for item in items])])
     shape[: len(corners), -2:] = 0.0  # walls and openings face nowhere
 
-    room = np.array([k for k, _, _ in walls + openings + moving + others], dtype=int)  # also where there are none
+    room = np.array([k for k, _, _ in walls + openings + moving + others], dtype=int)  # int, even if empty
     kind = np.array([name for _, name, _ in walls + openings + moving + others])
     category = np.array([""] * len(corners) + [item.category for item in items])
     placed = np.array([item.center for _, _, item in others]).reshape(-1, 2)
@@ -233,7 +236,7 @@ def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray
 
 
 def items_described(items: Sequence[Item], degrees: Sequence[float] | np.ndarray) -> np.ndarray:
-    """The columns `width` to `sin` (n, 7) of items turned so."""
+    """Return the columns `width` to `sin` (n, 7) of items with rotations in degrees (n,)."""
     size = np.array([item.size for item in items]).reshape(-1, 2)
     shown = described(size, np.array(degrees))
     circle = np.array([item.form == "circle" for item in items], dtype=bool)
@@ -244,7 +247,7 @@ def items_described(items: Sequence[Item], degrees: Sequence[float] | np.ndarray
 
 def described(size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
     """The columns `width` to `sin` (n, 7) of rectangles of a size (n, 2), turned by degrees (n,)."""
-    # The one description of a rectangle whose rotation lies above -45 and up to 45 degrees.
+    # Of the equal descriptions of a rectangle, take the one whose rotation lies above -45 and up to 45 degrees.
     quarters = np.ceil((degrees - 45) / 90 - 1e-9).astype(int)
     size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])
     double, facing = np.deg2rad(2 * (degrees - 90 * quarters)), np.deg2rad(degrees)
@@ -272,10 +275,11 @@ def upright_box(element: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def out_of_line(elements: Tensor) -> Tensor:
-    """How far the moving item of elements (B, N, columns) is from the nearest line that it could be in: (B, 2), metres.
+    """Return the signed distance in metres from the moving item to its nearest alignment along each axis: (B, 2).
 
-    Along each axis: where it shares a side or the middle with a wall, an opening or an item, by the boxes around them,
-    or is midway between two items of one category. Infinite where there is no such line.
+    The moving item is the first of elements (B, N, columns). It is aligned where its bounding box shares a side or the
+    middle with that of a wall, an opening or an item, or where it is midway between two items of one category. Infinite
+    where there is nothing to align with.
     """
     (center, half), (its_center, its_half) = (
         upright_box(part.movedim(-1, 0)) for part in elements.tensor_split([1], 1)

@@ -1,6 +1,7 @@
 """Rooms as padded tensors: the borders that a move crosses, the areas that an item shares, places to start from.
 
-A table has a row a room: what a batch needs of it lies together. Positions count from the room's origin.
+A table has one row per room, so that what a batch needs of it lies together. Positions are relative to the room's
+origin.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from layoutrl.env.geometry import GRID, padded
 from layoutrl.rooms.fitting import edges
 from layoutrl.rooms.room import Item
 
-UPRIGHT = 1e-9  # square metres that a rectangle may lack of its bounding box
+UPRIGHT = 1e-9  # square metres by which an upright rectangle may be smaller than its bounding box
 
 
 class Footprints(NamedTuple):
-    """K footprints beside each of B moving items, as state: rectangles and discs, of no area where there is none."""
+    """K footprints beside each of B moving items: rectangles and discs, with an area of 0 where there is none."""
 
     center: Tensor  # float64 (B, K, 2), metres
     half: Tensor  # (B, K, 2): half sides, of a disc its radius
@@ -33,8 +34,11 @@ class Footprints(NamedTuple):
     turn: Tensor | None  # (B, K): radians that a rectangle's sides are turned by; None where all stand upright
 
     def lines(self, origin: Tensor, around: Tensor, across: Tensor, margin: float) -> Tensor:
-        """Where the line along each axis through `across` (B, axis) meets the sides of these boxes, each grown by half
-        the sides `around` (B, 2) of the moving item's: (axis, 2 K, B), infinity for not. Places count from `origin`."""
+        """Return where the line along each axis at `across` (B, axis) crosses the bounding boxes: (axis, 2 K, B).
+
+        Infinity where it does not. The boxes are grown by `around` (B, 2), the half sides of the moving item's bounding
+        box, and crossed up to `margin` metres beyond their corners. Places are relative to `origin` (B, 2).
+        """
         center = (self.center - origin[:, None]).to(across.dtype)
         reach = self.bounds + around[:, None]
         meets = (center - across.flip(1)[:, None]).abs() < (reach + margin).where(self.half > 0, 0.0)
@@ -43,10 +47,10 @@ class Footprints(NamedTuple):
 
 
 def crossings(segments: np.ndarray, axis: int, margin: float) -> np.ndarray:
-    """Segments x0, y0, x1, y1 (n, 4) as a move along the axis crosses them: (m, 7); those along it are left out.
+    """Return segments x0, y0, x1, y1 (n, 4) as a move along an axis crosses them: (m, 7), without those parallel to it.
 
-    Each has from where to where it stretches across the axis, `margin` metres longer at both ends; a place along the
-    axis, the place across it that this is at, the slope from there; the least and the most place along the axis.
+    Columns: the lowest and highest place across the axis, extended by `margin` metres at both ends; the start of the
+    segment along and across the axis, and its slope, along by across; the lowest and highest place along the axis.
     """
     u0, v0, u1, v1 = segments[segments[:, 1 - axis] != segments[:, 3 - axis]][:, [axis, 1 - axis, axis + 2, 3 - axis]].T
     span = np.minimum(v0, v1) - margin, np.maximum(v0, v1) + margin
@@ -65,15 +69,15 @@ class Lines:
         row = np.concatenate(rows)
         order = np.argsort(row, kind="stable")
         table = padded(np.concatenate(columns)[order], row[order], 2 * rooms)
-        if not table.shape[1]:  # in no room any: one nowhere, since a minimum over none is an error
+        if not table.shape[1]:  # no room has any: add one that is nowhere, since a minimum over none is an error
             table = np.full((2 * rooms, 1, 7), np.nan)
         table = np.moveaxis(table.reshape(rooms, 2, -1, 7), 3, 1)  # (rooms, columns, axis, lines)
-        # From where to where it stretches across the axis (NaN: nowhere), and its place along it.
+        # The lowest and highest place across the axis (NaN: nowhere), and the place along it.
         self._line = _tensor(table[:, :3], like)
         self._slant = _tensor(table[:, 3:], like) if np.nan_to_num(table[:, 4]).any() else None
 
     def crossed(self, room: Tensor, across: Tensor) -> Tensor:
-        """Where the line along each axis through `across` (B, axis) is crossed: (axis, lines, B), infinity for not."""
+        """Return where the line along each axis at `across` (B, axis) is crossed: (axis, lines, B), else infinity."""
         across = across[..., None]
         low, high, place = self._line.index_select(0, room).unbind(1)
         if self._slant is not None:
@@ -86,7 +90,7 @@ class Starts:
     """Regions (rooms,) cut into triangles, to draw places from."""
 
     def __init__(self, regions: np.ndarray, device: torch.device):
-        # Shrunk, since a place that is drawn is rounded to the grid; but for regions narrower than that.
+        # Shrink regions, since places are rounded to the grid after they are drawn, unless they are too narrow for it.
         shrunk = shapely.buffer(regions, -GRID, join_style="mitre")
         shrunk = np.where(shapely.is_empty(shrunk), regions, shrunk)
         triangles, room = shapely.get_parts(shapely.constrained_delaunay_triangles(shrunk), return_index=True)
@@ -101,7 +105,7 @@ class Starts:
         return self.at(room, torch.rand(3, len(room), generator=generator, device=room.device, dtype=torch.float64))
 
     def at(self, room: Tensor, uniform: Tensor) -> Tensor:
-        """The places (B, 2) that random numbers (3, B), from 0 to 1, stand for."""
+        """Map random numbers (3, B), from 0 to 1, to places (B, 2) in the regions of rooms (B,)."""
         which, v, w = uniform
         triangle = (self._before.index_select(0, room) <= which[:, None]).sum(1) - 1
         a, b, c = self._corners[room, triangle].unbind(1)
@@ -113,8 +117,8 @@ class Starts:
 class Shapes:
     """The areas that the moving item shares with its room's indoor area, its elements and its designer's footprint.
 
-    Computed as the item sees them: turned back by its rotation, so that its own sides are upright. Of `shapes`,
-    ascending by room, the first of each is its indoor area, the second the designer's footprint; all others are
+    They are computed in the item's frame: turned back by its rotation, so that its own sides are upright. `shapes`
+    ascend by room; the first of each room is its indoor area, the second the designer's footprint, all others are
     elements.
     """
 
@@ -164,7 +168,7 @@ class Shapes:
         self._discs = table(np.column_stack([center, diameter / 2])[is_circle], room[is_circle])
 
     def ious(self, room: Tensor, position: Tensor, others: Footprints | None) -> tuple[Tensor, Tensor, Tensor]:
-        """IoU, summed, with all elements and others; share indoors; IoU with the indoor area: (B,) each."""
+        """Return summed IoU with elements and others, share indoors, and IoU with the indoor area: (B,) each."""
         item, at, half, box = self._item_at(room, position)
 
         indoor = box_box(box[:, None], _taken(self._indoor_boxes, room)).sum(1)
@@ -184,7 +188,7 @@ class Shapes:
         return elements, indoor / item, _iou(indoor, indoor_area, item)
 
     def iou_with_itself(self, room: Tensor, off: Tensor) -> Tensor:
-        """IoU with the item as it is, `off` (B, 2) metres from there: (B,)."""
+        """Return the IoU of the item with itself when moved by `off` (B, 2) metres: (B,)."""
         item, half = self._item_area.index_select(0, room), self._half.index_select(0, room)
         off = self._seen(room, off)
         in_box = (2 * half - off.abs()).clamp_(min=0).prod(1) if self._any_box else None
@@ -208,12 +212,12 @@ class Shapes:
         return _iou(shared, area, item[:, None])
 
     def _item_at(self, room: Tensor, position: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """The item's area (B,), and as it sees itself its centre, half sides (B, 2) and box (B, 4)."""
+        """Return the item's area (B,) and, in its frame, its centre (B, 2), half sides (B, 2) and box (B, 4)."""
         half, at = self._half.index_select(0, room), self._seen(room, position)
         return self._item_area.index_select(0, room), at, half, torch.cat([at - half, at + half], 1)
 
     def _sides(self, room: Tensor, center: Tensor, footprints: Footprints) -> Tensor:
-        """The sides of rectangles (B, K, 4, 4), as the item sees them, around centres (B, K, 2)."""
+        """Return the sides (B, K, 4, 4) of rectangles around centres (B, K, 2), in the item's frame."""
         signs = center.new_tensor([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
         corners = signs * footprints.half[:, :, None]  # (B, K, corners, 2)
         if footprints.turn is not None:
@@ -227,7 +231,7 @@ class Shapes:
         return torch.cat([corners[:, :, :-1], corners[:, :, 1:]], -1)
 
     def _seen(self, room: Tensor, vector: Tensor) -> Tensor:
-        """Vectors (B, 2) as the item sees them."""
+        """Return vectors (B, 2) in the item's frame."""
         if self._turns is not None:
             vector = torch.einsum("bij,bj->bi", self._turns.index_select(0, room), vector)
         return vector.to(self._half.dtype)
@@ -239,7 +243,7 @@ class Shapes:
         return self._of_its_kind(room[:, None], in_box, in_disc)
 
     def _in_discs(self, discs: Tensor, room: Tensor, box: Tensor, at: Tensor, half: Tensor) -> tuple[Tensor, Tensor]:
-        """Areas shared with discs, centre and radius (B, discs, 3), and their areas: (B, discs) each."""
+        """Return areas shared with discs, centre and radius (B, discs, 3), and the discs' areas: (B, discs) each."""
         center, radius = discs[..., :2], discs[..., 2]
         x0, y0, x1, y1 = box.T
         corners = torch.stack([x0, y0, x1, y0, x1, y1, x0, y1, x0, y0], 1)
@@ -250,7 +254,7 @@ class Shapes:
         return self._of_its_kind(room[:, None], in_box, in_disc), torch.pi * radius.square()
 
     def _of_its_kind(self, room: Tensor, in_box: Tensor | None, in_disc: Tensor | None) -> Tensor:
-        """What holds for the item of each room, a rectangle or a disc."""
+        """Return, for each room's item, the values for a rectangle or those for a disc."""
         if in_box is None or in_disc is None:
             shared = in_disc if in_box is None else in_box
             assert shared is not None

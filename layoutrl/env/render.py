@@ -18,7 +18,7 @@ from layoutrl.rooms.room import Room
 
 SIDE_PX = 128
 LARGE_PX = 384  # for people
-SPAN_SHARE = 120 / 128  # of the picture's side, which the longest side of the envelope fills
+SPAN_SHARE = 120 / 128  # share of the picture's side that the longest side of the envelope fills
 
 WHITE = (255, 255, 255)
 BLACK = (0, 0, 0)
@@ -28,7 +28,7 @@ MOVING = (225, 30, 30)
 YELLOW, PINK, VIOLET, CYAN, ORANGE, GREY = OTHERS = (
     (245, 205, 40), (245, 150, 190), (150, 105, 215), (80, 200, 205), (240, 140, 50), (165, 165, 165),
 )  # fmt: skip
-# What stands in one room together differs; of other categories the name decides.
+# Categories that stand in one room together differ; the colour of any other follows from its name.
 COLOR_OF = {
     "bathtub": CYAN, "shower": PINK, "toilet": YELLOW, "vanity": VIOLET,
     "washing_machine": GREY, "washer": GREY, "bed": PINK, "wardrobe": YELLOW, "nightstand": VIOLET, "tv_unit": CYAN,
@@ -78,7 +78,7 @@ def picture(room: Room, position: Sequence[float]) -> np.ndarray:
 def story(room: Room, path: np.ndarray) -> np.ndarray:
     """A picture for people: start (pale), path (n, 2), end (red) and the designer's place (outline).
 
-    Returns uint8 (LARGE_PX, LARGE_PX, 3). Where the item never moved, the room with its item there.
+    Returns uint8 (LARGE_PX, LARGE_PX, 3). If the item never moved, no start and no path are drawn.
     """
     view = View(room, LARGE_PX)
     line = 1.5 / view.scale  # metres a line is wide
@@ -115,7 +115,7 @@ def paint(
     corners = view.pixels(np.reshape(shape.bounds, (2, 2)))
     low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
     high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
-    around = np.s_[low[1] : high[1], low[0] : high[0]]  # of no other pixel is anything covered
+    around = np.s_[low[1] : high[1], low[0] : high[0]]  # no other pixel is covered
     share = opacity * coverage(shape, view)[around][..., None]
     image[around] += share * (np.array(color) - image[around])
 
@@ -145,7 +145,7 @@ def _edge_areas(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> n
     area = np.zeros((len(rows), len(columns)))
     for (x0, y0), (x1, y1) in pairwise(corners):
         first, stop = (int(max(x - columns[0], 0)) for x in (np.floor(min(x0, x1)), np.ceil(max(x0, x1))))
-        below = columns[first:stop]  # of no other column does the edge bound anything
+        below = columns[first:stop]  # the edge bounds nothing in other columns
         if x0 == x1 or not len(below):
             continue
         a = np.clip(min(x0, x1), below, below + 1)

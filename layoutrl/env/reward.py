@@ -19,12 +19,12 @@ REWARD_RANGE = (-200.0, 100.0)
 
 
 class RewardTerms(NamedTuple, Generic[Values]):
-    """The terms for B poses, each of shape (B,), or for one; and the IoU that the first comes from."""
+    """The terms for B poses, each of shape (B,), or for a single one, and the IoU that r1 comes from."""
 
     r1: Values  # towards the designer's place
     r2: Values  # off walls, doors, windows and other items
     r3: Values  # inside the room
-    r4: Values  # floor free before items: 0 but in whole rooms
+    r4: Values  # keeps the floor before items free; 0 except in whole rooms
     iou: Values  # with the designer's footprint, 0 to 1; in whole rooms less where the item faces another way
 
     @property
@@ -35,14 +35,15 @@ class RewardTerms(NamedTuple, Generic[Values]):
 
 @dataclass
 class Reward:
-    """The terms by their weights; `conf/reward/` has them.
+    """The reward function, given by the weights of its terms; `conf/reward/` has the values.
 
-    Raises InputError where a weight is not finite, and where `inside` is neither of its two.
+    `inside="share"` reads the indoor term as the share of the item that is indoors; `"iou"` is the paper's literal IoU
+    with the whole room, far below 1 at the best of places.
 
-    In whole rooms an item can be turned: where it faces another way than the designer's, its IoU counts `faces_away`
-    times what it is. There, too, `theta4` weighs what is taken of the floor before the item, and by it before others:
-    `RoomsSimulator.floor_taken`. `inside="share"` reads the indoor term as the share of the item that is indoors;
-    `"iou"` is the paper's literal IoU with the whole room, far below 1 at the best of places.
+    Two weights are for whole rooms only. Where an item faces another way than the designer's, its IoU is multiplied by
+    `faces_away`. `theta4` weighs the floor before items that is taken, see `RoomsSimulator.floor_taken`.
+
+    Raises InputError where a weight is not finite, and where `inside` is neither share nor iou.
     """
 
     theta1: float = 100.0
@@ -62,8 +63,8 @@ class Reward:
     def __call__(
         self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values, floor_taken: Values
     ) -> RewardTerms[Values]:
-        """The terms from the IoU with the target, the summed IoU with all elements, how much is indoors, and how much
-        floor before items is taken: (B,)."""
+        """Return the terms (B,), from the IoU with the designer's place, the summed IoU with all elements, the share
+        indoors and the IoU with the indoor area, and how much of the floor before items is taken: (B,) each."""
         inside = indoor_share if self.inside == "share" else indoor_iou
         return RewardTerms(
             r1=self.theta1 * target_iou,

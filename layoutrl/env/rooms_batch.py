@@ -1,6 +1,6 @@
 """The simulator of whole rooms as tensors: thousands of them step at once, exactly, on CPU or GPU.
 
-What a state, a move and the reward are, the reference `RoomsSimulator` says.
+The reference `RoomsSimulator` defines states, moves and rewards.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_simulator import TURNS, RoomsSimulator, State, faces_alike
 from layoutrl.rooms.room import Item
 
-FAR = 1e4  # metres from any room: where what does not stand is, so that nothing touches it
+FAR = 1e4  # metres: where items that do not stand are put, so far from any room that nothing touches them
 
 
 class BatchRoomsSimulator:
@@ -34,15 +34,15 @@ class BatchRoomsSimulator:
         self.count, self.ways, self.entry = (
             torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.entry)
         )
-        quarters = np.floor(simulator.degrees / 90 + 0.5).astype(int) % 4  # halves up, each as the next
-        self.turns = torch.tensor(quarters, device=device)  # from facing right
+        quarters = np.floor(simulator.degrees / 90 + 0.5).astype(int) % 4  # halves up, not to even
+        self.turns = torch.tensor(quarters, device=device)  # (rooms, N, 4): quarters, rounded, from facing right
         self._turns = torch.tensor(TURNS, device=device)
-        # Of the items (rooms, N) as they are turned first, and with a quarter more.
+        # Footprints of the items (rooms, N), at their first rotation and a quarter further.
         like = torch.empty(0, device=device, dtype=dtype)
         rows, most = simulator.entry.shape[:2]
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
-        # The floor that is to be free before each, where it counts; and where it fits, a simulator of it.
+        # If the reward counts it, the floor that is to be free before each item; if any of it fits, a simulator of it.
         self._floors = BatchSimulator(simulator.floors, device, dtype) if simulator.floors else None
         self._floors_count = simulator.reward_function.theta4 != 0
         if self._floors_count:
@@ -53,7 +53,7 @@ class BatchRoomsSimulator:
                 for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
             )
 
-        # Of each item the designer's places that it may take, (rooms * N, T), and what they count in each quarter.
+        # The designer's places that each item may take, (rooms * N, T), and what their IoU counts in each quarter.
         places = [there for targets in simulator.targets for there in targets]
         longest = max(map(len, places), default=0)
         table = [_padded(there, longest) for there in places]
@@ -70,7 +70,7 @@ class BatchRoomsSimulator:
         self._target_counts = torch.tensor(counts).to(like)
 
     def begin(self, room: Tensor, generator: torch.Generator) -> State[Tensor]:
-        """Rooms (B,) in which nothing stands but what never moves, and poses drawn for when an item is taken."""
+        """Return rooms (B,) with none of the items to place, and draw the pose that each will have when it is taken."""
         entry = self.entry.index_select(0, room)
         chance = torch.rand(entry.shape, generator=generator, device=self.device)
         quarter = chance.masked_fill(entry < 0, -1.0).argmax(2)
@@ -106,12 +106,12 @@ class BatchRoomsSimulator:
         return torch.nn.functional.pad(length, (0, self.actions - length.shape[1])), legal
 
     def steps(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
-        """Of the actions that are moves how far each leads, in metres, and whether it is legal: (B, moves) each."""
+        """As `reach`, but of the moves and slides alone: (B, moves) each."""
         entry, center, _ = self._moving(state)
         return self.simulator.reach(entry, center, self._others(state))
 
     def moved(self, state: State[Tensor], action: Tensor, length: Tensor) -> State[Tensor]:
-        """The states after an action (B,) each, `length` (B,) metres far."""
+        """Return the states after an action (B,), which leads `length` (B,) metres far."""
         turn = action - self.moves.count
         item = torch.where(turn >= len(self._turns), turn - len(self._turns), state.moving)
         _, center, quarter = self._moving(state._replace(moving=item))
@@ -136,7 +136,7 @@ class BatchRoomsSimulator:
         return RewardTerms(*(term * stands for term in terms))
 
     def _floor_taken(self, state: State[Tensor]) -> Tensor:
-        """As the reference has it: (B,)."""
+        """As `RoomsSimulator.floor_taken`: (B,)."""
         entry, center, quarter = self._moving(state)
         floor = self._floor_entry[state.room, state.moving, quarter]
         middle = center + self._ahead[state.room, state.moving, quarter]
@@ -152,7 +152,7 @@ class BatchRoomsSimulator:
         return taken + self.simulator.ious(entry, center, theirs).sum(1)
 
     def _moving(self, state: State[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
-        """Of what moves its room of `simulator` (B,), center (B, 2) and quarter (B,)."""
+        """Return the room of `simulator` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
         index = state.moving[:, None]
         quarter = state.quarter.gather(1, index)[:, 0]
         center = state.center.gather(1, index[..., None].expand(-1, 1, 2))[:, 0]
@@ -164,7 +164,7 @@ class BatchRoomsSimulator:
 
 
 def either(chosen: Tensor, new: State[Tensor], old: State[Tensor]) -> State[Tensor]:
-    """Of `new` those that are chosen (B,), else of `old`."""
+    """Return the states of `new` where `chosen` (B,), and those of `old` elsewhere."""
     both = zip(new, old, strict=True)
     return State(*(torch.where(chosen.view(-1, *[1] * (one.ndim - 1)), one, other) for one, other in both))
 
@@ -174,7 +174,7 @@ def _others_stand(state: State[Tensor]) -> Tensor:
     return state.stands.scatter(1, state.moving[:, None], False)
 
 
-NOTHING = Item("", (0.0, 0.0), (FAR, FAR))  # fills up tables
+NOTHING = Item("", (0.0, 0.0), (FAR, FAR))  # pads tables
 
 
 def _padded(items: Sequence[Item], length: int) -> list[Item]:
@@ -185,7 +185,7 @@ class _Table:
     """Footprints of items (rows, K), each at two rotations, a quarter apart."""
 
     def __init__(self, items: Sequence[Sequence[Item]], degrees: np.ndarray, like: Tensor):
-        """From items and the first rotation of each, `degrees` (rows, K, ...)."""
+        """Take items (rows, K) and their rotations in degrees (rows, K, ...), of which the first counts."""
         shape = degrees.shape[:2]
         size = np.array([[item.size for item in row] for row in items]).reshape(*shape, 2)
         disc = np.array([[item.form == "circle" for item in row] for row in items], dtype=bool).reshape(shape)
@@ -202,11 +202,11 @@ class _Table:
         self._turn = torch.tensor(turn).to(like) if slanted.any() else None
 
     def some(self, state: State[Tensor], center: Tensor, these: Tensor) -> Footprints:
-        """Those of a state's items, at centers (B, K, 2); of nothing but `these` (B, K)."""
+        """Return the footprints of `these` (B, K) of a state's items, at centers (B, K, 2); the others are FAR away."""
         return self.footprints(state.room, center.where(these[..., None], FAR), state.quarter)
 
     def footprints(self, row: Tensor, center: Tensor, quarter: Tensor) -> Footprints:
-        """Those of rows (B,) at centers (B, K, 2), turned further by quarters (B, K)."""
+        """Return the footprints of rows (B,) at centers (B, K, 2), by quarters (B, K) from their first rotation."""
         odd = (quarter % 2).bool()[..., None]
 
         def at(table: Tensor) -> Tensor:

@@ -38,24 +38,25 @@ MAX_MOVES = 300  # by default
 class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     """`gymnasium.make("layoutrl/Rooms-v0", rooms=..., moves=Moves(...))`.
 
-    Rooms in which all furniture stands are designs: all of it is taken out, and to be placed. Of rooms in which some
-    items have no center these are to be placed; nobody knows where, so that the first term of the reward is 0.
-    Every reset draws a room, or takes `options={"room": index}`. Nothing stands then but what never moves.
+    A room in which all furniture stands is a design: all of it is taken out, to be placed anew. In a room with items
+    without a center, a brief, those are to be placed; the designer's places are unknown, so that r1 is 0.
+    Every reset draws a room, or takes `options={"room": index}`, and begins without any of the items to place.
 
     action: Discrete(A): those of Moves; a quarter turn to the left, one to the right; to take item 0, 1, ... of the
     list, which then moves: from where it stands, or from a pose that was drawn. observation: RoomsObservation.
     reward: the paper's, -200 to 100, of the item that moves, among what stands now; 0 until one is taken.
-    info: `legal`, the mask (A,) of actions; `item`, which one moves, -1 until one is taken; `r1`, `r2`, `r3`, `r4`,
-    `iou` of it; `room`, the index; `illegal`, whether this action was: it is dropped, nothing changes, and the caller
-    should not store it. At the end of an episode info has `measures`, by their names in `Measures`, of designs alone.
+    info: `legal`, the mask (A,) of actions; `item`, which one moves, -1 until one is taken; its `r1`, `r2`, `r3`, `r4`
+    and `iou`; `room`, the index; `illegal`, whether this action was illegal: then it is dropped, nothing changes, and
+    the caller should not store it. At the end of an episode in a design, info has `measures`: all of `Measures` but
+    `group`.
 
-    The spaces hang on the rooms, unless the `categories` that the observation knows, `elements`, its number of rows,
-    and the number of `items` that can be taken are given: environments that are given the same have the same spaces.
+    The spaces depend on the rooms, unless the `categories` that have a column, `elements`, the number of rows, and the
+    number of `items` that can be taken are given: environments with the same of all three have the same spaces.
 
     An episode is truncated after `max_moves` actions, dropped ones included; it never ends otherwise.
-    Raises ValueError where a room has nothing to place, what does not fit, or more than the given spaces hold; for an
-    action outside the action space and for options that cannot be. Raises gymnasium's ResetNeeded for what is called
-    before the first reset.
+    Raises ValueError where a room has nothing to place, an item that does not fit, or more than the given spaces hold;
+    for an action outside the action space and for invalid options of a reset. Raises gymnasium's ResetNeeded for
+    `step`, `render`, `layout` and `action_masks` before the first reset.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 8}  # noqa: RUF012
@@ -88,7 +89,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         count = len(self.simulator.rooms)
         room = checked_room(checked_options(options, "room").get("room"), count)
         super().reset(seed=seed)
-        drawn = self.np_random.integers(count)  # with a room that was asked for, in vain
+        drawn = self.np_random.integers(count)  # drawn even where it is not used
         self._state = self.simulator.begin(np.array([drawn if room is None else room], dtype=np.int64), self.np_random)
         self._moves_made = 0
         return self._observation(), self._arrive() | {"illegal": False}
@@ -118,7 +119,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         return self._legal.copy()
 
     def render(self) -> np.ndarray | None:
-        """The room, uint8 (384, 384, 3): what moves in red."""
+        """Return a picture of the room, uint8 (384, 384, 3), the moving item in red; None without a render mode."""
         state = self._running
         return None if self.render_mode is None else picture(self.simulator, state, 0)
 
@@ -127,7 +128,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         return begun(self._state)
 
     def _arrive(self) -> dict[str, Any]:
-        """Reward and next moves as the room is now, told as info."""
+        """Update the reward and the next actions for the current state; return them as info."""
         state = self._running
         *self._reached, legal = self.simulator.destinations(state)
         terms = self.simulator.reward(state)
@@ -149,7 +150,7 @@ def simulator_of(
     elements: int | None,
     items: int | None,
 ) -> tuple[RoomsSimulator, list[Room | None]]:
-    """What is given, checked: the simulator of designs and briefs, and of each room its design; None of briefs."""
+    """Return the simulator of the rooms and their designs, None for briefs. Raises ValueError for invalid arguments."""
     given = given_or_some(rooms)
     check_spaces(given, categories, elements)
     if items is not None:
@@ -170,7 +171,7 @@ def measures_of(layout: Room, design: Room | None) -> dict[str, Any]:
 
 
 def picture(simulator: RoomsSimulator, state: State[np.ndarray], b: int) -> np.ndarray:
-    """One of the rooms, uint8 (384, 384, 3): what moves in red."""
+    """Return a picture of room b of a state, uint8 (384, 384, 3), with the moving item in red."""
     n = state.moving[b]
     target = missing(simulator.rooms[state.room[b]])[n] if state.stands[b, n] else None
     return furnished_picture(replace(simulator.layout(state, b), target=target))

@@ -38,7 +38,7 @@ from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.room import middles
 
 MOVING = COLUMNS.index("moving")
-ROOM_COLUMNS = (*COLUMNS, "stands", "tucked")  # one column a known furniture category follows
+ROOM_COLUMNS = (*COLUMNS, "stands", "tucked")  # one column per known furniture category follows
 STANDS, TUCKED = len(COLUMNS), len(COLUMNS) + 1
 
 
@@ -46,8 +46,9 @@ class RoomsObservation:
     """The state as a set of elements, float32 (B, elements, columns): the N items to place, then what never moves.
 
     Columns are those of GeometryObservation with `stands` and `tucked` before the categories. An item that does not
-    stand yet is at no place. It is known by category and size: as it lies where its rotation is given, else the width
-    along the way that it faces, and it faces nowhere. There are `elements` rows, as of GeometryObservation.
+    stand yet has x and y 0. If its rotation is given, it is shown turned so; if not, `width` is its size along the way
+    that it faces, `depth` that across, and the columns of its rotation and facing are 0. There are `elements` rows, as
+    in GeometryObservation.
 
     Raises InputError where rooms need more rows than are given.
     """
@@ -102,7 +103,7 @@ class RoomsObservation:
         items[..., WIDTH : DEPTH + 1] = torch.where(
             lies, items[..., WIDTH : DEPTH + 1], self._waiting.index_select(0, state.room)
         )
-        turned = slice(DEPTH + 1, COS - 1)  # the double angle; whether it is round stays known
+        turned = slice(DEPTH + 1, COS - 1)  # cos2 and sin2; `circle` stays
         items[..., turned] *= lies
         items[..., COS : SIN + 1] *= lies
         moves = torch.zeros_like(state.stands).scatter(1, state.moving[:, None], True) & state.stands
@@ -112,22 +113,22 @@ class RoomsObservation:
         return torch.cat([items, self._shell.index_select(0, state.room)], 1)
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
-        """How the same rooms look mirrored and turned: the size of what lies nowhere is no matter of directions."""
+        """Return the observation of the same rooms, mirrored and turned; what is not `lying` keeps its size."""
         turned, sizes = elements_turned(observation, symmetry), slice(WIDTH, DEPTH + 1)
         turned[..., sizes] = torch.where(lying(observation)[..., None], turned[..., sizes], observation[..., sizes])
         return turned
 
 
 def moving_first_(values: Tensor, moving: Tensor) -> Tensor:
-    """The values (B, elements, ...), in which now the moving item's (B,) have changed places with the first."""
+    """Swap in place the values (B, elements, ...) of the moving item (B,) with those of the first; return them all."""
     every = torch.arange(len(moving), device=values.device)
     values[every, moving], values[:, 0] = values[:, 0].clone(), values[every, moving]
     return values
 
 
 def lying(elements: Tensor) -> Tensor:
-    """Whether elements (..., columns) have a depth and a width along x and y: bool (...).
+    """Return whether the width and depth of elements (..., columns) are along x and y, not the item's own: bool (...).
 
-    All that stand do, and what waits with a rotation that is given. (Of what is round both are alike.)
+    They are for all that stand, and for what waits with a given rotation. (For round items both are the same.)
     """
     return (elements[..., [STANDS, COS2, SIN2]] != 0).any(-1)

@@ -1,7 +1,7 @@
 """The simulator of whole rooms: any item of a brief can be the one that moves, among those that stand now.
 
-It is the simulator of one item, told what else stands: `Simulator` knows of each room what never moves, for each of its
-items and each way that the item can face; poses are state. One item in a finished room is the case in which
+It is the simulator of one item, told what else stands: `Simulator` gets one room for each item and each way that it can
+face, with what never moves; the poses of the other items are state. One item in a finished room is the case in which
 nothing else can move.
 """
 
@@ -28,9 +28,9 @@ TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions tha
 
 
 class State(NamedTuple, Generic[Array]):
-    """B rooms as they are furnished now. N is that of the simulator, the most items that a room has to place or more.
+    """B rooms as they are furnished now, with the N items of `RoomsSimulator`.
 
-    An item that does not stand has the pose at which it will once it is taken.
+    An item that does not stand has the pose at which it will stand once it is taken.
     """
 
     room: Array  # int64 (B,)
@@ -43,19 +43,22 @@ class State(NamedTuple, Generic[Array]):
 class RoomsSimulator:
     """Legality, moves and rewards in B states at once, by shapely.
 
-    `briefs` are rooms with items to place; `designs`, where they are known, the same rooms as the designer has them:
-    the first term of the reward is 0 where they are not. An item may take the place of any of the designer's that is
-    the same (category, size, form); the highest IoU counts.
+    `briefs` are rooms with items to place. `designs` are the same rooms as the designer furnished them, None where that
+    is unknown: r1 is 0 there. An item may take the place of any of the designer's items that is the same (category,
+    size, form); the highest IoU counts.
 
-    Of the items (rooms, N): `count` (rooms,) is how many each room has to place, `ways` how many ways an item can face
-    that look different, `degrees` (rooms, N, 4) its rotation in each, and `entry` (rooms, N, 4) the room of `simulator`
-    in which it moves so turned, -1 where it does not fit. N is `most`, or if that is not given as many as the room with
-    most items has to place. Raises InputError where that is more than is given, where an item fits in no way, and where
-    no room has anything to place.
+    N is `most`, by default the number of items to place in the room with most. Tables of the items:
+    - `count` (rooms,): how many each room has to place
+    - `ways` (rooms, N): in how many ways that look different an item can face
+    - `degrees` (rooms, N, 4): its rotation in each of them
+    - `entry` (rooms, N, 4): the room of `simulator` in which it moves when turned so, -1 where it does not fit
 
-    Where the reward has a fourth term, the floor that is to be free before an item moves with it: in a room of
-    `floors`, `floor_entry`, its middle `ahead` (rooms, N, 4, 2) metres of the item's. `welcome` (rooms, N, N) says of
-    every item whether it may stand there.
+    If the reward has a fourth term, the floor that is to be free before an item moves with it, in room `floor_entry`
+    (rooms, N, 4) of the simulator `floors`. Its middle is the item's plus `ahead` (rooms, N, 4, 2), in metres.
+    `welcome` (rooms, N, N) tells which other items may stand there.
+
+    Raises InputError where a room has more items than `most`, where an item fits in no way, and where no room has
+    anything to place.
     """
 
     def __init__(
@@ -109,17 +112,16 @@ class RoomsSimulator:
 
     @property
     def actions(self) -> int:
-        """How many actions there are: those of Moves; a quarter turn to the left, and one to the right; to take each of
-        N items."""
+        """The number of actions: those of Moves, a quarter turn to the left and to the right, and to take each item."""
         return self.moves.count + len(TURNS) + self.entry.shape[1]
 
     def _entries(
         self, things: Sequence[Sequence[Item | None]], meets: Callable[[Item, Item], bool]
     ) -> tuple[list[Room], np.ndarray]:
-        """A room for each thing (rooms, N) and way to face, with what it `meets` of what never moves.
+        """Return a room for each thing (rooms, N) and way to face, with those never-moving items that it `meets`.
 
-        Where poses have one footprint, it is one room. And which it is, (rooms, N, 4): -1 where there is no such thing,
-        and where it does not fit.
+        Those with the same footprint that meet the same items share a room. Also return the index of each room,
+        (rooms, N, 4): -1 where there is no such thing or way, and where it does not fit.
         """
         entries: list[Room] = []
         index: dict[tuple[object, ...], int] = {}
@@ -148,7 +150,7 @@ class RoomsSimulator:
         return [room for room, fit in zip(entries, fits, strict=True) if fit], number[entry]
 
     def _all_floors(self) -> Iterator[tuple[int, int, Item]]:
-        """Room, item, and the floor before it, of all that have one."""
+        """Yield the indices of room and item, and the floor before the item, for all items that have one."""
         for r, floors in enumerate(self.floor):
             for n, floor in enumerate(floors):
                 if floor is not None:
@@ -157,7 +159,7 @@ class RoomsSimulator:
     def designed(self) -> tuple[np.ndarray, np.ndarray]:
         """Where the designer has each item: centers (rooms, N, 2) and quarters (rooms, N).
 
-        Of items that are the same the first has the place of the designer's first. Raises ValueError without designs.
+        Items that are the same get the designer's places in the order of the design. Raises ValueError without designs.
         """
         center, quarter = np.zeros((*self.ways.shape, 2)), np.zeros(self.ways.shape, dtype=int)
         for r, items in enumerate(self.items):
@@ -170,26 +172,26 @@ class RoomsSimulator:
         return center, quarter
 
     def sequence(self) -> np.ndarray:
-        """When each item is placed, (rooms, N): how many are before it, the largest footprint first.
+        """Return each item's rank (rooms, N) in the order of placing, from 0: the largest footprint first.
 
-        Items that are the same have one rank, as have rows that are none, the last.
+        Items that are the same share a rank; columns without an item have the last, N.
         """
         rank = np.full(self.ways.shape, self.ways.shape[1])
         for r, items in enumerate(self.items):
-            first = [item.kind for item in sorted(items, key=lambda item: -item.area)]  # of one size as in the brief
+            first = [item.kind for item in sorted(items, key=lambda item: -item.area)]  # ties as in the brief
             rank[r, : len(items)] = [first.index(item.kind) for item in items]
         return rank
 
     def empty(self, room: np.ndarray) -> State[np.ndarray]:
-        """Rooms (B,) in which nothing stands but what never moves."""
+        """Return rooms (B,) with none of the items to place."""
         shape = len(room), self.ways.shape[1]
         nowhere = np.zeros((*shape, 2)), np.zeros(shape, dtype=int), np.zeros(shape, dtype=bool)
         return State(np.array(room), *nowhere, np.zeros(len(room), dtype=int))
 
     def begin(self, room: np.ndarray, rng: np.random.Generator) -> State[np.ndarray]:
-        """Rooms (B,) in which nothing stands but what never moves, and poses drawn for when an item is taken.
+        """Return rooms (B,) with none of the items to place, and draw the pose that each will have when it is taken.
 
-        Of the ways that an item can face each is as likely in which it fits, and so is each place at which it does.
+        Both the way that an item faces and its place are uniform over those with which it fits.
         """
         entry = self.entry[room]
         quarter = np.argmax(rng.random(entry.shape) * (entry >= 0), 2)
@@ -208,8 +210,8 @@ class RoomsSimulator:
         return new._replace(moving=np.array(item))
 
     def destinations(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Which item every action moves (B, A), where it leads, (B, A, 2) and quarters (B, A), and whether it is legal
-        (B, A). Until an item is taken there is nothing to move."""
+        """Return which item every action moves (B, A), to which center (B, A, 2) and quarter (B, A), and whether it is
+        legal (B, A). Until an item is taken, only taking one is legal."""
         entry, center, quarter = self._moving(state)
         reached, legal = self.simulator.destinations(entry, center, self._others(state))
         ways = self.ways[state.room, state.moving][:, None]
@@ -241,10 +243,11 @@ class RoomsSimulator:
         return RewardTerms(*(term * state.stands[np.arange(len(iou)), state.moving] for term in terms))
 
     def floor_taken(self, state: State[np.ndarray]) -> np.ndarray:
-        """How much is taken of the floor before the moving item, and by it of that before what else was placed: (B,).
+        """Return how much of the floor before items is taken: before the moving item, and by it before others, (B,).
 
-        Of the one it is what the paper's r2 and r3 are of an item: the IoU, summed, with what stands, walls and
-        openings, and the share that is not indoors. Of the others it is the IoU, summed, with the item.
+        Before the moving item this is what r2 and r3 measure, with that floor as the item: its summed IoU with what
+        stands, walls and openings, plus the share of it that is not indoors. Before the other placed items it is the
+        summed IoU of their floor with the moving item. Items that are `welcome` do not count. 0 if theta4 is 0.
         """
         every, moving = np.arange(len(state.room)), state.moving
         entry, center, quarter = self._moving(state)
@@ -252,7 +255,7 @@ class RoomsSimulator:
         if not self.reward_function.theta4:
             return taken
         floor, middle = self.floor_entry[state.room, moving, quarter], self.ahead[state.room, moving, quarter] + center
-        b = np.flatnonzero(floor >= 0)  # what fits nowhere is not asked for
+        b = np.flatnonzero(floor >= 0)  # a floor that fits nowhere is left out
         others = self._others(state)
         others[self.welcome[state.room, moving]] = None
         if self.floors and len(b):
@@ -263,7 +266,7 @@ class RoomsSimulator:
         return taken + self.simulator.ious(entry, center, floors).sum(1)
 
     def _moving(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of what moves its room of `simulator` (B,), center (B, 2) and quarter (B,)."""
+        """Return the room of `simulator` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
         every = np.arange(len(state.room))
         quarter = state.quarter[every, state.moving]
         return self.entry[state.room, state.moving, quarter], state.center[every, state.moving], quarter
@@ -283,7 +286,7 @@ class RoomsSimulator:
         return footprints
 
     def item(self, state: State[np.ndarray], b: int | np.integer, n: int | np.integer) -> Item:
-        """An item where it stands."""
+        """Return item n of room b where it stands."""
         (x, y), room = state.center[b, n], state.room[b]
         return replace(
             self.items[room][n],
@@ -292,7 +295,7 @@ class RoomsSimulator:
         )
 
     def layout(self, state: State[np.ndarray], b: int | np.integer) -> Room:
-        """One of the rooms with what stands in it; items that do not stand have no center."""
+        """Return room b as it is furnished; items that do not stand have no center."""
         room = self.rooms[state.room[b]]
         furniture = list(room.furniture)
         for n, k in enumerate(missing(room)):
@@ -302,17 +305,17 @@ class RoomsSimulator:
 
 
 def rows(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
-    """The state of some of its rooms, b (n,)."""
+    """Return the state of the rooms b (n,) of a state."""
     return State(*(values[b] for values in state))
 
 
 def faces_alike(item: Item, degrees: float) -> bool:
-    """Whether an item of this kind, turned to `degrees`, looks as `item` does."""
+    """Return whether an item of the same kind, turned to `degrees`, faces as `item` does, to within 45 degrees."""
     return off(item.degrees - degrees, period(item)) <= 45
 
 
 def _takes_floor(floor: Item, other: Item) -> bool:
-    """Whether another item where it stands on the floor before one takes something of it."""
+    """Return whether another item takes floor that is to be free before an item, if it stands there."""
     return not may_stand_before(floor.category, other.category)
 
 

@@ -28,12 +28,12 @@ from layoutrl.rooms.room import Room
 class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """`gymnasium.make_vec("layoutrl/Rooms-v0", num_envs=1000, rooms=..., moves=Moves(...))`.
 
-    As many RoomsEnv: their actions, observations, rewards and info, each with the batch in front, as numpy arrays,
-    computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A). Seeds are those of LayoutVectorEnv.
+    It batches RoomsEnv: the same actions, observations, rewards and info as numpy arrays with the batch in front,
+    computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A). Seeds work as in LayoutVectorEnv.
 
-    All episodes begin together; after `max_moves` actions all are truncated, and others begin in the same step
-    (AutoresetMode.SAME_STEP): `final_obs` and `final_info` tell where they ended. The measures in `final_info` take
-    some milliseconds a room: `measure=False` leaves them out.
+    All episodes begin together; after `max_moves` actions all are truncated, and the next begin in the same step
+    (AutoresetMode.SAME_STEP): `final_obs` and `final_info` hold the last step of the old ones. The measures in
+    `final_info` take some milliseconds a room: `measure=False` leaves them out.
 
     Raises as RoomsEnv and LayoutVectorEnv do.
     """
@@ -70,7 +70,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._state: State[Tensor] | None = None
-        self._streams: list[np.random.Generator] | None = None  # of seeds that were given one by one
+        self._streams: list[np.random.Generator] | None = None  # one per environment, if seeds were given as a list
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -108,7 +108,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return array(self._legal)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
-        """Each room as RoomsEnv shows it: uint8 (384, 384, 3)."""
+        """Return a picture of each room as RoomsEnv does, uint8 (384, 384, 3); None without a render mode."""
         state = State(*map(array, self._running))
         if self.render_mode is None:
             return None
@@ -119,12 +119,12 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return begun(self._state)
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
-        """Observations and info of episodes that are about to begin."""
+        """Begin the next episodes; return their observations and info."""
         count, device = len(self.simulator.rooms), self.simulator.device
         if self._streams is None:
             room = torch.randint(count, (self.num_envs,), generator=self._generator, device=device)
             self._state = self.simulator.begin(room, self._generator)
-        else:  # where RoomsEnv would begin
+        else:  # begin where RoomsEnv would
             states = [self._reference.begin(np.array([stream.integers(count)]), stream) for stream in self._streams]
             self._state = State(
                 *(torch.as_tensor(np.concatenate(values), device=device) for values in zip(*states, strict=True))
@@ -134,7 +134,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return observation, info
 
     def _arrive(self, illegal: Tensor) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
-        """Observations, rewards and info of the rooms as they are now."""
+        """Update the lengths and legality of actions; return observations, rewards and info of the current state."""
         state = self._running
         self._length, self._legal = self.simulator.reach(state)
         terms = self.simulator.reward(state)
@@ -146,7 +146,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return array(self._observe(state)), array(terms.total.double()), info
 
     def _measures(self) -> dict[str, Any]:
-        """The measures of the rooms whose design is known, in Gymnasium's form of info: 0 of others."""
+        """Return the measures in Gymnasium's form of info, 0 and masked for rooms whose design is unknown."""
         designs = [self._designs[room] for room in self._running.room.tolist()]
         known = np.array([design is not None for design in designs])
         if not known.any():

@@ -1,4 +1,4 @@
-"""Many rooms that are furnished at once, item after item; where all has been placed, another room begins."""
+"""Parallel episodes that furnish whole rooms, one item after the other."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from layoutrl.env.rooms_batch import either
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes
 
-SETTLING = 0.3  # share of an item's moves, the last, in which nothing is drawn: where it ends is the agent's own choice
-ANY_ORDER = 1.0  # of the logarithm of a footprint: the largest waiting item is seldom not among the next
-REACH = 0.4  # metres, a standard deviation: how near to the designer's place is near
-LEFT = 0.25  # share of rooms that are left after an item: the first items, of which least is known, come most often
-LEFT_FURNISHED = 0.5  # and of those in which all stands, after each item that was placed again
+SETTLING = 0.3  # share of an item's moves, the last ones, without exploration: where it ends is the agent's own choice
+ANY_ORDER = 1.0  # scale of the noise on the log of a footprint: the largest waiting item is usually among the next
+REACH = 0.4  # metres: standard deviation of starts near the designer's place
+LEFT = 0.25  # share of rooms left after each item: the first items, about which least is known, come most often
+LEFT_FURNISHED = 0.5  # the same once all items stand
 
 
 class SceneEpisodes(Episodes):
-    """B rooms that are furnished in parallel; `room` (B, columns), the scenes, `position` and `legal` are their state.
+    """B rooms that are furnished in parallel. Their state is `room` (B, columns), the scenes, `position` and `legal`.
 
-    An item moves for `max_moves` moves, from a place and a facing that are drawn; a `near` share of them are turned as
-    the designer turned them, and begin near the designer's place where what is drawn there is legal. Then the next is
-    taken: one of those that wait, the larger the sooner, or, where all stand, any of them once more; or another room
-    begins. Rooms are furnished as the designer has them, where every item goes to the designer's place before the next
-    is taken; or by the agent itself, whose mistakes stay: an `own` share of them, as far as it does not explore. Rooms
-    have designs.
+    An item moves for `max_moves` moves, from a random place and facing. A share `near` of items begin turned as the
+    designer turned them, and near the designer's place where the start drawn there is legal. Then either another room
+    begins, or the next item is taken: one of those that wait, larger ones sooner, or any of them again once all stand.
+
+    A share `own`, times 1 - epsilon, of the rooms that begin is furnished by the agent: items stay where it left them,
+    mistakes included. In all other rooms every item is put at the designer's place before the next is taken.
+
+    Raises ValueError where a room has no design.
     """
 
     def __init__(
@@ -59,23 +61,26 @@ class SceneEpisodes(Episodes):
         super().__init__(scenes, ages, max_moves, generator)
 
     def explore_by(self, epsilon: float) -> Tensor:
-        """Explore so much from now on: the probability of a drawn action in each room, none in the last moves of an
-        item. The less it is, the more of the rooms that begin keep the agent's mistakes."""
+        """Set the exploration rate; return the probability of a random action in each room, float32 (B,).
+
+        It is `epsilon`, but 0 in the last moves of an item. The lower `epsilon` is, the more of the rooms that begin
+        keep the agent's mistakes.
+        """
         self._keeps = 1 - epsilon
         settles = self._age >= (1 - SETTLING) * self._max_moves
         return torch.as_tensor(np.where(settles, 0.0, epsilon), dtype=torch.float32).to(self._scenes.device)
 
     def state_dict(self) -> dict[str, Any]:
-        """Where every room is, and what is drawn next."""
+        """Return the state of all rooms and of their random generator."""
         return super().state_dict() | {"own": self._own, "keeps": self._keeps}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from where others were."""
+        """Continue from a state that `state_dict` returned."""
         super().load_state_dict(state)
         self._own, self._keeps = state["own"].to(self._scenes.device), state["keeps"]
 
     def _following(self, ended: Tensor) -> tuple[Tensor, Tensor]:
-        """Take the next items of rooms, or begin others."""
+        """Take the next item of each room, or begin another room; return the scenes and starts."""
         state = self._scenes.state(self.room[ended], self.position[ended])
         own = self._own[ended]
         state = state._replace(
@@ -87,14 +92,14 @@ class SceneEpisodes(Episodes):
         fresh = self._empty(len(ended))
         state = either(begins, fresh, state)
         own = torch.where(begins, self._uniform(len(ended)) < self._own_share * self._keeps, own)
-        self._own = self._own.index_copy(0, ended, own)  # a new tensor: a state that was kept has the old one
+        self._own = self._own.index_copy(0, ended, own)  # a new tensor, since a saved state holds the old one
         return self._taken(state)
 
     def _drawn(self, count: int) -> tuple[Tensor, Tensor]:
         return self._taken(self._empty(count))
 
     def _empty(self, count: int) -> State[Tensor]:
-        """Rooms in which nothing stands."""
+        """Draw rooms with none of the items to place."""
         drawn = torch.randint(len(self._rooms), (count,), generator=self._generator, device=self._scenes.device)
         room = self._rooms[drawn]
         nowhere = torch.zeros_like(self._designed_center[room])
@@ -102,7 +107,7 @@ class SceneEpisodes(Episodes):
         return State(room, nowhere, quarter, quarter > 0, torch.zeros_like(room))
 
     def _taken(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
-        """The scenes and positions in which the next item of states moves."""
+        """Take the next item of each state; return the scenes in which it moves and its starts (B, 2)."""
         scenes = self._scenes
         size = self._size[state.room]
         waits = (size > -torch.inf) & ~state.stands
@@ -114,7 +119,7 @@ class SceneEpisodes(Episodes):
         fits = scenes.simulator.entry[state.room, moving] >= 0
         quarter = self._uniform(*fits.shape).masked_fill(~fits, -1.0).argmax(1)
         designed = self._designed_quarter[state.room, moving]
-        # What the designer turned by less than a quarter may fit in no way that is near to it.
+        # An item that the designer turned by less than a quarter may not fit in the quarter next to that.
         near = (self._uniform(len(moving)) < self._near_share) & fits.gather(1, designed[:, None])[:, 0]
         quarter = torch.where(near, designed, quarter)
         quarters = state.quarter.scatter(1, moving[:, None], quarter[:, None])

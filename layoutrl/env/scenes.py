@@ -1,8 +1,8 @@
-"""Whole rooms as the simulator of one item has them: a scene is a room in which one item moves among what stands now.
+"""Whole rooms for the simulator of one item: a scene is a room in which one item moves among what stands now.
 
-A row of integers takes the place of a room's index, so that who learns to move one item learns whole rooms by the same
-code. A scene is seen, and moved in, as the item faces: turned by quarters, so that the item faces right, or nearly so
-where walls lean. So the agent learns one thing where it would learn four.
+A row of integers replaces the index of a room, so that the code that learns to move one item also learns whole rooms.
+Observations and moves of a scene are turned by quarters until the item faces right, or nearly so where walls lean. So
+the agent learns one thing where it would learn four.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ QUARTERS = 4
 
 
 class Scenes:
-    """Moves and rewards of B poses at once, as `BatchSimulator` has them, in scenes int32 (B, columns).
+    """Moves and rewards of B poses at once, with the interface of `BatchSimulator`, in scenes int32 (B, columns).
 
-    Columns are the room, the item that moves, and of each of the N items where its middle is, in micrometres, and its
-    quarter, -1 where it does not stand. Of the moving item the quarter counts, and its middle is given as the position.
+    Columns: the room; the moving item; x and y of the N items' middles, in micrometres; the N items' quarters, -1 where
+    one does not stand. The moving item's middle is not in the scene but given as position.
     Actions are those of `Moves`, turned with the item: "right" is ahead of it.
     """
 
@@ -40,14 +40,14 @@ class Scenes:
         self._turned = torch.stack(turned)  # (quarters, A): the action that each is in the room
 
     def of(self, state: State[Tensor]) -> Tensor:
-        """The scenes of states, whose moving item stands."""
+        """Return the scenes (B, columns) of states; the moving item counts as standing."""
         moving = state.moving[:, None]
         quarter = state.quarter.masked_fill(~state.stands.scatter(1, moving, True), -1)
         middle = (state.center / GRID).round().scatter(1, moving[..., None].expand(-1, -1, 2), 0.0)
         return torch.cat([state.room[:, None], moving, middle.flatten(1), quarter], 1).int()
 
     def state(self, scene: Tensor, position: Tensor) -> State[Tensor]:
-        """What stands where, the moving item at positions (B, 2)."""
+        """Return the states of scenes with the moving item at positions (B, 2)."""
         room, moving, *_ = scene.long().T
         middle, quarter = scene[:, 2:].split((self.columns - 2) // 3 * 2, 1)
         center = (middle.double() * GRID).unflatten(1, (-1, 2))
@@ -59,7 +59,7 @@ class Scenes:
         return self.simulator.turns[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
 
     def quarter(self, scene: Tensor) -> Tensor:
-        """Of its ways to face that in which the moving item is, as in State: int64 (B,)."""
+        """Return the quarter of the moving item, as in State: int64 (B,)."""
         first = 2 + (self.columns - 2) // 3 * 2
         return scene.gather(1, first + scene[:, 1:2].long())[:, 0].long()
 
@@ -68,7 +68,7 @@ class Scenes:
         return self.simulator.simulator.starts(self._entry(scene), generator)
 
     def starts_at(self, scene: Tensor, uniform: Tensor) -> Tensor:
-        """The positions (B, 2) that random numbers float64 (3, B), from 0 to 1, stand for: the same in any batch."""
+        """Map random numbers from 0 to 1, float64 (3, B), to starts (B, 2): each is the same in any batch."""
         return self.simulator.simulator.starts_at(self._entry(scene), uniform)
 
     def is_legal(self, scene: Tensor, position: Tensor) -> Tensor:
@@ -82,7 +82,7 @@ class Scenes:
         return length.gather(1, action), legal.gather(1, action)
 
     def moved(self, scene: Tensor, position: Tensor, action: Tensor, length: Tensor) -> Tensor:
-        """Where one goes from positions (B, 2) in the direction of each action (B,), `length` (B,) metres far."""
+        """Return positions (B, 2) moved by `length` (B,) metres in the direction of each action (B,)."""
         action = self._turned[self.turns(scene), action]
         return self.simulator.simulator.moved(scene, position, action, length)
 
@@ -108,10 +108,10 @@ def led_to(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor, lengt
 
 
 class ScenesObservation:
-    """What is seen of scenes by who moves the item: float32 (B, elements, columns), the moving item first.
+    """The observation of scenes: float32 (B, elements, columns), the moving item first.
 
-    The elements are those of `RoomsObservation`, turned with the item. What still waits stands nowhere: it is shown
-    where the moving item is, as nothing that could be met.
+    The elements are those of `RoomsObservation`, turned with the item. Items that still wait stand nowhere: they are
+    shown where the moving item is, with `item` 0, since it cannot meet them.
     """
 
     def __init__(self, scenes: Scenes, observe: RoomsObservation):

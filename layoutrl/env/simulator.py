@@ -27,16 +27,19 @@ DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below,
 # Metres: a slide ends at the next contact that is further away than this. No distance on a decimal grid equals it, so
 # that rounding never decides which contact is.
 TOUCHING = 1e-4 + GRID / 3
-TRIES = 10_000  # to draw a start from the box around all that there are
+TRIES = 10_000  # to draw a legal start from the box around all of them
 
 
 @dataclass(frozen=True)
 class Moves:
     """The actions: `steps` times four directions, then four slides if asked.
 
-    Action 4 k + d goes k-th step far in direction d; the last four slide until a side touches the outline or
-    the box around the item that of another.
-    Steps are metres, or pixels of the room's picture (1/120 of the envelope's longest side).
+    Action 4 k + d moves by step k, counted from 0, in direction d of DIRECTIONS. The last four slide until a side of
+    the item touches the outline, or its bounding box that of another item.
+    Steps are in metres, or in pixels of the room's picture (1/120 of the envelope's longest side).
+
+    Raises InputError for another unit, for no steps, and for steps that are not finite lengths above zero (in metres
+    above GRID) or not multiples of the shortest.
     """
 
     steps: tuple[float, ...] = (0.32, 0.08, 0.02, 0.005)
@@ -62,7 +65,7 @@ class Moves:
 
     @property
     def first_slide(self) -> int:
-        """Of the four slides, where there are any."""
+        """The index of the first of the four slides, if there are any."""
         return 4 * len(self.steps)
 
     def lengths(self, room: Room) -> tuple[float, ...]:
@@ -79,7 +82,8 @@ def pixel_size(room: Room) -> float:
 class Simulator:
     """Legality, moves and rewards of B poses at once, in a fixed list of rooms with targets.
 
-    A room in which another item moves is another entry of the list.
+    A room in which another item moves is another entry of the list. Raises InputError where a target does not fit,
+    ValueError where a room has no target or the target has no center or rotation.
     """
 
     def __init__(self, rooms: Sequence[Room], moves: Moves, reward: Reward):
@@ -119,7 +123,7 @@ class Simulator:
             fits = self.is_legal(room[left], drawn)
             position[left[fits]] = drawn[fits]
             left = left[~fits]
-        for b in left:  # the item hardly fits: of the box nearly nothing is free
+        for b in left:  # the item hardly fits: nearly nothing of the box is legal
             drawn = _anywhere(self.legal[room[b]], rng)
             position[b] = snap(drawn) if self.is_legal(room[b], snap(drawn)) else drawn
         return position
@@ -152,8 +156,8 @@ class Simulator:
     ) -> RewardTerms[np.ndarray]:
         """The reward of standing at `position`: terms of shape (B,).
 
-        `target_iou` (B,) is taken for the IoU with the designer's place, where that is not the room's own, and of the
-        floor before items `floor_taken` (B,) is, else none.
+        `target_iou` (B,), where given, replaces the IoU with the designer's place in the room. `floor_taken` (B,) is
+        how much of the floor before items is taken, by default 0.
         """
         shared = self._shared_areas(room, position)  # (B, shapes)
         item, areas = self.item_area[room], self._areas[room]
@@ -195,7 +199,7 @@ class Simulator:
     def _slides(
         self, room: np.ndarray, position: np.ndarray, others: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The next position in each direction at which the item touches the outline from within, or another item."""
+        """Return where each slide ends, touching the outline from within or another item, and whether it is legal."""
         contacts = self.contacts[room]
         if others is not None:
             x0, y0, x1, y1 = np.moveaxis(shapely.bounds(others), -1, 0)
@@ -214,13 +218,13 @@ class Simulator:
             with np.errstate(divide="ignore", invalid="ignore"):
                 hit = u0 + np.clip((across - v0) / (v1 - v0), 0, 1) * (u1 - u0)
             distance = (hit - along) * direction[axis]
-            # A border along the way is none to stop at. One across it can be as short as twice CONTACT.
+            # A border parallel to the slide does not stop it. One across it can be as short as twice CONTACT.
             distance = np.where(crosses & (v0 != v1) & (distance > TOUCHING), distance, np.inf)
             nearest = distance.min(1, initial=np.inf)
             legal[:, d] = np.isfinite(nearest)
             destinations[:, d, axis] += np.where(legal[:, d], nearest, 0.0) * direction[axis]
-        # The next contact may lie beyond the outer walls: in a room with recesses, or behind an item. It is the contact
-        # that is judged, not the place on the grid next to it.
+        # The next contact may lie beyond the outer walls: in a room with recesses, or behind an item. Legal or not is
+        # decided for the contact itself, not for the place on the grid next to it.
         b, k = np.nonzero(legal)
         ways = shapely.linestrings(np.stack([position[b], destinations[b, k]], 1))
         legal[b, k] = shapely.covers(self.legal[room[b]], ways)
@@ -240,9 +244,9 @@ def _anywhere(region: shapely.Geometry, rng: np.random.Generator) -> np.ndarray:
 
 
 def _shapes_of(rooms: Sequence[Room]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The shapes (n,) of rooms, of one after another: indoor area, designer's footprint, and elements, items last.
+    """Return the shapes (n,) of one room after another: indoor area, designer's footprint, elements, with items last.
 
-    Beside them the room (n,) of each, whether it is a disc (n,), and whether it is an item that does not move (n,).
+    Also return the room of each (n,), whether it is a disc (n,), and whether it is an item that does not move (n,).
     """
     bands = [[*room.walls, *(opening.polygon for opening in room.openings)] for room in rooms]
     others = [room.others for room in rooms]
@@ -267,18 +271,18 @@ def _shapes_of(rooms: Sequence[Room]) -> tuple[np.ndarray, np.ndarray, np.ndarra
 def _contacts_of(
     indoor: np.ndarray, templates: np.ndarray, others: np.ndarray, room_of_other: np.ndarray
 ) -> np.ndarray:
-    """The borders to slide to, where the middle of the item is then: (rooms, borders, 4), metres.
+    """Return the segments at which slides of the item's middle end: (rooms, borders, 4), metres, padded with NaN.
 
-    There a side of the item, `templates` (rooms,), touches the outline `indoor` (rooms,) from within, or the box around
-    it that of another item, `others` (n,).
+    There a side of the item, `templates` (rooms,), touches the outline `indoor` (rooms,) from within, or its bounding
+    box that of another item, `others` (n,).
     """
     inner = fitting_positions(indoor, templates, CONTACT)
     x0, y0, x1, y1 = shapely.bounds(others).T
     left, below, right, up = shapely.bounds(templates)[room_of_other].T
     around = shapely.box(x0 - right, y0 - up, x1 - left, y1 - below)
     contacts, region = edges(np.concatenate([inner, around]))
-    # What leans by no more than GRID is level. The tensors take this, and the nanometres, from here: where a wall
-    # leans by micrometres, one nanometre moves the end of a slide by millimetres.
+    # Make level what leans by no more than GRID. The batched simulator takes the contacts from here, rounded to
+    # nanometres: where a wall leans by micrometres, one nanometre moves the end of a slide by millimetres.
     contacts = contacts.round(9)
     start, end = contacts[:, :2], contacts[:, 2:]
     contacts[:, 2:] = np.where(np.abs(end - start) > GRID, end, start)

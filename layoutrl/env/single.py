@@ -1,7 +1,7 @@
 """The simulator for one pose at a time, in plain floats: what `LayoutEnv` steps.
 
-What a room, a move, the reward and the envelope are, the reference `Simulator` says; areas and crossings follow here in
-closed form, as in `areas` and `packed`. To one pose a tensor operation or a call of shapely is mostly overhead.
+The reference `Simulator` defines rooms, moves, rewards and envelopes. Areas and crossings are computed here in closed
+form, as in `areas` and `packed`. For one pose a tensor operation or a call of shapely is mostly overhead.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from layoutrl.rooms.room import Point
 AXES = [(int(y != 0), int(x + y)) for x, y in DIRECTIONS]  # of each direction its axis, and +1 or -1 along it
 Row = Sequence[float]
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1
-Shape = tuple[Box, float, float, list[Row]]  # bounds, area, radius of a disc, sides of what is no disc and no box
+Shape = tuple[Box, float, float, list[Row]]  # bounds; area; radius, 0 for no disc; sides, if areas need them
 
 
 class SingleSimulator:
@@ -42,7 +42,7 @@ class SingleSimulator:
         self._borders = [crossings(borders, axis, 0.0).tolist() for axis in (0, 1)]
         self._contacts = [crossings(contacts, axis, TOUCHING).tolist() for axis in (0, 1)]
 
-        # Areas are computed as the item sees them: turned back by its rotation, so that its own sides are upright.
+        # Areas are computed in the item's frame: turned back by its rotation, so that its own sides are upright.
         item = simulator.rooms[room].moving
         disc = item.form == "circle"
         turn = math.radians(0.0 if disc or item.degrees % 90 == 0 else item.degrees)
@@ -90,12 +90,12 @@ class SingleSimulator:
         for shape in self._shapes:
             (x0, y0, x1, y1), area, _, _ = shape
             touches = x0 < right and x1 > left and y0 < up and y1 > below
-            shared.append(max(self._shared(x, y, box, shape), 0.0) if touches else 0.0)  # -0 up to rounding
+            shared.append(max(self._shared(x, y, box, shape), 0.0) if touches else 0.0)  # rounding can give less than 0
             ious.append(shared[-1] / (self._area + area - shared[-1]))
         return self._reward(ious[1], sum(ious[2:], 0.0), shared[0] / self._area, ious[0], 0.0)
 
     def _seen(self, shapes: np.ndarray, is_disc: np.ndarray) -> list[Shape]:
-        """Shapes (n,), some of which are discs, as the item sees them."""
+        """Return shapes (n,), some of which are discs, in the item's frame."""
         radius = np.where(is_disc, np.ptp(shapely.bounds(shapes)[:, [0, 2]], 1) / 2, 0.0)  # turned it is less wide
         if self._sine:
             matrix = np.array([[self._cosine, -self._sine], [self._sine, self._cosine]])
@@ -114,7 +114,7 @@ class SingleSimulator:
         ]
 
     def _shared(self, x: float, y: float, box: Box, shape: Shape) -> float:
-        """The area that the item, as it sees itself at x, y and in its box, shares with a shape."""
+        """Return the area that the item shares with a shape: x, y and its box are in its frame."""
         (x0, y0, x1, y1), _, radius, sides = shape
         left, below, right, up = box
         if radius and self._radius:
@@ -132,7 +132,7 @@ class SingleSimulator:
 
 
 def _crossed(table: list[Row], across: float) -> list[float]:
-    """Where the line along an axis, at `across` on the other, is crossed."""
+    """Return where the line along an axis, at `across` on the other, is crossed by segments, rows of `crossings`."""
     return [
         min(max(place + slope * (across - at), least), most) if slope else place
         for low, high, place, at, slope, least, most in table

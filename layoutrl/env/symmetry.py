@@ -1,7 +1,8 @@
 """The eight symmetries of the square: a design is as good in a turned room, with its moves turned too.
 
-So it is in a mirrored one, but where the type of the room is handed (`mirrors_alike` in conf/room/): whole rooms of
-such a type are not learned from in the mirror. One item is, in every type: few of its places hang on that.
+It is as good in a mirrored room, except in room types that tell left from right (`mirrors_alike` in conf/room/):
+agents of whole rooms do not learn such a type from mirrored rooms. Agents of one item do in every type, since few of
+the item's places depend on it.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from layoutrl.rooms.room import SYMMETRIES, symmetry
 
 
 class Symmetry:
-    """Mirrored in the y axis if asked, then turned by quarters of a circle, as `Room.turned` does it.
+    """Mirrors in the y axis if asked, then turns by quarters of a circle, as `Room.turned` does.
 
-    `action` (A,) is the move that every move becomes, `inverse` (A,) the move that becomes it.
+    `action` (A,) is what every move becomes, `inverse` (A,) the move that becomes it.
     """
 
     def __init__(self, quarters: int, mirror: bool, moves: Moves, device: torch.device | str = "cpu"):
         self.quarters = quarters
         self.mirror = mirror
-        self.changes = bool(quarters) or mirror  # anything
+        self.changes = bool(quarters) or mirror  # whether it is not the identity
         matrix = symmetry(quarters, mirror)
         turned = np.array([np.flatnonzero((matrix @ way == DIRECTIONS).all(1)).item() for way in DIRECTIONS])
         action = np.arange(moves.count)
@@ -35,12 +36,12 @@ class Symmetry:
 
 
 def symmetries(moves: Moves, device: torch.device | str = "cpu", mirrors: bool = True) -> list[Symmetry]:
-    """All eight, first the one that changes nothing; or, without mirrors, the four that turn."""
+    """Return all eight symmetries, the identity first; without `mirrors` only the four that turn."""
     return [Symmetry(quarters, mirror, moves, device) for quarters, mirror in SYMMETRIES if mirrors or not mirror]
 
 
 def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]:
-    """The two of a scene, which looks right as the item is turned: as it is, and with left and right of it swapped."""
+    """Return the symmetries of a scene, in which the item faces right: the identity, and its left and right swapped."""
     return [Symmetry(0, False, moves, device), Symmetry(2, True, moves, device)]
 
 

@@ -36,23 +36,24 @@ from layoutrl.rooms.room import Room
 class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """`gymnasium.make_vec("layoutrl/Layout-v0", num_envs=1000, rooms=..., observation="geometry", moves=Moves(...))`.
 
-    As many LayoutEnv with `on_illegal="drop"`: their actions, observations, rewards and info, each with the batch in
-    front, as numpy arrays, computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A).
+    It batches LayoutEnv with `on_illegal="drop"`: the same actions, observations, rewards and info as numpy arrays with
+    the batch in front, computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A).
 
-    Rooms and starts are drawn; `reset` takes no options. From `reset(seed=7)` on one stream draws for all environments:
-    fastest. From `reset(seed=[7, 8, ...])` on, num_envs seeds in a list or an array, each has a stream of its own: it
-    begins this episode and those that follow where `LayoutEnv` with that seed does, wherever the seed stands.
-    None in the list goes on with that environment's stream, or begins one; `reset()` goes on with what there is.
+    Rooms and starts are drawn; `reset` takes no options. After `reset(seed=7)` one random stream draws for all
+    environments, which is fastest. After `reset(seed=[7, 8, ...])`, with num_envs seeds in a list or an array, each
+    environment has a stream of its own: this episode and those that follow begin where those of `LayoutEnv` with that
+    seed do, whatever the seed's place in the list. None in the list continues that environment's stream, or begins one;
+    `reset()` continues the present streams.
 
-    All episodes begin together, and after `max_moves` moves all are truncated and others begin in the same step
+    All episodes begin together, and after `max_moves` moves all are truncated and the next begin in the same step
     (AutoresetMode.SAME_STEP): observations and info are then those of the starts, while `final_obs` and `final_info`
-    tell where the episodes ended.
+    hold those with which the old episodes ended.
 
     Raises as LayoutEnv does, and ValueError for options and for a list of another length: such a reset leaves the
     environment as it was.
     """
 
-    autoreset_mode = AutoresetMode.SAME_STEP  # where Gymnasium's own vector environments have it, and TorchRL looks
+    autoreset_mode = AutoresetMode.SAME_STEP  # TorchRL looks for it here, as in Gymnasium's own vector environments
     metadata = LayoutEnv.metadata | {"autoreset_mode": autoreset_mode}
 
     def __init__(
@@ -84,7 +85,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._episodes: Episodes | None = None
-        self._streams: list[np.random.Generator] | None = None  # of seeds that were given one by one
+        self._streams: list[np.random.Generator] | None = None  # one per environment, if seeds were given as a list
         self._path: list[Tensor] = []  # positions (num_envs, 2) since the episodes began, to be rendered
 
     def reset(
@@ -115,7 +116,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return array(self._running.legal)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
-        """Of each environment the way so far, as LayoutEnv shows it: uint8 (384, 384, 3) each."""
+        """Return a picture of each path so far as LayoutEnv does, uint8 (384, 384, 3); None without a render mode."""
         rooms = self._running.room.tolist()
         if self.render_mode is None:
             return None
@@ -127,9 +128,9 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return begun(self._episodes)
 
     def _begun(self) -> tuple[np.ndarray, dict[str, Any]]:
-        """Observations and info of episodes that are about to make their first move."""
+        """Draw new starts from the environments' own streams, if they have any; return observations and info."""
         episodes = self._running
-        if self._streams is not None:  # where LayoutEnv would begin
+        if self._streams is not None:  # begin where LayoutEnv would
             rooms = [np.array([stream.integers(len(self.simulator.rooms))]) for stream in self._streams]
             starts = list(map(self._reference.starts, rooms, self._streams))
             episodes.stand_at(torch.tensor(np.concatenate(rooms)), torch.tensor(np.concatenate(starts)))
@@ -150,10 +151,10 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 def reseeded(
     env: VectorEnv[Any, Any, Any], seed: int | Sequence[int | None] | None, streams: list[np.random.Generator] | None
 ) -> list[np.random.Generator] | None:
-    """The stream of random numbers of each environment after a reset with these seeds; None where one draws for all.
+    """Return each environment's random generator after a reset with these seeds; None if one draws for all.
 
-    Of a list each environment has the stream of its seed, or where that is None the one that it had, or a new one.
-    Raises ValueError for another number of seeds.
+    With a list of seeds each environment gets the generator of its seed; for None it keeps the one that it had, or gets
+    a new one. Raises ValueError for another number of seeds.
     """
     if isinstance(seed, np.ndarray):
         seed = seed.tolist()
@@ -190,5 +191,5 @@ def masked(info: dict[str, Any], num_envs: int) -> dict[str, Any]:
 
 
 def array(values: Tensor) -> np.ndarray:
-    """A copy, which its reader may change."""
+    """Return a copy as a numpy array, which the caller may change."""
     return values.cpu().numpy().copy()
