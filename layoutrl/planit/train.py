@@ -17,14 +17,14 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
 
     Raises Stopped where the user stops it.
     """
-    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    # Imported here: they load torch, which takes seconds, and a wrong option is answered before.
     from layoutrl.rivals.budgets import updates_budget
     from layoutrl.rivals.planit.scoring import evaluated, table
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.planit_training import train, usable
     from layoutrl.runs.resume import check_folder, ending, finish, going_on, seeds
 
-    device = device_of(config.device)  # said before the rooms are made, which takes a while
+    device = device_of(config.device)  # raises before the rooms are made, which takes a while
     check_folder(config, folder)
     training, held_out = usable(*two_parts(config.room.type, config.room.item, config.data, config.fold))
     spent = updates_budget(config.method.updates[config.budget.name])

@@ -1,1 +1,1 @@
-"""What the agent is compared with: rules, supervised networks, PlanIT; of whole rooms those in rooms/."""
+"""Methods that the agent is compared with: rules, supervised networks and PlanIT; for whole rooms those in rooms/."""

@@ -1,19 +1,19 @@
-"""How long a rival is trained: so many updates, or as long as the agent."""
+"""Budgets of rivals: a number of updates (or restarts, or moves), or seconds of a clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-Spent = Callable[[int], float]  # the share of a budget that is spent after so many updates; training ends at 1
+Spent = Callable[[int], float]  # the share of a budget that is spent after so many updates; at 1 it ends
 
 
 def updates_budget(updates: int) -> Spent:
-    """So many updates."""
+    """Return a budget of so many updates."""
     return lambda made: made / updates
 
 
 def seconds_budget(seconds: float, clock: Callable[[], float]) -> Spent:
-    """So many seconds of a clock since it is first asked. By `time.process_time` no other work counts."""
+    """Return a budget of seconds of `clock` since its first use; by `time.process_time` no other process counts."""
     began: list[float] = []
 
     def spent(_: int) -> float:

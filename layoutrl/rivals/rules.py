@@ -1,6 +1,6 @@
-"""Yardsticks that learn nothing: places for an item without any agent. Each returns centres (B, 2) in metres.
+"""Baselines that learn nothing: each places one item in B rooms and returns its centres (B, 2) in metres.
 
-None but `best_wall_place` reads the designer's place.
+Only `best_wall_place` reads the designer's place in the room that it furnishes.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ MILLIMETRE = 3  # decimals of a metre
 
 
 def wall_places(room: Room) -> np.ndarray:
-    """The places (n, 2) at which the item, or the upright box around it, fits into a corner or at the middle of a wall.
+    """Return the places (n, 2) at which the item's bounding box stands in a corner or at the middle of a wall.
 
-    Those of the outline itself: what bounds the centres at which the box lies indoors has its corners and middles
-    there. Of the outline's bounding box where it fits nowhere.
+    They are the corners, and the middles of the edges, of the region of centres at which that box lies indoors. Where
+    it fits nowhere, the outline's bounding box is taken instead of the outline.
     """
     around = shapely.box(*room.moving.template.bounds)
     fits = fitting_positions(np.array([room.indoor]), np.array([around]), CONTACT)[0]
@@ -30,9 +30,9 @@ def wall_places(room: Room) -> np.ndarray:
         fits = shapely.box(*np.concatenate(play(room, room.moving)))
     border, _ = edges(np.array([fits.simplify(TOLERANCE)]))
     middles = shapely.points((border[:, :2] + border[:, 2:]) / 2)
-    middles = shapely.get_coordinates(shapely.shortest_line(fits, middles))[::2]  # else some stand out by a corner
+    middles = shapely.get_coordinates(shapely.shortest_line(fits, middles))[::2]  # else some lie past a corner
     places = np.concatenate([border[:, :2], middles])
-    return np.unique(places.round(MILLIMETRE), axis=0)  # what it just fits between has each wall's places twice
+    return np.unique(places.round(MILLIMETRE), axis=0)  # where it just fits between two walls, both have the same
 
 
 def random_wall_place(
@@ -62,12 +62,12 @@ def best_wall_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:
 
 
 def far_end_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:
-    """For each of B rooms the hand rule for a bathtub: it spans the short side, at the end far from the door.
+    """For each of B rooms the place by a hand rule for bathtubs: across the end far from the door.
 
-    In the bounding box of the outline: along the axis in which the item, turned as it is, has the most play, it
-    stands flush with the end that is farther from the centre of the nearest door, counted along that axis; along
-    the other, which it more or less fills, in the middle. Without a door the windows count, and without
-    those it stands at the upper end.
+    The rule works in the outline's bounding box. Along the axis on which the item, as it is turned, has the most play,
+    it stands at the end that is farther from the nearest door (from its centre, along that axis). Along the other axis,
+    which it more or less fills, it stands in the middle. Without a door the windows count; without windows it stands
+    at the upper end.
     """
     places = []
     for k in room:
@@ -95,16 +95,17 @@ def nearest_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarra
 
 
 def nearest_room_place(simulator: Simulator, room: np.ndarray, training: Sequence[Room]) -> np.ndarray:
-    """The designer's relative place in the training room that is most like each of B rooms, mirrored and turned or not.
+    """For each of B rooms the designer's relative place in the training room that is most like it.
 
-    Likeness is the distance between size of the outline, size of the item and centre of the first
-    door, among rooms of other groups, which do not hold the answer (any, if none), in which the same category moves
-    (any, if none). The place is relative to the bounding box of the outline, kept inside it.
+    Rooms are compared, in all eight symmetries, by the size of the outline, the size of the item and the centre of the
+    first door. Rooms of the same group hold the answer and are left out, unless there are no others. Of the rest,
+    rooms in which the same category moves come first. The place is relative to the outline's bounding box, and stays
+    inside it.
     """
     pairs = np.array([_features(r) for r in training])  # (training, 3, 2)
     relative = np.array([_relative_place(r) for r in training])
     category, group = np.array([r.moving.category for r in training]), np.array([r.group for r in training])
-    # Sizes have no sign to change.
+    # Sizes have no sign that a symmetry could change.
     views = [symmetry(*which) for which in SYMMETRIES]
     features = np.stack([np.concatenate([pairs[:, :2] @ np.abs(m).T, pairs[:, 2:] @ m.T], 1) for m in views])
     places = []
@@ -126,7 +127,7 @@ def _features(room: Room) -> np.ndarray:
 
 
 def _relative_place(room: Room) -> np.ndarray:
-    """Where the designer put the item within the free play of the outline's bounding box: 0 to 1 an axis."""
+    """Return the designer's place (2,) between the lowest and highest centre of `play`: 0 to 1 along each axis."""
     low, high = play(room, room.moving)
     return (np.array(room.moving.center) - low) / np.maximum(high - low, 1e-9)
 

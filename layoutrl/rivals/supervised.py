@@ -1,9 +1,9 @@
-"""What supervised learning makes of the same rooms and the same observation: three yardsticks.
+"""Three supervised baselines, which learn from the same rooms and the same observation as the agent.
 
-The regressor, the agent's network, sees a start and says how far away the designer's place is. The pointer, a network
-made for it, sees no start and points at a side or the middle of something. The scorer, the agent's network again, sees
-a place and says how good it is; its answer is the best of many candidates, none of which is drawn from the answer.
-Places are centres in metres.
+The regressor has the agent's network: it sees the item at a start and predicts the offset to the designer's place. The
+pointer has a network of its own: it sees no start and points at a side or the middle of an element. The scorer has the
+agent's network, too: it sees the item at a place and predicts how good that is; its answer is the best of many
+candidates, none of which is drawn from the designer's place. Places are centres in metres.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.rules import play
 
 SIDE = 11  # candidates along each side of the grid
-NEAR = (0.005, 0.5)  # metres: least and greatest spread of the training places around the designer's
-ALIGNED = 0.3  # chance that such a place is not off along an axis: at the right wall, or the very place
-BLOCK = 4096  # poses seen at once: memory, not speed
-ANCHORS = 5  # an item touches either side of an element, from within or without, or shares its middle
-ROUNDS = 3  # in which elements hear of each other
-BREADTH = 0.02  # metres: of the density around each place that the pointer holds for possible
+NEAR = (0.005, 0.5)  # metres: least and greatest standard deviation of training places around the designer's
+ALIGNED = 0.3  # chance that such a place is exact along an axis: at the right wall, or the very place
+BLOCK = 4096  # poses in a forward pass: limited by memory, not for speed
+ANCHORS = 5  # along an axis: an item touches either side of an element, from inside or outside, or shares its middle
+ROUNDS = 3  # in which elements exchange what they know
+BREADTH = 0.02  # metres: scale of the Laplace density around each place of the pointer's mixture
 
-Draw = Callable[[torch.Generator], tuple[Tensor, Any]]  # a batch: what is seen (B, ...), what to say of it (B, n)
+Draw = Callable[[torch.Generator], tuple[Tensor, Any]]  # a batch: observations (B, ...) and their targets
 Loss = Callable[[Any, Any], Tensor]
 Network = TypeVar("Network", bound=nn.Module)
 
@@ -49,11 +49,11 @@ def train_regressor(
     learning_rate: float = 1e-3,
     device: torch.device | str = "cpu",
 ) -> GeometryNetwork:
-    """A network that says, of an item at a random start in one of the rooms, how far the designer's place is.
+    """Train the agent's network to predict the offset from a random start in one of the rooms to the designer's place.
 
-    It has two outputs, metres to the right and up, and learns the least absolute error: of two walls that
-    designers choose it points at one, not between them. Each batch has an equal share in every symmetry, in which
-    the way is mirrored and turned like the room.
+    It has two outputs, metres to the right and up, and minimises the absolute error: of two walls that designers
+    choose it points at one, not between them. Each batch has an equal share in every symmetry; the offset is mirrored
+    and turned like the room.
     """
     batch_simulator = BatchSimulator(simulator, device)
     designed = torch.tensor(simulator.designer_position, device=device)
@@ -84,11 +84,12 @@ def regressed_places(
 
 
 class PointingNetwork(nn.Module):
-    """Along each axis a mixture of places: where the item touches a side of an element, or shares its middle.
+    """A network whose output is a mixture of places along each axis.
 
-    Each place is off that by a learnt offset; which of them it is, is learnt. Every element hears of the moving item
-    and of all others. Input: (B, elements, columns) as made by GeometryObservation, with the item in the middle of the
-    room, where it tells nothing. Output: log weights and centres, (B, 2, elements x ANCHORS) each; metres from there.
+    Each place is where the item touches a side of an element, or shares its middle, plus a learned offset; its weight
+    is learned, too. Every element is told of the moving item and of all others. Input: (B, elements, columns) of a
+    GeometryObservation, with the item in the middle of the room, where it tells nothing. Output: log weights and
+    centres, (B, 2, elements x ANCHORS) each; centres in metres from the middle of the room.
     """
 
     def __init__(self, columns: int, width: int = 96):
@@ -104,7 +105,7 @@ class PointingNetwork(nn.Module):
         return self.places(elements, self.told(elements))
 
     def told(self, elements: Tensor) -> Tensor:
-        """What each element knows after the rounds: (B, elements, width)."""
+        """Return the state of each element after the rounds: (B, elements, width)."""
         middle, half = (t.movedim(0, -1) for t in upright_box(elements.movedim(-1, 0)))
         state = self.embed(torch.cat([elements, middle - half, middle + half], -1))
         for own, heard, out in zip(self.own, self.heard, self.out, strict=True):
@@ -112,7 +113,7 @@ class PointingNetwork(nn.Module):
         return state
 
     def places(self, elements: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """Log weights and centres as `forward` has them, of what elements know (B, elements, width)."""
+        """Return log weights and centres, as `forward` does, from the elements' states (B, elements, width)."""
         middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
         weight, offset = self.head(state).unflatten(-1, (2, ANCHORS, 2)).unbind(-1)  # (B, N, 2, ANCHORS)
         item = half[:, :1]
@@ -123,13 +124,13 @@ class PointingNetwork(nn.Module):
         return weight.log_softmax(-1), center
 
     def point(self, elements: Tensor) -> Tensor:
-        """The likeliest place: (B, 2)."""
+        """Return the place of the highest weight along each axis: (B, 2)."""
         weight, center = self(elements)
         return center.gather(-1, weight.argmax(-1, keepdim=True))[..., 0]
 
 
 def pooled(elements: Tensor, state: Tensor) -> Tensor:
-    """What all elements know, (B, elements, width), in one: of the moving item, the highest, the mean; (B, 3 width)."""
+    """Pool the states (B, elements, width) of elements: the moving item's, the maximum, the mean; (B, 3 width)."""
     present = elements[..., PRESENT, None]
     highest = state.masked_fill(present == 0, -torch.inf).amax(1)
     return torch.cat([state[:, 0], highest, (state * present).sum(1) / present.sum(1)], -1)
@@ -145,7 +146,7 @@ def train_pointer(
     learning_rate: float = 1e-3,
     device: torch.device | str = "cpu",
 ) -> PointingNetwork:
-    """A network that points at the designer's place, by the likelihood of it under the mixture.
+    """Train a pointer to give the designer's place a high likelihood under its mixture.
 
     Each batch has an equal share in every symmetry.
     """
@@ -180,10 +181,10 @@ def train_scorer(
     learning_rate: float = 1e-3,
     device: torch.device | str = "cpu",
 ) -> GeometryNetwork:
-    """A network that says how good a place is: its IoU with the designer's, seen with the item standing there.
+    """Train the agent's network to predict the IoU of a place, at which it sees the item, with the designer's place.
 
-    Of the places of every batch half are candidates as in a test, a quarter are drawn uniformly, and a quarter lie
-    around the designer's, at every scale of NEAR as many. Each batch has an equal share in every symmetry.
+    On average half of a batch's places are candidates as in a test, a quarter are drawn uniformly, and a quarter lie
+    around the designer's, at scales that are log-uniform over NEAR. Each batch has an equal share in every symmetry.
     """
     batch_simulator = BatchSimulator(simulator, device)
     designed = torch.tensor(simulator.designer_position, device=device)
@@ -213,7 +214,7 @@ def train_scorer(
 def scored_places(
     network: GeometryNetwork, simulator: Simulator, observe: GeometryObservation, views: Sequence[Symmetry]
 ) -> np.ndarray:
-    """The candidate of each room that the scorer likes best, on the average over the `views`: (rooms, 2)."""
+    """Return the candidate of each room that has the highest score, averaged over the `views`: (rooms, 2)."""
     places = candidates(simulator)
     room, which = np.nonzero(~np.isnan(places[..., 0]))
     score = np.full(places.shape[:2], -np.inf)
@@ -222,11 +223,11 @@ def scored_places(
 
 
 def candidates(simulator: Simulator) -> np.ndarray:
-    """Places to choose from, in every room: (rooms, most, 2), rows of rooms with fewer filled up with NaN.
+    """Return the places that the scorer chooses from in every room: (rooms, most, 2), shorter rows padded with NaN.
 
-    All legal places at which a side of the item touches the outline or the box around another item along both
-    axes, the legal ones of a grid of SIDE by SIDE over the outline's bounding box, and one that is always legal.
-    Nothing of them hangs on the designer's place.
+    These are all legal places at which a side of the item touches the outline or the box around another item along both
+    axes, the legal ones of a grid of SIDE by SIDE over the outline's bounding box, and one that is always legal. None
+    depends on the designer's place.
     """
     places, rooms = [], []
     for k, room in enumerate(simulator.rooms):
@@ -242,10 +243,10 @@ def candidates(simulator: Simulator) -> np.ndarray:
 
 
 def _contact_coordinates(borders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where upright and level borders (n, 4) lie: x of the ones and y of the others, each once."""
+    """Return the x of upright and the y of level borders (n, 4), each once."""
     coordinates = []
     for start, end in (borders[:, [0, 2]].T, borders[:, [1, 3]].T):
-        level = np.sort(start[np.abs(start - end) < TOUCHING])  # NaN is not
+        level = np.sort(start[np.abs(start - end) < TOUCHING])  # never true of NaN
         coordinates.append(level[np.diff(level, prepend=-np.inf) > TOUCHING])
     return coordinates[0], coordinates[1]
 
@@ -263,7 +264,7 @@ def trained(
     learning_rate: float,
     device: torch.device | str,
 ) -> Network:
-    """A network trained by Adam on ever new batches, at a rate that falls with what is left of the budget."""
+    """Make a network and train it by Adam on new batches; the learning rate falls linearly to 0 with the budget."""
     weights, drawing = seed.spawn(2)
     with weights_of(weights):
         network = make().to(device)
@@ -289,7 +290,7 @@ def _said(
     position: np.ndarray,
     views: Sequence[Symmetry],
 ) -> Tensor:
-    """A network's outputs, on the host, for poses (B,), (B, 2) in each view: (views, B, n)."""
+    """Return a network's outputs for rooms (B,) and positions (B, 2) in each view: (views, B, n), on the CPU."""
     device = observe.origin.device
     said = []
     for first in range(0, len(room), BLOCK):
@@ -300,6 +301,6 @@ def _said(
 
 
 def _agreed(said: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
-    """Ways (views, B, 2) turned back, and along each axis their median: a minority at another wall does not count."""
+    """Turn offsets (views, B, 2) back and return their median along each axis: a few at another wall have no say."""
     ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
     return np.median(torch.stack(ways).numpy(), 0)

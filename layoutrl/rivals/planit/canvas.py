@@ -1,8 +1,8 @@
 """What PlanIT's image networks see: a room from above, centred and turned as asked, a channel for each kind of thing.
 
-Every channel is a sum of upright boxes (round furniture, too, is its box) with the exact share of each pixel that they
-cover, so that all rooms of a batch are drawn in one product of matrices. A polygon is such a sum: under each of its
-level edges a box without end.
+Every channel is a sum of upright boxes (round furniture is drawn as its box) with the exact share of each pixel that
+they cover, so that all rooms of a batch are drawn in one product of matrices. A polygon is such a sum, too: of a box
+without a lower end below each of its level edges, with a sign.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ ENDLESS = -1e4  # metres
 
 
 class Canvas:
-    """Pictures of R rooms. Furniture is handed over with each picture: it is what changes."""
+    """Draws pictures of R rooms. Furniture is passed with each picture: it is what changes."""
 
     def __init__(self, rooms: Sequence[Room], categories: Sequence[str], device: torch.device | str = "cpu"):
         self.categories = {category: k for k, category in enumerate(categories)}
         self.channels = FIXED_CHANNELS + len(categories)
         self.device = torch.device(device)
         tables = [torch.tensor(_architecture(room), dtype=torch.float32, device=device) for room in rooms]
-        parts = pad_sequence(tables, batch_first=True)  # of no value: drawn and not seen
+        parts = pad_sequence(tables, batch_first=True)  # padded with boxes of value 0, which paint nothing
         self._box, self._channel, self._value = parts[..., :4], parts[..., 4].long(), parts[..., 5]
 
     def furniture(self, items: Sequence[Sequence[Item]]) -> Tensor:
-        """Items of B rooms as a table (B, most, 6): box, category, quarters that it faces; of none NaN."""
+        """Return items of B rooms as a table (B, most, 6): box, category, facing in quarters; padded with NaN."""
         rows = [
             torch.tensor([[*box_of(i), self.categories[i.category], i.degrees // 90] for i in room]).reshape(-1, 6)
             for room in items
@@ -53,11 +53,11 @@ class Canvas:
         side: int,
         anchor: Tensor | None = None,
     ) -> Tensor:
-        """Pictures (B, channels, side, side) of rooms (B,) and their furniture (B, n, 6).
+        """Draw pictures (B, channels, side, side) of rooms (B,) and their furniture (B, n, 6).
 
-        What lies at `centre` (B, 2) is in the middle; what lay `quarters` (B,) counter-clockwise from right is on the
-        right, which are the last columns; the last rows are up, if not `mirrored` (B,). They show `reach` metres to
-        each side. A last channel shows the box of the `anchor` (B, 4), if there is one.
+        `centre` (B, 2) is in the middle, and `reach` metres are seen to each side of it. The direction that lies
+        `quarters` (B,) counter-clockwise from right points right, to the last columns; up is then the last rows, or
+        the first where `mirrored` (B,). If there is an `anchor` (B, 4), one more channel shows its box, the last.
         """
         there = ~furniture[..., 4].isnan()
         furniture = furniture.nan_to_num(0.0)
@@ -126,7 +126,7 @@ def _architecture(room: Room) -> list[tuple[float, ...]]:
 
 
 def _boxes_under(ring: Ring) -> list[tuple[tuple[float, float, float, float], float]]:
-    """The polygon as a sum of boxes, each below one of its level edges, and their signs."""
+    """Return boxes and signs whose sum is the polygon, one below each of its level edges."""
     edges = [(start, end) for start, end in pairwise((*ring, ring[0])) if start[0] != end[0]]
     boxes = [((min(a[0], b[0]), ENDLESS, max(a[0], b[0]), a[1]), float(np.sign(a[0] - b[0]))) for a, b in edges]
     area = sum(sign * (box[2] - box[0]) * (box[3] - ENDLESS) for box, sign in boxes)

@@ -1,9 +1,9 @@
-"""PlanIT's graph generator (Wang et al. 2019, section 5): nodes and edges one after the other, as Li et al. 2018 do it.
+"""PlanIT's graph generator (Wang et al. 2019, section 5): nodes and edges one after the other, as in Li et al. 2018.
 
-A decision is made by messages along the edges of the graph so far: which category comes next, if any; then, of the new
-node, the edges from furniture that is there, one after the other, then those from walls, doors and windows. Each of the
-three has weights of its own. States are worked out anew from what the nodes are, so that a decision hangs on the graph
-alone and decisions of many rooms are learned at once.
+Each decision is made by message passing along the edges of the graph so far: which category comes next, if any; then,
+for the new node, which edges lead to it from the furniture that is there, one after the other; then which from walls,
+doors and windows. Each of the three has weights of its own. Node states are computed anew for each decision, so that
+it depends on the graph alone and decisions of many rooms are learned at once.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from torch.nn.utils.rnn import pad_sequence
 from layoutrl.rivals.planit.graph import ADJACENT, ARCHITECTURE, FRONT, TYPES, Graph, Kept, Relation, Scene, edge_type
 
 STATE, HIDDEN, ROUNDS = 64, 128, 3
-NO_EDGE = math.log(10)  # the logit of adding no further edge; all others are learned against it
-MOST_EDGES = 10  # that lead to one node from furniture, and from architecture
+NO_EDGE = math.log(10)  # the logit of adding no further edge; all others are learned relative to it
+MOST_EDGES = 10  # to one node from furniture, and as many from architecture
 REDRAWS = 10  # of edges to an item, until one leads to it
 UNLIKELY = 0.002  # edges are not drawn below this probability
 
 
 @dataclass(frozen=True)
 class Partial:
-    """A graph so far: categories of its nodes, architecture first; a length of each; edges with the turn of walls."""
+    """A graph so far. Its nodes, architecture first, have a category and a length in metres, 0 for furniture."""
 
     category: list[int]
     length: list[float]
-    edges: list[tuple[int, int, int, float]]  # from, to, type, turn
+    edges: list[tuple[int, int, int, float]]  # from, to, type, sine of the turn from wall to wall
 
 
 def architecture(scene: Scene, categories: Sequence[str]) -> Partial:
@@ -44,7 +44,7 @@ def architecture(scene: Scene, categories: Sequence[str]) -> Partial:
 
 
 def with_items(partial: Partial, categories: Sequence[int], edges: Sequence[Relation]) -> Partial:
-    """The graph with further nodes, of no length, and edges between any of them."""
+    """Return the graph with further nodes, of length 0, and further edges between any nodes."""
     return Partial(
         partial.category + list(categories),
         partial.length + [0.0] * len(categories),
@@ -58,7 +58,7 @@ def mlp(inputs: int, outputs: int) -> nn.Sequential:
 
 
 class Messages(nn.Module):
-    """States of all nodes (N, STATE), after rounds of messages along the edges, forwards and backwards."""
+    """Computes node states in ROUNDS of messages along the edges, forwards and backwards."""
 
     def __init__(self, categories: int):
         super().__init__()
@@ -70,7 +70,7 @@ class Messages(nn.Module):
         self.update = nn.ModuleList(nn.GRUCell(STATE, STATE) for _ in range(ROUNDS))
 
     def forward(self, features: Tensor, ends: Tensor, edge: Tensor) -> Tensor:
-        """Nodes (N, categories + 1), the ends of E edges (E, 2), their types and turns (E, 14)."""
+        """Return (N, STATE) from nodes (N, categories + 1), the ends (E, 2) of edges, their types and turns (E, 14)."""
         state = self.first(features).tanh()
         for forwards, backwards, update in zip(self.forwards, self.backwards, self.update, strict=True):
             node = torch.cat([state, features], 1)
@@ -82,20 +82,20 @@ class Messages(nn.Module):
 
 
 class Pool(nn.Module):
-    """The state of each graph: the sum over its nodes of what each says, as far as it counts."""
+    """Computes the state of each graph: a gated sum over its nodes."""
 
     def __init__(self) -> None:
         super().__init__()
         self.say, self.count = mlp(STATE, 2 * STATE), mlp(STATE, 2 * STATE)
 
     def forward(self, state: Tensor, graph: Tensor, graphs: int) -> Tensor:
-        """States (N, STATE) of nodes of graphs (N,): (graphs, 2 STATE)."""
+        """Return (graphs, 2 STATE) from states (N, STATE) of nodes, which belong to graphs (N,)."""
         said = self.say(state) * self.count(state).sigmoid()
         return torch.zeros(graphs, 2 * STATE, device=state.device).index_add(0, graph, said)
 
 
 class GraphNetwork(nn.Module):
-    """The three decisions. Nodes are of `categories` kinds, architecture first."""
+    """The networks of the three decisions. Nodes have `categories` categories, architecture first."""
 
     def __init__(self, categories: int):
         super().__init__()
@@ -111,17 +111,17 @@ class GraphNetwork(nn.Module):
         return next(self.parameters()).device
 
     def next_node(self, graphs: Sequence[Partial]) -> Tensor:
-        """Logits (B, categories + 1) of what comes next; the last: nothing, the graph is done."""
+        """Return logits (B, categories + 1) of the next node's category; the last means that the graph is done."""
         state, of, _ = self._states("node", graphs)
         logits = self.next_category(self.pool["node"](state, of, len(graphs)))
         forbidden = torch.arange(self.categories + 1, device=logits.device) < len(ARCHITECTURE)
         return logits.masked_fill(forbidden, -torch.inf)
 
     def next_edge(self, graphs: Sequence[Partial], come_from: str) -> list[Tensor]:
-        """Of each graph, whose last node is new, the logits of edges to it.
+        """Return for each graph the logits of edges to its last node, the new one.
 
-        From its "furniture" or its "architecture": (anchors * 13 + 1,), in the order of the nodes; the last: no further
-        edge.
+        They come from its "furniture" or its "architecture": (anchors * 13 + 1,), in the order of the nodes; the last
+        means no further edge.
         """
         state, of, counts = self._states(come_from, graphs)
         whole = self.pool[come_from](state, of, len(graphs))
@@ -135,7 +135,7 @@ class GraphNetwork(nn.Module):
         return [torch.cat([found.flatten(), stop]) for found in logits]
 
     def _states(self, decision: str, graphs: Sequence[Partial]) -> tuple[Tensor, Tensor, list[int]]:
-        """States of the nodes of all graphs, which graph each is of, and how many each has."""
+        """Return the node states of all graphs, the graph of each node, and how many nodes each graph has."""
         device = self.device
         counts = [len(graph.category) for graph in graphs]
         first = np.cumsum([0, *counts[:-1]])
@@ -160,7 +160,7 @@ def _anchors(graph: Partial, come_from: str) -> list[int]:
 
 @dataclass(frozen=True)
 class Decision:
-    """A graph so far, and what comes next: the category of a node, or the place of an edge among the logits."""
+    """A graph so far, and what comes next, as an index of the logits: a node's category or an edge."""
 
     graph: Partial
     right: int
@@ -169,9 +169,10 @@ class Decision:
 def decisions(
     scene: Scene, graph: Graph, done: int, categories: Sequence[str], rng: np.random.Generator
 ) -> tuple[Decision, dict[str, Decision]]:
-    """The decision on a node after `done` items of a room's graph and, if one comes next, on an edge from each side.
+    """Return the decision on the node after `done` items of a room's graph and, if there is one, on edges to it.
 
-    Which of the edges to the new item are there already, is drawn.
+    Edges come from "furniture", but for the first item, and from "architecture". Which of them are there already, is
+    drawn.
     """
     items = list(graph)
     number = {k: k for k in range(scene.fixed)} | {item: scene.fixed + n for n, item in enumerate(items)}
@@ -206,7 +207,7 @@ def decisions(
 
 
 def loss(network: GraphNetwork, nodes: Sequence[Decision], edges: dict[str, list[Decision]]) -> Tensor:
-    """Cross entropy of decisions, a mean of each kind."""
+    """Return the cross entropy of decisions: the mean of each kind, summed."""
     device = network.device
     total = torch.zeros((), device=device)
     if nodes:
@@ -234,9 +235,9 @@ def sample(
 ) -> tuple[list[str], Graph]:
     """Draw furniture and its graph for a room: categories, and the edges to each, numbered from scene.fixed on.
 
-    With `given` categories, in this order, only the edges are drawn; the first items' may be `known`. At most `most`
-    items. Edges that are not `kept` are not drawn; where none leads to an item, they are drawn again, a few
-    times.
+    With `given` categories, in this order, only the edges are drawn; the first items' may be `known`. Else there are at
+    most `most` items. Edges that are not `kept` are not drawn; where none leads to an item, they are drawn again,
+    REDRAWS times in all.
     """
     partial = architecture(scene, categories)
     names: list[str] = []
@@ -264,7 +265,7 @@ def sample(
 def _edges(
     network: GraphNetwork, graph: Partial, categories: Sequence[str], kept: Kept, rng: np.random.Generator
 ) -> list[Relation]:
-    """Edges to the graph's last node, drawn one after the other: one from each anchor at most."""
+    """Draw edges to the graph's last node one after the other, at most one from each anchor."""
     new = len(graph.category) - 1
     name = categories[graph.category[new]]
     made: list[Relation] = []

@@ -1,8 +1,8 @@
-"""The relation graph of a room (Wang et al. 2019, section 4): who stands in front of, behind or beside whom, how far.
+"""The relation graph of a room (Wang et al. 2019, section 4): what stands in front of, behind or beside what, how far.
 
 Nodes are walls, doors, windows and furniture; an edge leads from an anchor to a target. Its type is a direction in the
 anchor's frame with a distance, or support. What anchors see is found with rays, which between upright boxes are
-intervals. A graph is of an order of the furniture: its edges lead from what is placed before to what is placed after.
+intervals. A graph is made for an order of the furniture: its edges lead from items placed earlier to later ones.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ SUPPORT = 12  # the target stands on the anchor: within its footprint
 TYPES = [f"{way} {far}" for way in ("front", "back", "left", "right") for far in ("distant", "proximal", "adjacent")]
 TYPES.append("support")
 MIRRORED = np.array([0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8, 12])  # each type, seen in a mirror
-COST = {DISTANT: 100, PROXIMAL: 2, ADJACENT: 1}  # of an edge that ties up what would hang in the air
+COST = {DISTANT: 100, PROXIMAL: 2, ADJACENT: 1}  # of an edge: an item to which no kept edge leads gets its cheapest
 WEIGHT = {DISTANT: 1, PROXIMAL: 2, ADJACENT: 3}  # how much an edge constrains its target
 OFTEN = {DISTANT: 0.30, PROXIMAL: 0.08, ADJACENT: 0.03}  # relative frequency from which a type is kept
 SEEN = 0.30  # share of the anchor's or the target's side that must be visible
-RAY_START = (0.1, 0.45)  # inside the anchor: share of its length, and metres at most
-ADJACENT_GAP = (0.05, 0.05)  # at most: share of the larger diagonal, and metres
+RAY_START = (0.1, 0.45)  # where rays start inside the anchor: share of its length, and metres at most
+ADJACENT_GAP = (0.05, 0.05)  # at most the smaller of the two: share of the larger diagonal, metres
 PROXIMAL_GAP = (0.1, 0.45)  # at most the larger of the two: share of the larger diagonal, metres
 WALL_DEPTH = 0.1  # metres that a wall's box reaches outwards
 
@@ -53,7 +53,7 @@ def edge_type(way: int, distance: int) -> int:
 
 
 def distance_of(type: int) -> int:
-    """What supports is adjacent."""
+    """The distance of an edge's type; support is adjacent."""
     return ADJACENT if type == SUPPORT else type % 3
 
 
@@ -66,7 +66,7 @@ class Scene:
     facing: np.ndarray  # (N,): quarters counter-clockwise from right; architecture faces into the room
     circle: np.ndarray  # (N,): looks the same from all sides
     fixed: int
-    frame: tuple[tuple[int, int, float], ...]  # from each wall to the next, with the sine of the turn; to its openings
+    frame: tuple[tuple[int, int, float], ...]  # from walls to the next, with the sine of the turn; to openings, with 0
 
     @property
     def items(self) -> range:
@@ -74,14 +74,14 @@ class Scene:
         return range(self.fixed, len(self.category))
 
     def without(self, item: int) -> Scene:
-        """The same scene before an item is there: those behind it move up by one."""
+        """Return the scene without an item; the nodes after it move up by one."""
         left = np.arange(len(self.category)) != item
         names = tuple(name for name, there in zip(self.category, left, strict=True) if there)
         return Scene(names, self.box[left], self.facing[left], self.circle[left], self.fixed, self.frame)
 
     @cached_property
     def relations(self) -> tuple[Relation, ...]:
-        """All that is seen, before anything is pruned."""
+        """All edges of the scene, before any is pruned."""
         return tuple(chain(*(_seen_from(self, anchor) for anchor in range(len(self.category)))))
 
 
@@ -136,7 +136,7 @@ def _wall(room: Room, start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, i
 
 
 def _apart(box: np.ndarray, other: np.ndarray) -> float:
-    """The distance between two boxes; below zero, less what they share of the longer axis, where they touch."""
+    """Return the distance between two boxes; where they touch, minus their longer overlap along an axis."""
     gap = np.maximum(box[:2], other[:2]) - np.minimum(box[2:], other[2:])
     return float(np.linalg.norm(gap.clip(0)) or gap.min())
 
@@ -150,19 +150,19 @@ def turned(box: np.ndarray, quarters: int) -> np.ndarray:
 
 
 def gap(anchor: np.ndarray, target: np.ndarray, quarters: int) -> float:
-    """Metres from the anchor's side that looks into this direction to the target's that looks back; < 0: beyond it."""
+    """Return metres from the anchor's side in this direction to the target's side facing it; < 0 if it lies behind."""
     axis, back = quarters % 2, quarters % 4 >= 2
     return float(anchor[axis] - target[axis + 2] if back else target[axis] - anchor[axis + 2])
 
 
 def faces_across(anchor: np.ndarray, target: np.ndarray, quarters: int) -> bool:
-    """Whether the target's side and the anchor's that looks into this direction have a centimetre in common."""
+    """Return whether the anchor's side in this direction and the target share more than a centimetre of its length."""
     axis = 1 - quarters % 2
     return bool(min(anchor[axis + 2], target[axis + 2]) - max(anchor[axis], target[axis]) > TOLERANCE)
 
 
 def _seen_from(scene: Scene, anchor: int) -> list[Relation]:
-    """Of all that one anchor sees one edge to each target: in the direction in which most of both sides is visible."""
+    """Return one edge to each target that the anchor sees, in the direction in which most of both sides is visible."""
     fixed = anchor < scene.fixed
     best: dict[int, tuple[float, int]] = {}
     box, others = scene.box[anchor], np.arange(len(scene.box)) != anchor
@@ -190,13 +190,13 @@ def _seen_from(scene: Scene, anchor: int) -> list[Relation]:
 
 
 def _way(scene: Scene, anchor: int, quarter: int) -> int:
-    """A direction of the room in the anchor's frame; what is round has nothing but a front."""
+    """Return a direction of the room in the anchor's frame; a round anchor has only a front."""
     return FRONT if scene.circle[anchor] else TURN.index((quarter - int(scene.facing[anchor])) % 4)
 
 
 def _visible(box: np.ndarray, anchor: int) -> tuple[np.ndarray, np.ndarray]:
-    """What rays to the right from an anchor meet first: of each node, the share visible of the anchor's side and of its
-    own (N, 2), and how far it is (N,)."""
+    """Cast rays to the right from an anchor. Return for each node the shares of the anchor's side and of its own that
+    see each other (N, 2), and how far it is (N,)."""
     x0, y0, x1, y1 = box.T
     start = x1[anchor] - min(RAY_START[0] * (x1[anchor] - x0[anchor]), RAY_START[1])
     marks = np.unique(np.concatenate([y0, y1]).clip(y0[anchor], y1[anchor]))
@@ -212,7 +212,7 @@ def _visible(box: np.ndarray, anchor: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Kept:
-    """The types of edges that say something of a room type, by the categories of anchor and target."""
+    """The types of edges that pruning leaves for a room type, by the categories of anchor and target."""
 
     types: Mapping[tuple[str, str], frozenset[int]]
 
@@ -222,10 +222,10 @@ class Kept:
 
 
 def kept(scenes: Sequence[Scene]) -> Kept:
-    """What pruning leaves: the frequent, of all pairs of two categories in one room, and what always tells.
+    """Return the types of edges that pruning leaves: the frequent ones, and some that always tell.
 
-    These are support, what touches a wall or window, what is close in front of something with a front, and what touches
-    its like.
+    Frequencies are shares of all pairs of the two categories in one room. What always tells is support, adjacent to a
+    wall or window, adjacent to an item of the same category, and proximal in front of an item that has a front.
     """
     seen: Counter[tuple[str, str, int]] = Counter()
     pairs: Counter[tuple[str, str]] = Counter()
@@ -254,9 +254,9 @@ Graph = dict[int, list[Relation]]  # the edges that lead to each item, in the or
 
 
 def graph_of(scene: Scene, kept: Kept, order: Sequence[int]) -> Graph:
-    """The graph of items that are placed in this order; others are left out.
+    """Return the graph of items that are placed in this order; others are left out.
 
-    An item to which no kept edge leads gets the cheapest of all.
+    An item to which no kept edge leads gets the cheapest of its edges.
     """
     graph: Graph = {}
     placed = set(range(scene.fixed))
@@ -272,9 +272,9 @@ def graph_of(scene: Scene, kept: Kept, order: Sequence[int]) -> Graph:
 
 
 def graph_with_last(scene: Scene, kept: Kept, order: Sequence[int], last: int) -> Graph:
-    """The graph of items in this order, and of one more, after all of them.
+    """Return the graph of items in this order, and of one more after all of them.
 
-    The others' edges are those of the room without it: what it hides is not known to be hidden before it is there.
+    The others' edges are those of the room without it: before it is placed, it hides nothing.
     """
     others = scene.without(last)
 
@@ -292,9 +292,10 @@ def graph_with_last(scene: Scene, kept: Kept, order: Sequence[int], last: int) -
 
 
 def placing_order(graph: Graph, size: Mapping[int, float]) -> list[int]:
-    """The order in which a graph's items are placed: what is constrained most first, of equals what constrains most.
+    """Return the order in which a graph's items are placed, each after its anchors.
 
-    `size` (square metres of each item) weighs what an item constrains.
+    The most constrained item comes first, of equals the one that constrains most, weighed by `size` (square metres of
+    each item).
     """
     reach = _constraining(graph, size)
     order: list[int] = []
@@ -307,13 +308,13 @@ def placing_order(graph: Graph, size: Mapping[int, float]) -> list[int]:
 
 
 def _constrained(graph: Graph, item: int) -> int:
-    """All that leads to it, once all of that is placed."""
+    """Return the sum of the weights of all edges to an item."""
     return sum(WEIGHT[distance_of(relation.type)] for relation in graph[item])
 
 
 def _constraining(graph: Graph, size: Mapping[int, float]) -> dict[int, float]:
     reached: dict[int, set[int]] = {}
-    for item in reversed(graph):  # what is placed after it is known already
+    for item in reversed(graph):  # items placed after it are worked out already
         following = [k for k, edges in graph.items() if any(r.anchor == item for r in edges)]
         reached[item] = set(following).union(*(reached[k] for k in following))
     return {item: sum(size[k] ** 0.8 * _constrained(graph, k) for k in others) for item, others in reached.items()}

@@ -1,4 +1,4 @@
-"""What PlanIT knows of a room type: what was counted in the training rooms, and the networks."""
+"""PlanIT for one room type: statistics of the training rooms, and the networks."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from layoutrl.rooms.room import Room
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is counted in the training rooms."""
+    """Counts of the training rooms."""
 
     categories: list[str]  # of furniture, the most important (frequent and large) first
-    kept: Kept  # types of edges
-    sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: along its front, across, a circle
+    kept: Kept  # types of edges that pruning leaves
+    sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: depth, width (metres), round
     tucked: list[tuple[str, str]]  # categories of which the first stands partly under the second
     span: float  # metres: no training room is longer
     most: int  # items: no training room has more
@@ -58,14 +58,14 @@ def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
 
 
 def _tucked(room: Room) -> Iterator[tuple[str, str]]:
-    """The categories of items that stand partly under others, with those of the others."""
+    """Yield (category of an item that stands partly under another, category of the other)."""
     for under, host in permutations(standing(room), 2):
         if under.tucked and not host.tucked and overlapping(box_of(under), box_of(host)):
             yield under.category, host.category
 
 
 class PlanIT(nn.Module):
-    """The networks of one room type, untrained; their weights hang on the seed alone."""
+    """The networks of one room type, untrained; their weights depend on the seed alone."""
 
     def __init__(self, statistics: Statistics, seed: np.random.SeedSequence, device: torch.device | str = "cpu"):
         super().__init__()
@@ -78,4 +78,4 @@ class PlanIT(nn.Module):
             self.size = SizeNetwork(channels, categories)
             self.graphs = GraphNetwork(len(ARCHITECTURE) + categories)
         self.to(self.device)
-        self.eval()  # but while they are trained
+        self.eval()  # except while they are trained

@@ -10,12 +10,12 @@ from torch.nn.functional import interpolate, leaky_relu, softplus
 
 from layoutrl.rivals.planit.graph import TYPES
 
-SIDE = 64  # pixels of what they see
-HEAT_SIDE = 64  # pixels of what the location network answers
-EMBEDDING = 10  # numbers that stand for a type of edge
+SIDE = 64  # pixels a side of the pictures that they see
+HEAT_SIDE = 64  # pixels a side of the location network's output
+EMBEDDING = 10  # dimensions in which a type of edge is embedded
 LATENT = 10
-WIDTHS = (32, 64, 128, 256)  # of the location network on its way in; PlanIT's are twice as wide and deep
-UP_WIDTHS = (256, 128, 64, 32, 16, 8, 8)  # and on its way out
+WIDTHS = (32, 64, 128, 256)  # channels of the location network's encoder; PlanIT's is twice as wide and deep
+UP_WIDTHS = (256, 128, 64, 32, 16, 8, 8)  # and of its decoder
 
 
 class Residual(nn.Module):
@@ -39,7 +39,7 @@ class Residual(nn.Module):
 
 
 class Upwards(nn.Module):
-    """Twice as many pixels a side, one convolution, scaled and shifted by the type of the edge (FiLM)."""
+    """Upsampling by 2 and a convolution, scaled and shifted by the type of the edge (FiLM)."""
 
     def __init__(self, before: int, after: int, coordinates: bool):
         super().__init__()
@@ -61,10 +61,10 @@ class Upwards(nn.Module):
 
 
 class LocationNetwork(nn.Module):
-    """From a picture centred on an anchor, and a type of edge: of every pixel, what the edge leads to there.
+    """Classifies each pixel of a picture centred on an anchor: to what an edge of the given type leads there.
 
     (B, channels, 64, 64), (B,) -> logits (B, 1 + categories, 64, 64); class 0 is nothing. As in PlanIT all passes
-    through a single pixel, so that its answers are blurred.
+    through a single pixel, so that outputs are blurred.
     """
 
     def __init__(self, channels: int, categories: int):
@@ -95,7 +95,7 @@ class LocationNetwork(nn.Module):
 
 
 class PictureNetwork(nn.Module):
-    """From a picture centred on an item, and its category as one-hot: (B, channels, 64, 64), (B, C) -> (B, outputs)."""
+    """A CNN on a picture centred on an item and its one-hot category: (B, channels, 64, 64), (B, C) -> (B, outputs)."""
 
     def __init__(self, channels: int, categories: int, outputs: int):
         super().__init__()
@@ -113,9 +113,9 @@ class PictureNetwork(nn.Module):
 
 
 class SizeNetwork(nn.Module):
-    """How large an item is, as shares of what the picture reaches: a VAE on what is seen, with a discriminator.
+    """A VAE of an item's size, in units of the picture's reach, conditioned on the picture and the category.
 
-    Categories are one-hot (B, C).
+    It is trained with a discriminator. Categories are one-hot (B, C).
     """
 
     def __init__(self, channels: int, categories: int):
@@ -127,11 +127,11 @@ class SizeNetwork(nn.Module):
         )
 
     def decode(self, latent: Tensor, category: Tensor) -> Tensor:
-        """(B, 2): along the way that it faces, and across."""
+        """Return sizes (B, 2): along the way that the item faces, and across."""
         return softplus(self.decoder(torch.cat([latent, category], 1)))
 
     def forward(self, picture: Tensor, category: Tensor, generator: torch.Generator | None) -> Tensor:
-        """A size drawn by the generator, or without one the likeliest: (B, 2)."""
+        """Return sizes (B, 2) drawn by the generator, or without one those of the prior's mean."""
         mean, spread = self.prior(picture, category).chunk(2, 1)
         if generator is not None:
             mean = drawn(mean, spread, generator)

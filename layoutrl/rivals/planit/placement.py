@@ -1,7 +1,7 @@
-"""Furniture into rooms, along a graph (Wang et al. 2019, section 6.4): where its edges say, if nothing is in the way.
+"""Placement of furniture along a graph (Wang et al. 2019, section 6.4): where its edges say, if nothing is in the way.
 
-Nothing that is placed lies more than a centimetre outside the room or in something else, but what stands under
-another by intent. Where no place is found, what is in the way is taken back; how often, is limited.
+No item lies more than a centimetre outside the room or in another, unless it stands under or on that by intent. Where
+an item finds no place, what is in its way is taken back, a limited number of times.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ from layoutrl.rivals.planit.model import PlanIT
 from layoutrl.rivals.planit.networks import HEAT_SIDE, SIDE
 from layoutrl.rooms.room import TOLERANCE, Item, Point, Room
 
-TEMPERATURE = 0.8  # of what is drawn from heat maps
+TEMPERATURE = 0.8  # of draws from heat maps
 TRIALS = 15  # of places for one item
 BACKTRACKS = 25  # of one room
-PATIENCE = 0.25  # share of these before a relation may be missed
-SNAP = 0.24  # metres that an item is moved, to touch what it is said to be adjacent to
-TOUCHES = 0.05  # metres: adjacent, afterwards
-PROXIMAL_WITHIN, DISTANT_BEYOND = 0.71, 0.38  # metres, of what is said to be so
+PATIENCE = 0.25  # share of BACKTRACKS after which relations may be missed
+SNAP = 0.24  # metres at most that an item is moved, to touch the anchor of an edge that says adjacent
+TOUCHES = 0.05  # metres: most for an adjacent edge to hold after that
+PROXIMAL_WITHIN, DISTANT_BEYOND = 0.71, 0.38  # metres: most for a proximal edge to hold, least for a distant one
 MISSED = 1.2  # metres off at which a relation counts for nothing
 BLOCK = 128  # edges seen at once: memory, not speed
 
 
 class Query(NamedTuple):
-    """What is to be placed in a room: after these others, by node, and along these edges that lead to it."""
+    """An item to place in a room, after those that are `placed`, by node, and along the edges that lead to it."""
 
     room: int
     category: str
@@ -66,26 +66,26 @@ class Layout:
 
 @dataclass
 class Search:
-    """How places, facings and sizes are chosen: the likeliest, or drawn by `rng`, and its like of torch for sizes."""
+    """How places, facings and sizes are chosen: the likeliest, or drawn by `rng`, sizes by `noise`."""
 
     rng: np.random.Generator | None = None
     noise: torch.Generator | None = None
-    in_the_way: Counter[int] = field(default_factory=Counter)  # nodes that trials met
+    in_the_way: Counter[int] = field(default_factory=Counter)  # how often trials met each node
 
 
 class Placer:
-    """A trained PlanIT, and the rooms that it furnishes, all of whose furniture it knows."""
+    """A trained PlanIT, and the rooms that it furnishes. It must know all categories of their furniture."""
 
     def __init__(self, model: PlanIT, rooms: Sequence[Room], scenes: Sequence[Scene]):
         self.model, self.rooms, self.scenes = model, rooms, scenes
         self.canvas = Canvas(rooms, model.statistics.categories, model.device)
-        envelopes = [room.envelope.buffer(GRID, join_style="mitre") for room in rooms]  # which may have no wall
+        envelopes = [room.envelope.buffer(GRID, join_style="mitre") for room in rooms]  # for sides without a wall
         self.floors = [
             shapely.intersection(room.indoor.buffer(TOLERANCE, join_style="mitre"), envelope)
             for room, envelope in zip(rooms, envelopes, strict=True)
         ]
         shapely.prepare(self.floors)
-        self.pixel = 2 * model.statistics.span / HEAT_SIDE  # metres, of heat maps
+        self.pixel = 2 * model.statistics.span / HEAT_SIDE  # metres a side of a pixel of heat maps
         axis = (np.arange(HEAT_SIDE // 2) + 0.5 - HEAT_SIDE // 4) * self.pixel
         bounds = np.array([room.envelope.bounds for room in rooms])
         middle = (bounds[:, :2] + bounds[:, 2:]) / 2
@@ -96,9 +96,9 @@ class Placer:
 
     @torch.no_grad()
     def heat(self, queries: Sequence[Query]) -> list[np.ndarray]:
-        """How likely each cell of the room is, by the product of all edges: (cells,) each, which add up to 1.
+        """Return heat maps (cells,), one for each query: the product over its edges, which adds up to 1.
 
-        Zero outdoors. Without an edge all cells are alike.
+        They are zero outdoors. Without edges all cells indoors are alike.
         """
         model, span = self.model, self.model.statistics.span
         wanted = [(k, relation) for k, query in enumerate(queries) for relation in query.edges]
@@ -143,17 +143,17 @@ class Placer:
         tolerance: float = 0.0,
         avoid: Sequence[Point] = (),
     ) -> Item | None:
-        """A legal place by the heat map, if some trials find one, at which edges hold as far as `tolerance` allows.
+        """Return the item at the first legal place of TRIALS at which edges hold within `tolerance`, or None.
 
-        `size` is of an item whose size, form and, if it has one, rotation are known; `avoid` are centres that were
-        tried before.
+        `size` is an item whose size, form and, if it has one, rotation are taken; `avoid` are centres that were tried
+        before.
         """
         tried = self._trials(query, heat, search, size, avoid)
         return next((item for item, held in tried if held >= 1 - tolerance), None)
 
     def target(self, query: Query, heat: np.ndarray, search: Search, size: Item | None = None) -> Item | None:
-        """A place for one item while all others stay: of as many trials the first at which all edges hold, or the one
-        at which they hold best."""
+        """Return the item, while all others stay, at the first legal place of TRIALS at which all edges hold, or else
+        at the one at which they hold best; None if no place is legal."""
         best: tuple[float, Item | None] = (-1.0, None)
         for item, held in self._trials(query, heat, search, size):
             if held > best[0]:
@@ -165,7 +165,7 @@ class Placer:
     def _trials(
         self, query: Query, heat: np.ndarray, search: Search, size: Item | None, avoid: Sequence[Point] = ()
     ) -> Iterator[tuple[Item, float]]:
-        """Legal places, in the order in which they are tried, and how well their edges hold, 0 to 1."""
+        """Yield the item at each legal place, in the order in which they are tried, and how well edges hold, 0 to 1."""
         cells, heat = self.cells[query.room], heat.copy()
         for number, centre in enumerate(avoid, 1):
             self._forget(heat, cells, np.array(centre), number)
@@ -191,10 +191,11 @@ class Placer:
         search: Search,
         sizes: Sequence[Item] | None = None,
     ) -> Layout:
-        """All items of a graph into an empty room: `names` of its nodes, from the scene's first item on.
+        """Place all items of a graph in an empty room. `names` are their categories, from the scene's first item on.
 
         `sizes` are items whose sizes and forms they take, and rotations, where these are known. Where no place is
-        found, what was in the way most often is taken back, with all that came after it.
+        found, what was in the way most often is taken back, with all that came after it; after BACKTRACKS of these
+        an item is left out.
         """
         fixed = self.scenes[room].fixed
         area = {fixed + k: float(np.prod(self.sizes[name], 1).mean()) for k, name in enumerate(names)}
@@ -239,14 +240,14 @@ class Placer:
 
     @staticmethod
     def _back_to(order: Sequence[int], k: int, placed: Mapping[int, Item], search: Search) -> int:
-        """The step to take back: of what was in the way most often, or the last one that placed something."""
+        """Return the step to take back: that of what was in the way most often, or the last that placed something."""
         conflicts = [(count, node) for node, count in search.in_the_way.items() if node in placed]
         if conflicts:
             return order.index(max(conflicts)[1])
         return max((n for n in range(k) if order[n] in placed), default=k)
 
     def _node(self, query: Query, node: int) -> tuple[np.ndarray, int]:
-        """The box of an anchor, and where it faces: of the room's walls and openings, or of what is placed."""
+        """Return the box and the facing, in quarters, of an anchor: a wall or opening of the room, or a placed item."""
         scene = self.scenes[query.room]
         if node < scene.fixed:
             return scene.box[node], int(scene.facing[node])
@@ -254,7 +255,7 @@ class Placer:
         return np.array(box_of(item)), int(item.degrees // 90) % 4
 
     def _centre(self, heat: np.ndarray, cells: np.ndarray, search: Search) -> np.ndarray:
-        """The likeliest cell or one that is drawn; between cells, by the mean of it and its neighbours.
+        """Return the middle (2,) of the likeliest cell, or of one that is drawn, averaged with its neighbours by heat.
 
         PlanIT has twice as many pixels a side, and takes a pixel's middle.
         """
@@ -267,12 +268,12 @@ class Placer:
         return np.average(cells[near], axis=0, weights=heat[near])
 
     def _forget(self, heat: np.ndarray, cells: np.ndarray, centre: np.ndarray, times: int) -> None:
-        """No heat where a trial failed, in place: in a circle that grows with their number."""
+        """Set the heat to 0, in place, in a circle around a tried place that grows with the number of trials."""
         heat[np.linalg.norm(cells - centre, axis=1) <= self.pixel * (0.5 + 0.25 * times)] = 0.0
 
     @torch.no_grad()
     def _items(self, query: Query, centres: np.ndarray, search: Search, size: Item | None) -> list[Item]:
-        """The item at each of n centres: which way it faces there and how large it is, as far as that is not given."""
+        """Return the item at each of n centres, with the facing and the size that the networks predict unless given."""
         if size is not None and size.rotation is not None:
             return [replace(size, category=query.category, center=(float(x), float(y))) for x, y in centres]
         model, canvas, many = self.model, self.canvas, len(centres)
@@ -307,7 +308,7 @@ class Placer:
         ]  # fmt: skip
 
     def _snapped(self, query: Query, item: Item) -> Item:
-        """The item moved to touch what it is adjacent to, if it nearly does."""
+        """Return the item, moved to touch what it is adjacent to if it is no more than SNAP away."""
         for edge in query.edges:
             if distance_of(edge.type) != ADJACENT or edge.type == SUPPORT:
                 continue
@@ -323,7 +324,7 @@ class Placer:
         return item
 
     def _direction(self, query: Query, edge: Relation, anchor: np.ndarray, box: np.ndarray) -> int:
-        """The quarter of the room in which an edge leads; from what is round, that in which the item is."""
+        """The quarter of the room in which an edge leads; from a round anchor, that in which the item lies."""
         _, facing = self._node(query, edge.anchor)
         circle = edge.anchor in query.placed and query.placed[edge.anchor].form == "circle"
         if circle:
@@ -331,14 +332,14 @@ class Placer:
         return (facing + TURN[edge.type // 3]) % 4
 
     def _stands_under(self, item: Item, other: Item | None) -> bool:
-        """Whether one of the two, by their categories, stands partly under the other."""
+        """Return whether one of the two may, by their categories, stand partly under the other."""
         tucked = self.model.statistics.tucked
         return other is not None and (
             (item.category, other.category) in tucked or (other.category, item.category) in tucked
         )
 
     def _collisions(self, query: Query, item: Item) -> list[int]:
-        """The nodes that the item stands in by more than a centimetre, but for what it stands under or on."""
+        """Return the nodes that the item overlaps by more than a centimetre, but for those it stands under or on."""
         supports = {edge.anchor for edge in query.edges if edge.type == SUPPORT}
         return [
             node

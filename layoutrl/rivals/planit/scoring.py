@@ -1,4 +1,4 @@
-"""PlanIT in rooms that it never saw: one item among all others, as in Table 1 of Di & Yu; and all, from nothing."""
+"""Scores of PlanIT in held-out rooms: of one item among all others, as in Table 1 of Di & Yu; of all, from nothing."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from layoutrl.rooms.brief import brief_of, standing
 from layoutrl.rooms.room import Item, Room
 
 CHOICES = ("sampled", "argmax")  # of places, facings and sizes
-SIZES = ("own size", "true size")  # with the true form and rotation, which the agent knows, too
-DRAWS = 10  # graphs, until one has the item that is asked for
-TRIES = 4  # graphs that are drawn, until everything has a place; PlanIT sets no limit
+SIZES = ("own size", "true size")  # the true one with form and rotation, which the agent knows, too
+DRAWS = 10  # graphs at most, until one has the category that is asked for
+TRIES = 4  # graphs at most, until every item has a place; PlanIT sets no limit
 FURNISHED = 24  # rooms at most that are furnished from nothing: seconds each
 CHUNK = 64  # rooms whose heat maps are worked out at once
 
@@ -38,14 +38,14 @@ class Places:
     items: list[Item | None]
     iou: np.ndarray  # (B,), 0 without a place
     score: Score
-    missing: float  # share of the rooms
+    missing: float  # share of the rooms without a place
 
 
 def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Places]:
-    """The moving item of each of the placer's rooms among the others, by graph, choice and whose size it has.
+    """Place the moving item of each of the placer's rooms among the others. Keys are "graph, choice, whose size".
 
-    Where there is no place, what is drawn of the graph is drawn again, TRIES times in all.
-    The true size comes with form and rotation, as the agent knows them; a sampled graph has no item to take it of.
+    Where there is no place, what is drawn of the graph is drawn again, TRIES times in all. The true size comes with
+    form and rotation, as the agent knows them; a sampled graph has no item to take it from.
     """
     rng, noise = _generators(placer, seed)
     found: dict[str, list[Item | None]] = {}
@@ -58,7 +58,7 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
                     search = Search(rng, noise) if choice == "sampled" else Search()
                     size = placer.rooms[query.room].moving if whose == "true size" else None
                     item = placer.target(query, heat, search, size)
-                    redrawing = rng.spawn(1)[0]  # of its own: to draw again moves no draw of rng
+                    redrawing = rng.spawn(1)[0]  # of its own: drawing again does not change what rng draws
                     for _ in range(_tries(graph) - 1):
                         if item is None:
                             again = QUERIES[graph](placer, query.room, redrawing)
@@ -68,12 +68,12 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
 
 
 def _variants(graph: str) -> Iterator[tuple[str, str]]:
-    """How places are chosen, and whose size is taken."""
+    """Return pairs of CHOICES and SIZES; a sampled graph has no true sizes."""
     return product(CHOICES, SIZES[:1] if graph == "sampled graph" else SIZES)
 
 
 def _tries(graph: str) -> int:
-    """How many graphs are tried: the designer's is one."""
+    """Return how many graphs are tried at most: of the designer's there is only one."""
     return 1 if graph == "given graph" else TRIES
 
 
@@ -84,7 +84,7 @@ def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random
 
 
 def _bare_query(placer: Placer, room: int) -> tuple[Query, int]:
-    """The moving item among all others, as they stand, without an edge; and its node."""
+    """Return the query for the moving item among all others, as they stand, without edges; and its node."""
     own, scene = placer.rooms[room], placer.scenes[room]
     stand = [k for k, item in enumerate(own.furniture) if item.center is not None]
     assert own.target in stand
@@ -94,13 +94,13 @@ def _bare_query(placer: Placer, room: int) -> tuple[Query, int]:
 
 
 def given_query(placer: Placer, room: int) -> Query:
-    """The moving item, by the edges that lead to it from all else, where the designer has it."""
+    """Return the query for the moving item with the edges that lead to it from all else in the designer's layout."""
     query, target = _bare_query(placer, room)
     return query._replace(edges=with_last(placer.model.statistics, placer.scenes[room], target)[target])
 
 
 def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) -> Query:
-    """The moving item, by edges that are drawn for it, into the graph of all others as they stand without it."""
+    """Return the query for the moving item with edges drawn for it, given the graph of the others without it."""
     query, target = _bare_query(placer, room)
     scene = placer.scenes[room]
     *others, (_, _) = graph = list(with_last(placer.model.statistics, scene, target).items())
@@ -116,10 +116,10 @@ def _query_by_categories(placer: Placer, room: int, rng: np.random.Generator) ->
 
 
 def _query_by_sample(placer: Placer, room: int, rng: np.random.Generator) -> Query:
-    """The moving item, by the edges to the first node of its category in a graph that is drawn from the empty room.
+    """Return the query for the moving item with edges from a graph that is drawn for the empty room.
 
-    Other nodes stand for the room's own items of their category, one after the other; what is left over is dropped.
-    Where no graph has such a node, no edge leads to the item.
+    They are those to the first node of its category. Other nodes stand for the room's own items of their category, one
+    after the other; nodes left over are dropped. If none of DRAWS graphs has such a node, there are no edges.
     """
     query, target = _bare_query(placer, room)
     scene = placer.scenes[room]
@@ -148,7 +148,7 @@ def _sampled(
     given: Sequence[str] | None = None,
     known: Sequence[Sequence[Relation]] = (),
 ) -> tuple[list[str], Graph]:
-    """A graph for a room, of categories that are `given` or drawn, the first items' edges maybe `known`."""
+    """Draw categories, unless they are `given`, and a graph for a room; the first items' edges may be `known`."""
     model, scene = placer.model, placer.scenes[room]
     nodes, kept, most = model.statistics.nodes, model.statistics.kept, model.statistics.most
     return sample(model.graphs, scene, nodes, kept, most, rng, given, known)
@@ -163,7 +163,7 @@ GRAPHS = tuple(QUERIES)  # how much of it is the designer's
 
 
 def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
-    """What the items are worth in the place of the rooms' moving ones. Without a place nothing overlaps anything."""
+    """Score items in place of the rooms' moving ones. An item without a place has IoU 0 and overlaps nothing."""
     iou, overlap, outside, blocked = (np.zeros(len(rooms)) for _ in range(4))
     there = [k for k, item in enumerate(items) if item is not None]
     if there:
@@ -190,27 +190,27 @@ class FromNothing:
     """All items of B rooms, placed from nothing."""
 
     layouts: list[list[Item]]
-    group: np.ndarray  # (B,), of rooms that are not independent
+    group: np.ndarray  # (B,), equal for rooms that are not independent
     iou: np.ndarray  # (B,), mean over the designer's items: 0 for one that has no match
     missing: float  # share of the graphs' items for which there was no place
 
     @property
     def mean_iou(self) -> float:
-        """Over rooms, of each room's mean over the designer's items."""
+        """The mean over rooms of `iou`."""
         return float(self.iou.mean())
 
     @property
     def standard_error(self) -> float | None:
-        """Over groups of rooms that are not independent; None of one."""
+        """The standard error of `mean_iou` over groups of rooms; None for a single group."""
         return standard_error(self.iou, self.group)
 
     def as_dict(self) -> dict[str, float | None]:
-        """Its numbers, as JSON has them."""
+        """Return the numbers for a JSON file."""
         return {name: getattr(self, name) for name in ("mean_iou", "standard_error", "missing")}
 
 
 def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, FromNothing]:
-    """All items of each of the placer's rooms, by graph, choice and whose sizes they have, as `place_targets` does.
+    """Place all items of each of the placer's rooms from nothing. Keys are those of `place_targets`.
 
     Items are matched with the designer's within a category, so that the sum of their IoU is highest.
     """
@@ -226,7 +226,7 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, FromN
 
 
 def _fullest(layouts: Iterable[Layout]) -> Layout:
-    """The one that lacks least, of equals the first. After one that lacks nothing no other is made."""
+    """Return the layout that lacks the fewest items, the first of equals; stop at one that lacks none."""
     made: list[Layout] = []
     for layout in layouts:
         made.append(layout)
@@ -244,9 +244,9 @@ def _layout(placer: Placer, room: int, kind: str, whose: str, rng: np.random.Gen
 
 
 def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
-    """The briefs of the placer's rooms, furnished: each item at its likeliest place, facing its likeliest way there.
+    """Furnish the briefs of the placer's rooms: each item at its likeliest place, facing its likeliest way there.
 
-    Known are the bare room and what a brief lists: categories, true sizes and forms. Items without a place have no
+    PlanIT is told the bare room and what a brief lists: categories, true sizes and forms. Items without a place have no
     center.
     """
     rng, _ = _generators(placer, seed)
@@ -256,7 +256,7 @@ def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
     important = placer.model.statistics.categories.index
     layouts = []
     for number, brief in enumerate(briefs):
-        # The most important first, as it was learned.
+        # The most important first, as in training.
         order = sorted(range(len(brief.furniture)), key=lambda k: important(brief.furniture[k].category))
         items = [brief.furniture[k] for k in order]
         names = [item.category for item in items]
@@ -270,20 +270,20 @@ def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
 
 
 def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -> tuple[list[str], Graph, list[int]]:
-    """(categories, graph, which of the room's standing items each stands for), as much of it given as `kind` says."""
+    """Return categories, a graph, and which standing item each node stands for; `kind` says how much is given."""
     if kind == "sampled graph":
         return *_sampled(placer, room, rng), []
     scene, own = placer.scenes[room], standing(placer.rooms[room])
     graph, _ = planned(placer.model.statistics, scene, own)
     if kind == "given graph":
         return [scene.category[node] for node in scene.items], graph, list(range(len(own)))
-    order = [node - scene.fixed for node in graph]  # the most important first, as it was learned
+    order = [node - scene.fixed for node in graph]  # the most important first, as in training
     given = [own[k].category for k in order]
     return *_sampled(placer, room, rng, given), order
 
 
 def from_nothing(rooms: Sequence[Room], layouts: Sequence[Layout]) -> FromNothing:
-    """What layouts of whole rooms are worth."""
+    """Score layouts of whole rooms."""
     missing, placed = (
         sum(map(len, counted)) for counted in zip(*((x.missing, x.placed) for x in layouts), strict=True)
     )
@@ -295,14 +295,14 @@ def from_nothing(rooms: Sequence[Room], layouts: Sequence[Layout]) -> FromNothin
 
 
 def how_many(furnished: int, rooms: int) -> int:
-    """Rooms that are furnished from nothing, where `furnished` are asked for and so many `rooms` are there."""
+    """Return how many of `rooms` rooms are furnished from nothing: as many as are asked for, FURNISHED at most."""
     return min(furnished, FURNISHED, rooms)
 
 
 def score_all(
     placer: Placer, furnished: int, seed: np.random.SeedSequence
 ) -> tuple[dict[str, Places], dict[str, FromNothing]]:
-    """One item in every room, and all items in the first of them: see `how_many`."""
+    """Place one item in every room, and all items in the first `how_many` of them."""
     one_seed, all_seed = seed.spawn(2)
     few = how_many(furnished, len(placer.rooms))
     every = Placer(placer.model, placer.rooms[:few], placer.scenes[:few])
@@ -310,7 +310,7 @@ def score_all(
 
 
 def evaluated(placer: Placer, furnished: int, seed: np.random.SeedSequence) -> dict[str, Any]:
-    """All that is scored, as plain numbers."""
+    """Return all scores as plain numbers."""
     one, every = score_all(placer, furnished, seed)
     return {
         "rooms": len(placer.rooms),

@@ -1,4 +1,4 @@
-"""How PlanIT learns: all of its networks side by side, each update from a few random decisions of random rooms."""
+"""The training of PlanIT: all networks side by side, in each update on a few random decisions in random rooms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from layoutrl.rivals.planit.networks import HEAT_SIDE, SIDE, PictureNetwork, dra
 from layoutrl.rooms.brief import standing
 from layoutrl.rooms.room import Item, Room
 
-CENTROID_WEIGHT = 10.0  # of a pixel that something's centre lies in; of others 1
+CENTROID_WEIGHT = 10.0  # in the loss, of a pixel that holds an item's centre; of others 1
 DECISIONS = 4  # on each example's graph
 SIZE_LOSSES = (20.0, 0.1, 0.1)  # weights: of the absolute error, the divergence, the discriminator
 
@@ -32,14 +32,14 @@ LOSSES = ("location", "orientation", "size", "graph", "discriminator")
 
 @dataclass(frozen=True)
 class Report:
-    """What happened since the last one: mean losses."""
+    """Mean losses since the last report."""
 
     updates: int  # since the start
     loss: dict[str, float]  # by name, LOSSES
 
 
 class Example(NamedTuple):
-    """One item of a room that is to be placed next: after these others, along this edge."""
+    """One item of a room that is to be placed next, after `placed`, along `edge`."""
 
     room: int
     scene: Scene
@@ -47,16 +47,16 @@ class Example(NamedTuple):
     item: int
     placed: frozenset[int]
     edge: Relation
-    last: bool  # after all others, whatever its category
+    last: bool  # whether it comes after all others, whatever its category
 
 
 class Training:
-    """Trains until the budget is spent or `stopping` is set; iterating yields a report every `report_every` updates.
+    """Trains until the budget is spent or `stopping` is set; iterating yields a Report every `report_every` updates.
 
-    The rate falls linearly with what is left of the budget. Pictures are mirrored half of the time, and the orientation
-    network's are turned. Half of the examples place the items in the order of their graph, half place one after all the
-    others, and ask for its edges alone. What is done with a report takes no time of the budget. `state_dict` is all
-    that it needs to go on exactly, where the budget is one of updates; of seconds, it goes on with those that are left.
+    The learning rate falls linearly to 0 with the budget. Pictures are mirrored half of the time, and the orientation
+    network's are turned. Half of the examples place items in the order of their graph; the other half place one after
+    all others, and ask for its edges alone. Time that the caller takes for a report is not counted. A training resumes
+    exactly from `state_dict` if its budget is of updates; if of seconds, it resumes with those that are left.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Training:
         seed: np.random.SeedSequence,
     ):
         self.model, self.updates, self.stopping = model, 0, False
-        self.share = 0.0  # of the budget, that is spent
+        self.share = 0.0  # of the budget that is spent
         self._rooms, self._scenes, self._spent = rooms, scenes, spent
         self._batch, self._learning_rate, self._report_every = batch, learning_rate, report_every
         drawing, weights, noise = seed.spawn(3)
@@ -87,12 +87,12 @@ class Training:
         self._judging = torch.optim.Adam(self._discriminator.parameters(), learning_rate, fused=True)
         self._recent: dict[str, list[Tensor]] = {}
         self._furniture = [standing(room) for room in rooms]
-        self._planned: dict[int, tuple[Graph, list[int]]] = {}  # of rooms, once they are asked for
-        self._last: dict[tuple[int, int], Graph] = {}  # of rooms and items
+        self._planned: dict[int, tuple[Graph, list[int]]] = {}  # by room, made on demand
+        self._last: dict[tuple[int, int], Graph] = {}  # by room and item, made on demand
 
     def __iter__(self) -> Iterator[Report]:
         self.model.train()
-        elsewhere = self.share - self._spent(self.updates)  # in a life before: of updates none, they are all counted
+        elsewhere = self.share - self._spent(self.updates)  # spent before a resume: 0 of updates, which all count
         while not self.stopping and self.share < 1:
             for optimizer in (self._optimizer, self._judging):
                 for group in optimizer.param_groups:
@@ -138,7 +138,7 @@ class Training:
         return self._furniture[room][node - self._scenes[room].fixed]
 
     def _example(self) -> Example:
-        """Draw one. An item that nothing leads to teaches nothing of where it goes, and is drawn again."""
+        """Draw an example. An item to which no edge leads teaches nothing of where it goes; another one is drawn."""
         while True:
             room = int(self._rng.integers(len(self._rooms)))
             scene = self._scenes[room]
@@ -164,7 +164,7 @@ class Training:
         return self._last[room, item]
 
     def _location_loss(self, examples: list[Example], room: Tensor, furniture: Tensor, mirrored: Tensor) -> Tensor:
-        """Where everything is that the anchor has an edge of this type to, and that is not placed yet."""
+        """The location network's loss, on where the unplaced items are to which the anchor has this type of edge."""
         model, span = self.model, self.model.statistics.span
         device = model.device
         anchor = torch.tensor(
@@ -193,7 +193,7 @@ class Training:
         return cross_entropy(model.location(picture, seen), goal, weight)
 
     def _about(self, examples: list[Example]) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Of the items: centres (B, 2), quarters that they face, categories as one-hot (B, C), sizes as shares."""
+        """Return the items' centres (B, 2), quarters (B,), one-hot categories (B, C) and sizes (B, 2) in half spans."""
         model = self.model
         items = [self._item(e.room, e.item) for e in examples]
         category = torch.tensor([self._canvas.categories[item.category] for item in items], device=model.device)
@@ -206,7 +206,7 @@ class Training:
         )
 
     def _orientation_loss(self, examples: list[Example], room: Tensor, furniture: Tensor, mirrored: Tensor) -> Tensor:
-        """Which way the item faces that is to stand in the middle; what is round faces nowhere."""
+        """The orientation network's loss, on which way the item in the middle faces; 0 for a round one."""
         centre, facing, category, _ = self._about(examples)
         turned = torch.tensor(self._rng.integers(4, size=len(examples)), device=self.model.device)
         reach = self.model.statistics.span / 2
@@ -219,7 +219,7 @@ class Training:
     def _size_losses(
         self, examples: list[Example], room: Tensor, furniture: Tensor, mirrored: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Of the size network: error, divergence, and what the discriminator finds; and the discriminator's own."""
+        """The losses of the size network (error, divergence, discriminator) and of the discriminator."""
         model = self.model
         centre, facing, category, true = self._about(examples)
         reach = model.statistics.span / 2
@@ -245,9 +245,9 @@ class Training:
         return size, judged.mean()
 
     def _graph_loss(self, examples: list[Example]) -> Tensor:
-        """Of some decisions on a node, and on an edge from each side, in each example's graph.
+        """The generator's loss on DECISIONS steps in each example's graph: on a node, and on an edge from each side.
 
-        Of one whose item comes last, on edges to that alone: what comes next is learned in the order of importance.
+        Where an example's item comes last, on edges to that alone: nodes are learned in the order of importance.
         """
         names, nodes = self.model.statistics.nodes, []
         edges: dict[str, list[generator.Decision]] = {"furniture": [], "architecture": []}
@@ -263,7 +263,7 @@ class Training:
         return generator.loss(self.model.graphs, nodes, edges)
 
     def state_dict(self) -> dict[str, Any]:
-        """All that it needs to go on exactly: tensors and plain values."""
+        """Return all that is needed to resume exactly: tensors and plain values."""
         return {
             "networks": self.model.state_dict(),
             "discriminator": self._discriminator.state_dict(),
@@ -276,7 +276,7 @@ class Training:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from where another of the same settings was."""
+        """Resume from the state of a training of the same settings."""
         self.model.load_state_dict(state["networks"])
         self._discriminator.load_state_dict(state["discriminator"])
         for optimizer, its_state in zip((self._optimizer, self._judging), state["optimizers"], strict=True):

@@ -1,1 +1,1 @@
-"""Who else furnishes whole rooms: chance, the nearest training room, annealer, search, supervised pointer."""
+"""Rivals that furnish whole rooms: chance, the nearest training room, annealer, search, supervised pointer."""

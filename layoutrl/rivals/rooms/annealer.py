@@ -1,18 +1,19 @@
 """Simulated annealing of whole rooms, after Merrell et al. 2011 and Yu et al. 2011.
 
-Many chains of one room take a move of one kind at a time, as arrays: a step of all costs little more than of one.
-What training rooms tell are distances, shares of looks, turns and bearings, what is tall and how much floor doors keep
-(`relations`): counted, not learned by gradients.
+Many chains of one room are arrays: in a step all of them make a move of the same kind, which costs little more than
+one. From training rooms come distances, shares of looks, turns and bearings, which categories are tall, and how much
+floor doors keep free (`relations`): counted, not learned by gradients.
 
-Clearance, circulation, distances of pairs and to the wall, and visual balance are theirs. What is not as they have it:
+Clearance, circulation, distances of pairs and to the wall, and visual balance are from these papers. What differs:
 
-- Access is the floor before an item, as deep as FRONT_DEPTH, which the designer and the measures keep; they have floor
-  of their own on several sides.
-- Circulation counts the items that who enters cannot get to, as wide as the room's passage, as the measures do;
-  Merrell counts the connected parts of the floor that is free for a body 45 cm wide, and Yu lays out curved pathways.
+- Access is the floor before an item, as deep as FRONT_DEPTH, which the designer and the measures keep; the papers
+  keep floor free on several sides of an item.
+- Circulation counts the items that cannot be reached from the door by a passage as wide as the room's, as the measures
+  do; Merrell counts the connected parts of the floor that is free for a body 45 cm wide, and Yu lays out curved
+  pathways.
 - Merrell's angle of pairs, -(8c^4 - 8c^2 + 1), and alignment, -cos 4a, are the same for all items along the walls, and
-  all are here. Mined shares, of which way one faces and lies as seen from another, tell these apart instead, as do
-  shares of looks at door and window in place of Yu's visibility and Merrell's emphasis.
+  here all items are. What tells them apart instead are mined shares of which way an item faces and lies as seen from
+  another, and shares of looks at door and window in place of Yu's visibility and Merrell's emphasis.
 - Conversation, symmetry and Yu's groups of parent and child are left out: pairs are mined, whatever they are for.
 - Slide, place and beside are moves of our own; chains do not swap temperatures; the weights of rules grow.
 """
@@ -34,17 +35,17 @@ MOVES = ("shift", "turn", "swap", "slide", "place", "beside")
 
 @dataclass(kw_only=True)
 class Annealing:
-    """How it anneals; `conf/rival/annealer.yaml` has the values and where they are from."""
+    """Settings of the annealer; `conf/rival/annealer.yaml` has the values and their sources."""
 
     chains: int
     first_temperature: float
     last_temperature: float
-    cold: float  # the last share of the budget, at the last temperature
-    first_shift: float  # metres: standard deviation
+    cold: float  # share of the budget that is left when the last temperature is reached
+    first_shift: float  # metres: standard deviation of a shift
     last_shift: float
-    first_rules: float  # what the weights of rules are multiplied with: it grows
+    first_rules: float  # factor of the weights of rules, which grows from the first to the last
     last_rules: float
-    moves: dict[str, float]  # how often, of MOVES
+    moves: dict[str, float]  # relative frequency of each of MOVES
     weights: dict[str, float]  # of RULES and PREFERENCES
 
 
@@ -84,7 +85,7 @@ class Chains:
         self._remember()
 
     def step(self, share: float) -> None:
-        """One move in every chain, when this share of the budget is spent."""
+        """Make one move in every chain, given the share of the budget that is spent."""
         at = min(share / (1 - self.settings.cold), 1.0)
         temperature = _between(self.settings.first_temperature, self.settings.last_temperature, at)
         strictness = _between(self.settings.first_rules, self.settings.last_rules, at)
@@ -92,7 +93,7 @@ class Chains:
         box = self.cost.boxes(center, quarter)
         preference = self.cost.preference(center, quarter, box)
         rules = self.cost.rules(center, quarter, box)
-        # Metropolis: drawn first, since who is refused without `unreached` would be with it, too.
+        # Metropolis: the limit is drawn first; what exceeds it even without `unreached`, which is slow, is refused.
         highest = self.preference + strictness * self.rules - temperature * np.log(1 - self.rng.random(len(self.chain)))
         maybe = np.flatnonzero(self._within(center) & (preference + strictness * rules <= highest))
         rules[maybe] += self.cost.unreached(box[maybe])
@@ -109,7 +110,7 @@ class Chains:
             self.lowest, self.best = float(cost[k]), (self.center[k].copy(), self.quarter[k].copy())
 
     def _proposed(self, width: float) -> tuple[Array, Array]:
-        """Centres and facings after one move of one kind in every chain, of an item drawn for each."""
+        """Return centres and facings after a move of one random kind, of a random item in every chain."""
         center, quarter, rng, chain = self.center.copy(), self.quarter.copy(), self.rng, self.chain
         scene, count = self.scene, len(chain)
         kind = self.kinds[int(np.searchsorted(self.often, rng.random()))]
@@ -149,7 +150,7 @@ class Chains:
         return center, quarter % 4
 
     def _within(self, center: Array) -> Array:
-        """Whether all that is to be placed is in the box around the floor, (C,): far outside no rule costs anything."""
+        """Return whether all movable items are in the box around the floor (C,): far outside no rule costs anything."""
         there = center[:, self.scene.movable]
         low, high = np.split(self.scene.bounds, 2)
         return np.all((low <= there) & (there <= high), (1, 2))
@@ -160,5 +161,5 @@ class Chains:
 
 
 def _between(first: float, last: float, share: float) -> float:
-    """From the first to the last, geometrically."""
+    """Interpolate geometrically from the first to the last."""
     return float(first * (last / first) ** share)

@@ -1,4 +1,4 @@
-"""The least that a method for whole rooms must beat: drawn places, and the layout of the most similar training room."""
+"""Baselines that methods for whole rooms must beat: random places, and the layout of the most similar training room."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from layoutrl.rooms.clearances import off
 from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
-DRAWS = 100  # of a place in the box around all places, before one is taken as it comes; unsourced: seldom reached
-OTHER_CATEGORY = 2.0  # metres that an item without a counterpart counts, and an outline that shares no floor; unsourced
+DRAWS = 100  # points drawn in the box around all places, before the nearest place is taken; unsourced: seldom reached
+OTHER_CATEGORY = 2.0  # metres for an item or opening without counterpart, and for outlines sharing no floor; unsourced
 
 
 def random_layout(brief: Room, rng: np.random.Generator) -> Room:
-    """Every item at a drawn place indoors, facing a drawn way. One that fits nowhere has no place."""
+    """Place every item at random indoors, facing a random way. One that fits nowhere has no center."""
     return with_poses(brief, {k: pose for k in missing(brief) if (pose := _drawn(brief, k, rng))})
 
 
 def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> Room:
-    """The layout of the training room that is most like the brief, in the best of the library's views.
+    """Furnish a brief as the training room that is most like it, in the best of the library's views.
 
-    Each item takes the pose of the counterpart of its category that is nearest in size, in the same place of the
-    outline's bounding box, and is pushed indoors. One without a counterpart goes to a drawn place.
+    Each item takes the pose of its counterpart, the item of its category that is nearest in size, at the same relative
+    place in the outline's bounding box, and is pushed indoors. One that has no counterpart, or does not fit at its
+    facing, goes to a random place.
     """
     room, view = training.nearest(brief)
     model = room.turned(*view)
@@ -46,7 +47,7 @@ def nearest_layout(brief: Room, training: Library, rng: np.random.Generator) -> 
 class Library:
     """Training rooms, with what is compared first: how many items of each category, and the outline's extents.
 
-    They are looked at in eight `views`, or in four where mirrored rooms are not furnished alike.
+    Rooms are compared in eight `views`, or in four where mirrored rooms are not furnished alike.
     """
 
     def __init__(self, rooms: Sequence[Room], mirrors_alike: bool = True):
@@ -58,15 +59,15 @@ class Library:
         self._groups = np.array([room.group for room in rooms])
 
     def nearest(self, brief: Room) -> tuple[Room, tuple[int, bool]]:
-        """The room most like the brief, the first of equals, and in which of the views.
+        """Return the room most like the brief, the first of equals, and the view in which it is.
 
-        Rooms of the brief's own group are left out: they hold its answer. Where there are no others, they are not.
+        Rooms of the brief's own group hold its answer and are left out, unless there are no others.
         """
         lacks = np.abs(self._counts - self._counted(brief)).sum(1)
         lacks += sum(item.category not in self._categories for item in brief.furniture)
         size = _extents(brief)
         apart = np.minimum(*(np.abs(size - extents).sum(1) for extents in (self._extents, self._extents[:, ::-1])))
-        least = OTHER_CATEGORY * lacks + apart  # by how much each is unlike at least, in any view
+        least = OTHER_CATEGORY * lacks + apart  # a lower bound of how unlike each is in any view
         if not (own := self._groups == brief.group).all():
             least[own] = np.inf
         best, found = np.inf, (self.rooms[0], self.views[0])
@@ -84,9 +85,9 @@ class Library:
 
 
 def _unlikeness(brief: Room, room: Room, views: Sequence[tuple[int, bool]]) -> np.ndarray:
-    """How unlike the brief a room is in each of the views (n,), in metres: outline, openings and furniture.
+    """Return how unlike the brief a room is in each of n views, (n,) in metres: outline, openings and furniture.
 
-    Outlines differ by their extents, and as far as they do not cover each other when stretched to these.
+    Outlines differ by their extents, and by how much they do not cover each other when stretched to one square.
     """
     items = _list_distance(brief.furniture, room.furniture)
     ours, theirs = ({kind: _middles(one, kind) for kind in ("door", "window")} for one in (brief, room))
@@ -100,9 +101,9 @@ def _unlikeness(brief: Room, room: Room, views: Sequence[tuple[int, bool]]) -> n
 
 
 def _outline_iou(brief: Room, room: Room, turns: Sequence[np.ndarray]) -> np.ndarray:
-    """Of the floors, each stretched to a square, the second turned by these matrices: (len(turns),)."""
+    """Return the IoU of the floors, each stretched to a square, the second turned by each matrix: (len(turns),)."""
     shares = [one.indoor.area / _extents(one).prod() for one in (brief, room)]
-    if max(shares) > 1 - 1e-9:  # a rectangle holds the other
+    if max(shares) > 1 - 1e-9:  # one is a rectangle, and so holds the other
         return np.full(len(turns), min(shares))
     ours, theirs = _stretched(brief), _stretched(room)
     shared = shapely.area(
@@ -112,7 +113,7 @@ def _outline_iou(brief: Room, room: Room, turns: Sequence[np.ndarray]) -> np.nda
 
 
 def _stretched(room: Room) -> shapely.Polygon:
-    """The floor, its bounding box stretched to one of sides 1 around the origin."""
+    """Return the floor with its bounding box stretched to the unit square around the origin."""
     x0, y0, x1, y1 = room.indoor.bounds
     return shapely.transform(room.indoor, lambda xy: (xy - ((x0 + x1) / 2, (y0 + y1) / 2)) / (x1 - x0, y1 - y0))
 
@@ -123,14 +124,14 @@ def _extents(room: Room) -> np.ndarray:
 
 
 def _middles(room: Room, kind: str) -> np.ndarray:
-    """Of the openings of a kind, from the middle of the outline's bounding box: (k, 2)."""
+    """Return the centres (k, 2) of the openings of a kind, from the middle of the outline's bounding box."""
     x0, y0, x1, y1 = room.indoor.bounds
     found = [opening.shape.centroid.coords[0] for opening in room.openings if opening.kind == kind]
     return np.array(found).reshape(-1, 2) - ((x0 + x1) / 2, (y0 + y1) / 2)
 
 
 def _set_distance(a: np.ndarray, b: np.ndarray) -> float:
-    """From every point to the nearest of the others, summed both ways; OTHER_CATEGORY each without others."""
+    """Sum the distances of every point to the nearest of the others, both ways; OTHER_CATEGORY each without others."""
     if not len(a) or not len(b):
         return OTHER_CATEGORY * (len(a) + len(b))
     apart = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
@@ -138,14 +139,14 @@ def _set_distance(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _list_distance(ours: Sequence[Item], theirs: Sequence[Item]) -> float:
-    """What the sizes of counterparts differ by, and OTHER_CATEGORY for each item without one."""
+    """Sum the differences between the sizes of counterparts, and OTHER_CATEGORY for each item without one."""
     pairs = zip(ours, _counterparts(ours, theirs), strict=True)
     differences = [math.dist(item.size, other.size) for item, other in pairs if other]
     return sum(differences) + OTHER_CATEGORY * (len(ours) + len(theirs) - 2 * len(differences))
 
 
 def _counterparts(ours: Sequence[Item], theirs: Sequence[Item]) -> list[Item | None]:
-    """Of each item in turn that of its category which is nearest in size, of those that are left; None for none."""
+    """Match each item in turn with the nearest in size of its category among those left; None where there is none."""
     left, found = list(theirs), list[Item | None]()
     for item in ours:
         alike = [other for other in left if other.category == item.category]
@@ -176,13 +177,13 @@ def _nearest_facing(room: Room, degrees: float) -> float:
 
 
 def _fitting(room: Room, item: Item, degrees: float) -> shapely.Geometry:
-    """Where the middle of an item may be that lies indoors, turned so."""
+    """Return the region of centres at which the item, turned by `degrees`, lies indoors."""
     turned = Item(item.category, item.size, None, degrees, item.form)
     return fitting_positions(np.array([room.indoor]), np.array([turned.template]), CONTACT)[0]
 
 
 def _drawn(room: Room, k: int, rng: np.random.Generator) -> Pose | None:
-    """A place indoors, alike likely everywhere, and a facing; None where the item fits nowhere."""
+    """Draw a facing and a place indoors, uniformly; None where the item fits nowhere."""
     item = room.furniture[k]
     for degrees in rng.permutation(facings(room)) if item.rotation is None else [item.rotation]:
         fits = _fitting(room, item, float(degrees))

@@ -1,4 +1,4 @@
-"""What is wrong with many layouts of a scene at once: rules broken, and relations not kept. Metres."""
+"""The costs of many layouts of a scene at once, for broken rules and for relations that are not kept. Metres."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from layoutrl.rivals.rooms.relations import ALONE_TERMS, PAIR_TERMS, Kept, Relat
 from layoutrl.rivals.rooms.scene import Array, Scene, boxes_at, daylight, depth, keep_free, unreached
 from layoutrl.rooms.room import TOLERANCE
 
-RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")  # terms, which weights are of
+RULES = ("outside", "overlap", "doors", "daylight", "fronts", "unreached")  # terms, each with a weight
 PREFERENCES = (*ALONE_TERMS, *PAIR_TERMS, "balance")
-FAULT = 0.3  # metres more for all that is deeper than TOLERANCE: none is bought for a better place; unsourced
+FAULT = 0.3  # metres added to each depth above TOLERANCE, so that no better place is worth a fault; unsourced
 
 
 class Cost:
-    """Costs of layouts, centres (C, n, 2) and facings (C, n): `rules`, and the weighted `preference`."""
+    """The weighted costs of layouts, centres (C, n, 2) and facings (C, n), by `rules` and by `preference`."""
 
     def __init__(self, scene: Scene, relations: Relations, weights: Mapping[str, float]):
         self.scene, self.weights = scene, weights
@@ -30,7 +30,7 @@ class Cost:
         self.pair_weights = np.array([weights[term] for term in PAIR_TERMS])
         _, self.category, count = np.unique(names, return_inverse=True, return_counts=True)
         self.itself = np.eye(len(names), dtype=bool)
-        # One alone of its category has no partner there.
+        # An item is not its own partner; the only one of its category has none there, at no cost.
         self.with_itself = np.where(count[self.category] > 1, np.inf, 0.0)
         self.apart = np.triu(~scene.may_overlap, 1)  # each pair once
         self.area = 4 * scene.half[:, 0].prod(-1)
@@ -41,7 +41,7 @@ class Cost:
         return boxes_at(center, self.scene.half[self.item, quarter])
 
     def faults(self, center: Array, quarter: Array, box: Array) -> dict[str, Array]:
-        """By rule (C,): summed depths in metres, FAULT more for each that is more than drawing noise."""
+        """Return the summed depths (C,) in metres by rule, with FAULT added to each that is more than drawing noise."""
         front = self.fronts(center, quarter)
         others = _fault(depth(front[:, :, None], box[:, None])) * ~self.scene.may_stand_before
         walls = _fault(depth(front[:, :, None], self.scene.solids))
@@ -54,12 +54,12 @@ class Cost:
         }
 
     def fronts(self, center: Array, quarter: Array) -> Array:
-        """The floor (C, n, 4) before the items; of those that keep none free a line, which nothing is in."""
+        """Return the floor (C, n, 4) before the items; for those that keep none free a line, which nothing overlaps."""
         at = self.item, quarter
         return boxes_at(center + self.scene.front_offset[at], self.scene.front_half[at])
 
     def pairs(self, box: Array, quarter: Array) -> Array:
-        """(C,) of every item and, in every category, the other item to which it stands best."""
+        """Return the weighted cost (C,) of pairs: of every item with its cheapest partner in every category."""
         every = slice(None)
         cost = self.kept.pairs(box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], every, every)
         one_way = cost @ self.pair_weights
@@ -67,7 +67,7 @@ class Cost:
         return self.best_partners(both, self.item).sum(1) / 2
 
     def best_partners(self, both: Array, others: Array) -> Array:
-        """Of costs (..., k) with other items (k,): the sum of the least in every category (...)."""
+        """Return the sum (...) over categories of the least of the costs (..., k) with other items (k,)."""
         if not len(others):
             return np.zeros(both.shape[:-1])
         order = np.argsort(self.category[others], kind="stable")
@@ -75,19 +75,19 @@ class Cost:
         return np.minimum.reduceat(both[..., order], first, axis=-1).sum(-1)
 
     def rules(self, center: Array, quarter: Array, box: Array) -> Array:
-        """The weighted faults (C,) but for `unreached`, which takes longer."""
+        """Return the weighted sum (C,) of the faults without `unreached`, which takes longer."""
         found = self.faults(center, quarter, box)
         return np.sum([self.weights[name] * value for name, value in found.items()], axis=0)
 
     def preference(self, center: Array, quarter: Array, box: Array) -> Array:
-        """What is no fault, weighted (C,): relations of items, of pairs of items, and visual balance."""
+        """Return the weighted cost (C,) of what is no fault: relations of items and of pairs, and visual balance."""
         alone = self.kept.alone(box, quarter).sum(1) * self.alone_weights
         off = (self.area[:, None] * center).sum(1) / self.area.sum() - self.middle
         balance = self.weights["balance"] * np.hypot(off[:, 0], off[:, 1])
         return np.sum([*alone.T, self.pairs(box, quarter), balance], axis=0)
 
     def unreached(self, box: Array) -> Array:
-        """The weighted number of items (C,) that nobody reaches."""
+        """Return the weighted number (C,) of items that cannot be reached from the entrance."""
         return self.weights["unreached"] * unreached(self.scene, box)
 
 

@@ -1,9 +1,10 @@
-"""The supervised pointer furnishes whole rooms: one item after the other, the largest first.
+"""The supervised pointer for whole rooms: it places one item after the other, the largest first.
 
-Of each item it says how likely each way to face is, and for each of them where the item stands then: it points at a
-side or the middle of something, as in one-item rooms. It is trained on rooms that hold the first of the designer's
-items, in its own order. When it furnishes, the likeliest pose that overlaps nothing counts, as seen in all eight
-symmetries, or in four where mirrored rooms are furnished otherwise. Places are centres in metres.
+For each item it predicts how likely each way to face is and, for each of them, where the item stands: at a side or the
+middle of an element, as in one-item rooms. It is trained on rooms in which the first few of the designer's items
+stand, in the order in which it places them. When it furnishes, it takes the likeliest pose that overlaps as little as
+may be, averaged over all eight symmetries, or over four where mirrored rooms are furnished differently. Places are
+centres in metres.
 """
 
 from __future__ import annotations
@@ -32,17 +33,17 @@ from layoutrl.rooms.room import TOLERANCE, Room
 
 LEARNING_RATE = 3e-3  # at first
 BLOCK = 64  # rooms furnished at once: memory, not speed
-LIKELY = 24  # places along each axis, of the highest weight, that are looked at; unsourced: time
-PENALTY = 1e3  # of log-likelihood, for an overlap: any number above all differences
-SLANTED = 1e-3  # sine of the double angle: rounding
+LIKELY = 24  # places of the highest weight that are tried along each axis; unsourced: more take more time
+PENALTY = 1e3  # of log-likelihood for each overlap: any number larger than all differences
+SLANTED = 1e-3  # sine of the double rotation, above which a rectangle leans: rounding
 
 
 class RoomsPointer(nn.Module):
-    """The log-likelihood of every pose of an item, seen in the middle of the room and turned each way.
+    """A network that gives the likelihood of every pose of an item. It sees the item in the middle, turned each way.
 
     It knows furniture by these `categories`, and whether mirrored rooms are furnished alike. Input: (B, QUARTERS,
-    elements, columns) as made by `each_way`. Output: how good each way is, (B, QUARTERS), and log weights and centres
-    (B, QUARTERS, 2, elements x ANCHORS) of the pointer's mixtures; metres from the middle of the room.
+    elements, columns) as made by `each_way`. Output: a logit for each way (B, QUARTERS), and log weights and centres
+    (B, QUARTERS, 2, elements x ANCHORS) of the pointer's mixtures; centres in metres from the middle of the room.
     """
 
     def __init__(self, categories: Sequence[str], mirrors_alike: bool = True, width: int = 96):
@@ -56,10 +57,10 @@ class RoomsPointer(nn.Module):
         self.facing = nn.Linear(3 * width, 1)
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Scores of the ways, log weights and centres, as the class says.
+        """Return logits of the ways, log weights and centres, in the shapes that the class states.
 
-        The elements tell each other what they know once, of an item that faces nowhere and is as wide as deep, the mean
-        of the ways; then each hears how it is turned.
+        Elements exchange what they know only once, about the mean of the ways: an item that faces nowhere and is as
+        wide as deep. Then each is told how the item is turned.
         """
         shape = elements.shape[:2]
         told = self.pointing.told(elements.mean(1))[:, None]
@@ -71,12 +72,12 @@ class RoomsPointer(nn.Module):
 
 
 class Poses(NamedTuple):
-    """Of B next items the poses of which any is right, N at most."""
+    """The right poses of B next items: for each up to N, any of which is right."""
 
     ways: Tensor  # bool (B, QUARTERS): those that the item can face
     center: Tensor  # (B, N, 2), metres from the middle of the room
     quarter: Tensor  # int64 (B, N)
-    free: Tensor  # bool (B, N): whether it is one
+    free: Tensor  # bool (B, N): whether the pose is a right one
 
 
 def train_rooms_pointer(
@@ -88,11 +89,11 @@ def train_rooms_pointer(
     device: torch.device | str = "cpu",
     mirrors_alike: bool = True,
 ) -> RoomsPointer:
-    """A network that points at the designer's pose of the next item, by its likelihood.
+    """Train a pointer to give the designer's pose of the next item a high likelihood.
 
-    The rooms hold the first of the designer's items, any number of them; `RoomsSimulator.sequence` says in which order.
-    An item may stand where any of those stands that are the same (category, size, form) and are still to come. Each
-    batch has an equal share in every symmetry, in those that turn alone where mirrored rooms are not furnished alike.
+    A random number of the designer's items stand already, the first in the order of `RoomsSimulator.sequence`. Of items
+    that are the same (category, size, form) and still to come, each may stand where any of them does. Each batch has an
+    equal share in every symmetry, or in the four that only turn where mirrored rooms are not furnished alike.
     """
     simulator = RoomsSimulator([brief_of(room) for room in designs], designs, Moves(), Reward())
     categories = categories_of(designs)
@@ -128,7 +129,7 @@ def train_rooms_pointer(
 
 
 def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
-    """What is seen as the moving item stands in the middle and is turned each way, (B, QUARTERS, elements, columns).
+    """Observe states as if the moving item stood in the middle, turned each way: (B, QUARTERS, elements, columns).
 
     The moving item is the first element.
     """
@@ -143,9 +144,9 @@ def each_way(observe: RoomsObservation, state: State[Tensor]) -> Tensor:
 
 
 def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
-    """Layouts of briefs: every item in the likeliest free pose, pushed to where it fits into the envelope.
+    """Furnish briefs: place every item in its likeliest free pose, pushed to where it fits into the envelope.
 
-    What stands already stays. Raises InputError where an item fits in no way.
+    What stands already stays. Raises InputError where an item fits in no way, and where no brief has an item to place.
     """
     device = next(network.parameters()).device
     simulator = RoomsSimulator(briefs, None, Moves(), Reward())
@@ -178,10 +179,11 @@ def _pointed(
     solid: Tensor,
     views: Sequence[Symmetry],
 ) -> tuple[Tensor, Tensor]:
-    """The likeliest centers (B, 2) and quarters (B,) of the moving items, of the `ways` (B, QUARTERS) they can face.
+    """Return the likeliest centers (B, 2) and quarters (B,) of the moving items, which can face `ways` (B, QUARTERS).
 
-    Of LIKELY places along each axis, in which the box around the item is deep in as few of the boxes around `solid`
-    elements (B, elements) as may be. Likelihoods of ways, and of places along an axis, are means over the views.
+    LIKELY places along each axis are tried. Of these, poses come first in which the item's bounding box overlaps the
+    bounding boxes of the fewest `solid` elements (B, elements). Likelihoods of ways, and of places along an axis, are
+    means over the views.
     """
     seen = each_way(observe, state)
     facing, weights, centers = [], [], []
@@ -212,14 +214,14 @@ def _pointed(
 
 
 def _fills_its_box(elements: Tensor) -> Tensor:
-    """Whether an element (..., columns) is no slanted rectangle: bool (...)."""
+    """Return whether elements (..., columns) are upright or round, and no leaning rectangles: bool (...)."""
     return (elements[..., SIN2].abs() < SLANTED) | (elements[..., CIRCLE] == 1)
 
 
 def _stays_off(simulator: RoomsSimulator, elements: int) -> np.ndarray:
-    """Which of so many elements, as observed, an item must stay off: bool (rooms, N, elements).
+    """Return which of the observed elements each item must not overlap: bool (rooms, N, elements).
 
-    All, but those with which it may share floor.
+    These are all but those with which it may share floor.
     """
     off = np.ones((*simulator.ways.shape, elements), dtype=bool)
     for r, (room, items) in enumerate(zip(simulator.rooms, simulator.items, strict=True)):
@@ -232,6 +234,6 @@ def _stays_off(simulator: RoomsSimulator, elements: int) -> np.ndarray:
 
 
 def _pushed(regions: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """The places (B, 2) nearest to centers (B, 2) in regions (B,)."""
+    """Return the points (B, 2) of regions (B,) that are nearest to centers (B, 2)."""
     way = shapely.shortest_line(regions, shapely.points(center))
     return snap(shapely.get_coordinates(way)[::2])

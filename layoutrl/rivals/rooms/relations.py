@@ -1,8 +1,8 @@
-"""What training rooms have in common, category by category: annealer and search try to keep it in new rooms.
+"""Relations that training rooms have in common, by category; annealer and search try to keep them in new rooms.
 
-These are distances, how often items face and lie which way, what never stands before a window, and how much floor doors
-keep free (Merrell et al. 2011 and Yu et al. 2011 took theirs from guidelines and examples). An offset is steady where
-its STEADY_RANGE is no wider than STEADY.
+They are distances, how often items face and lie which way, which categories never stand before a window, and how much
+floor doors keep free (Merrell et al. 2011 and Yu et al. 2011 took theirs from guidelines and examples). An offset is
+steady where its STEADY_RANGE is no wider than STEADY.
 """
 
 from __future__ import annotations
@@ -16,48 +16,48 @@ import numpy as np
 from layoutrl.rivals.rooms.scene import FACINGS, Array, Gate, Scene, ahead, boxes_at, daylight, depth, gap, scene_of
 from layoutrl.rooms.room import TOLERANCE, Room
 
-# What counts as a habit; unsourced, all of them.
+# What counts as a relation; unsourced, all of them.
 STEADY = 0.3  # metres
 STEADY_RANGE = (0.1, 0.9)  # quantiles
-RELATED = 1.0  # metres: pairs whose distance varies by more are no pairs
+RELATED = 1.0  # metres: categories whose distance varies by more are no pair
 RANGE = (0.25, 0.75)  # quantiles
-CLEAR = 0.05  # quantile: of all doors so many have less floor free before them
-FEWEST = 3  # observations: less is chance
+CLEAR = 0.05  # quantile: this share of all doors has less floor free before it
+FEWEST = 3  # observations of a category or pair: fewer are chance
 
 # How costs grow; unsourced, both.
 FAR = 1.0  # metres: beyond, an offset is as bad as any
 NEAREST = 0.05  # metres: shorter distances count as this, so that no ratio of them runs away
 
-Range = tuple[float, float]  # half of all lie between
+Range = tuple[float, float]  # quartiles: half of all values lie between
 Shares = Array  # (3,) ahead, beside, behind; or the same way, across, opposite
 
 
 @dataclass(frozen=True)
 class Alone:
-    """One category: how its items stand in the room. Steady offsets (mean), None where they are not."""
+    """How items of one category stand in a room. Offsets are medians in metres, None where they are not steady."""
 
     back: float | None  # from its back to the wall
     side: float | None  # from the nearer of its sides to the wall
-    door: Range  # how far it is from the nearest, as a share of the farthest corner's distance
+    door: Range  # distance from the nearest, as a share of the farthest corner's distance from it
     window: Range
-    to_door: Shares  # it looks as who comes in by the widest door, across, or towards it
+    to_door: Shares  # how often it looks away from the widest door, as one who enters, across, or towards it
     to_window: Shares
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two categories: how the nearest item of the second stands, as seen from one of the first."""
+    """How the nearest item of a second category stands, as seen from an item of a first."""
 
     distance: Range  # metres between their middles
-    gap: float | None  # between their sides, where it is steady
-    turn: Shares  # it faces the same way, across, opposite
-    bearing: Shares  # it lies ahead, beside, behind
-    along: float | None  # how far it lies off the first's axis, where that is steady
+    gap: float | None  # metres between their sides; None where it is not steady
+    turn: Shares  # how often it faces the same way, across, opposite
+    bearing: Shares  # how often it lies ahead, beside, behind
+    along: float | None  # metres off the first's axis; None where they are not steady
 
 
 @dataclass(frozen=True)
 class Relations:
-    """Of the rooms of one type. `tall` categories never stand before a window; `clear` metres before doors are free."""
+    """Relations in rooms of one type. `tall` categories never stand before a window; doors keep `clear` metres free."""
 
     alone: dict[str, Alone]
     pairs: dict[tuple[str, str], Pair]
@@ -96,17 +96,18 @@ def mine(rooms: Sequence[Room]) -> Relations:
     )
 
 
-# --- what is seen; annealer and search see the same ---
+# --- features; annealer and search have the same ---
 
-CLASSES = 4  # the same way, across, opposite, or where nothing is to be looked at
+CLASSES = 4  # the same way, across, opposite, or nothing there to look at
 BACK, SIDE, DOOR, WINDOW, LOOKS_DOOR, LOOKS_WINDOW = range(6)
 DISTANCE, GAP, TURN, BEARING, ALONG = range(5)
 
 
 def alone_features(scene: Scene, box: Array, quarter: Array) -> Array:
-    """(..., 6): metres from back and nearer side to the wall, shares of the way to door and window, and two looks.
+    """Return (..., 6): metres from back and nearer side to the wall, shares of the way to door and window, two looks.
 
-    At doors, at windows: 0 away from the widest, as who comes in by it, 1 across, 2 towards it, 3 where there is none.
+    Looks, at doors and at windows, are 0 away from the widest, as one who enters by it, 1 across, 2 towards it, 3 where
+    there is none.
     """
     room = ahead(box, scene.solids)  # (..., 4) by direction
     at = np.arange(4)
@@ -134,7 +135,7 @@ def pair_features(box: Array, quarter: Array, other: Array, facing: Array) -> Ar
 
 
 def _share_of_the_way(scene: Scene, box: Array, gates: Sequence[Gate]) -> Array:
-    """How far the middle of a box is from the nearest gate, as a share of the farthest corner's distance from it."""
+    """Return box distances from a gate as shares of the farthest corner's: the least of all gates, 1 without any."""
     if not gates:
         return np.ones(box.shape[:-1])
     middles = np.array([gate.middle for gate in gates])
@@ -150,7 +151,7 @@ def _turn(quarters: Array) -> Array:
 
 
 def _clear_before(scene: Scene, box: Array, k: int) -> float:
-    """How deep the floor before a door is free, up to its width."""
+    """Return how many metres of floor before a door are free, at most its width."""
     door = scene.doors[k]
     return min(door.width, float(ahead(door.box, box)[door.inward]) if len(box) else door.width)
 
@@ -192,14 +193,14 @@ def _shares(classes: Array) -> Shares:
 # --- how well relations are kept ---
 
 ALONE_TERMS = ("back", "side", "door", "window", "looks")  # costs of an item
-PAIR_TERMS = ("near", "gap", "turn", "bearing", "along")  # costs of two
+PAIR_TERMS = ("near", "gap", "turn", "bearing", "along")  # costs of a pair
 
 
 class Kept:
-    """How well the items of a scene keep relations: costs, 0 at best for offsets, -1 for distances and shares.
+    """Costs of how well the items of a scene keep relations: at best 0 for offsets, -1 for distances and shares.
 
-    Tables by item (n, ...) and pair (n, n, ...) of what was mined. What was not mined costs nothing. The rows of
-    some items, `[i]` or `[i, j]` of the tables, judge those items alone.
+    The tables by item (n, ...) and by pair (n, n, ...) hold what was mined. What was not mined costs nothing. `i` and
+    `j` index the rows of the items that are judged.
     """
 
     def __init__(self, scene: Scene, relations: Relations):
@@ -237,7 +238,7 @@ class Kept:
     def pairs(
         self, box: Array, quarter: Array, other: Array, facing: Array, i: Array | int | slice, j: Array | int | slice
     ) -> Array:
-        """The costs (..., 5) of items `j` as seen from `i`: PAIR_TERMS."""
+        """The costs (..., 5) of items `j`, at `other`, as seen from items `i`, at `box`: PAIR_TERMS."""
         seen = pair_features(box, quarter, other, facing)
         near = _within(seen[..., DISTANCE, None], self.pair_distance[i, j][..., None, :])
         off = _off(seen[..., [GAP, ALONG]], self.pair_offset[i, j])
@@ -250,7 +251,7 @@ def _or_nan(value: float | None) -> float:
 
 
 def _off(seen: Array, usual: Array) -> Array:
-    """How far offsets are from what is usual, in FARs, 1 at most; 0 where nothing is."""
+    """Return how far offsets are from the usual ones, in units of FAR and at most 1; 0 where none is usual."""
     return np.nan_to_num(np.minimum(np.abs(seen - usual) / FAR, 1.0))
 
 
@@ -261,6 +262,6 @@ def _within(seen: Array, usual: Array) -> Array:
 
 
 def _share(seen: Array, shares: Array) -> Array:
-    """Minus how often rooms have the class that is seen. seen (...), shares (..., CLASSES)."""
+    """Return minus the mined share of the class that is seen. seen (...), shares (..., CLASSES)."""
     rows = np.arange(shares[..., 0].size).reshape(shares.shape[:-1]) * CLASSES
     return -shares.reshape(-1)[rows + seen.astype(int)]

@@ -1,4 +1,4 @@
-"""Search and annealer, as they furnish rooms of a user's own."""
+"""Search and annealer as furnishers of a user's own rooms."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from layoutrl.rooms.furnished import Furnished, dice, laid_out, several
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache
 
-DESIGNED = 100  # rooms of a type and seed, whose relations are kept; of more the designer would start processes
-SEEDS = (0, 1)  # of fewer rooms rare categories would not be known
-VARIETY = 0.7  # of these weights: the standard deviation of their logarithms
+DESIGNED = 100  # rooms of a type and seed to mine relations from; for more the designer would start processes
+SEEDS = (0, 1)  # of these rooms; in fewer, rare categories would be missing
+VARIETY = 0.7  # standard deviation of the logarithms of random factors of the weights of PREFERENCES
 
 
 @cache
 def relations_of(room_type: str, seeds: tuple[int, ...], count: int) -> Relations:
-    """The relations of so many designed rooms of each seed."""
+    """Mine the relations of `count` designed rooms of each seed."""
     return mine([room for seed in seeds for room in designer_cache.read(None, room_type, "train", seed, count).rooms])
 
 
 class Rival:
-    """Search or annealer, with a budget a layout. All share the relations of designed rooms of each type.
+    """Search or annealer, with a budget for each layout. All share the relations of designed rooms of each type.
 
-    Where one layout of a room is there, preferences are weighed otherwise for the next, else it would be the same.
+    From the second layout of a room on, the weights of preferences are varied; else it would be the same.
     """
 
     def __init__(self, settings: Searching | Annealing, budget: Callable[[], Spent]):
         self.settings, self.budget = settings, budget
 
     def relations(self, room_type: str) -> Relations:
-        """Those of designed rooms of this type."""
+        """Return the relations of designed rooms of this type."""
         return relations_of(room_type, SEEDS, DESIGNED)
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. The value is how few faults there are."""
+        """See Furnishes. The value of a layout is minus the number of its faults."""
         return several(lambda some, seeds: [self._layout(brief, seeds) for brief in some], briefs, choices, seed)
 
     def _layout(self, brief: Room, seeds: Sequence[int]) -> Furnished:
@@ -58,7 +58,7 @@ class Rival:
 def by_rules(
     brief: Room, relations: Relations, settings: Searching | Annealing, spent: Spent, rng: np.random.Generator
 ) -> Room:
-    """The layout of search or annealer, whichever the settings are of."""
+    """Return the layout of search or annealer, whichever the settings belong to."""
     if isinstance(settings, Searching):
         return search(brief, relations, settings, spent, rng)
     return anneal(brief, relations, settings, spent, rng)

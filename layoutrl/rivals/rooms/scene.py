@@ -1,8 +1,8 @@
 """A brief as upright boxes, (x0, y0, x1, y1) in metres, so that many layouts of it are judged at once by arithmetic.
 
-The room is turned so that its longest wall lies along an axis. What is not floor is covered by boxes: exactly where
-all walls are then upright; along a slanting wall in strips, so that who touches them may be up to STRIP off the wall.
-A circle counts as its square, an item at another angle as the upright box around it. So what is legal here is legal.
+The room is turned so that most of its walls lie along an axis. Boxes cover what is not floor: exactly where all walls
+are then upright; along a slanting wall in strips, so that an item that touches them may be up to STRIP off the wall.
+A circle counts as its bounding square, an item at another angle as its bounding box. So what is legal here is legal.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_throug
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
 THICK = 10.0  # metres: of the boxes around the room, so that nothing jumps over them; any large number
-BEFORE_WINDOW = 0.3  # metres: what is tall and stands nearer takes the light; unsourced
-SLACK = 0.005  # metres: who fits exactly passes, as in the designer's own test
+BEFORE_WINDOW = 0.3  # metres: a tall item that is nearer to a window takes its light; unsourced
+SLACK = 0.005  # metres off a passage's width, so that who fits exactly passes, as in the designer's own test
 TOUCH = 1e-6  # metres of rounding
 FACINGS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # the four facings, in the room's frame
 Array = np.ndarray
@@ -54,11 +54,11 @@ class Scene:
     front_offset: Array  # (n, 4, 2) from its middle to that of the floor before it
     stands_aside: Array  # (n,) bool: not in the way of who walks: tucked or raised
     may_overlap: Array  # (n, n) bool: they may share floor
-    may_stand_before: Array  # (n, n) bool: the second in the floor before the first
+    may_stand_before: Array  # (n, n) bool: the second may stand in the floor before the first
     movable: Array  # indices of the items to place
-    turnable: Array  # (n,) bool
-    center: Array  # (n, 2) where they stand already; of the movable ones the middle of the room
-    quarter: Array  # (n,) which of the facings
+    turnable: Array  # (n,) bool: its facing is to be chosen
+    center: Array  # (n, 2) where the items stand; for movable ones a point on the floor
+    quarter: Array  # (n,) index of the facing
 
     @property
     def bounds(self) -> Array:
@@ -67,7 +67,7 @@ class Scene:
         return np.array([x1[0], y1[1], x0[2], y0[3]])
 
     def layout(self, center: Array, quarter: Array, placed: Array | None = None) -> Room:
-        """The brief with the items at (n, 2) and their facings (n,); those not `placed` (n,) keep no centre."""
+        """Return the brief with items at centres (n, 2) and facings (n,); those not `placed` (n,) get no centre."""
         back = rotation(self.base)
         poses = {}
         for k in self.movable:
@@ -114,7 +114,7 @@ def scene_of(brief: Room) -> Scene:
 
 
 def _item(item: Item, base: float) -> tuple[Array, int]:
-    """(half extents (4, 2) by facing, the facing it has, or nearly has where it leans)"""
+    """Return an item's half extents (4, 2) by facing, and its facing: the nearest if it leans, 0 if not chosen yet."""
     depth, width = item.size
     halves = np.array([(depth, width), (width, depth)] * 2) / 2
     if item.rotation is None:
@@ -153,7 +153,7 @@ def solid_boxes(indoor: shapely.Polygon) -> Array:
             for part in shapely.get_parts(outside):
                 if part.area > 1e-9:
                     _, bottom, _, top = part.bounds
-                    before = [box for box in boxes if box[1:] == (bottom, start, top)]  # one box with it
+                    before = [box for box in boxes if box[1:] == (bottom, start, top)]  # one box with the new one
                     boxes = [box for box in boxes if box not in before]
                     boxes.append((before[0][0] if before else start, bottom, end, top))
     return np.array([*around, *boxes])
@@ -166,12 +166,12 @@ def keep_free(scene: Scene, depth: float) -> Array:
 
 
 def daylight(scene: Scene) -> Array:
-    """The floor (w, 4) on which nothing tall stands."""
+    """The floor (w, 4) before windows, on which nothing tall may stand."""
     return np.array([_beyond(window, BEFORE_WINDOW) for window in scene.windows]).reshape(-1, 4)
 
 
 def _beyond(gate: Gate, depth: float) -> Array:
-    """The opening and the floor before it."""
+    """The box of an opening and of `depth` metres of floor before it."""
     box = gate.box.copy()
     side = {0: 2, 1: 3, 2: 0, 3: 1}[gate.inward]
     box[side] += depth * FACINGS[gate.inward].sum()
@@ -201,7 +201,7 @@ def gap(a: Array, b: Array) -> Array:
 def ahead(a: Array, blocks: Array) -> Array:
     """How far a box (..., 4) slides in each of the FACINGS until it touches one of the blocks (..., k, 4): (..., 4).
 
-    What it is in already, by more than TOLERANCE, does not stop it.
+    It is at most THICK. A block that it overlaps already, by more than TOLERANCE, does not stop it.
     """
     box = a[..., None, :]
     low = blocks[..., :2] - box[..., 2:]  # to blocks right or above
@@ -213,10 +213,11 @@ def ahead(a: Array, blocks: Array) -> Array:
 
 
 def unreached(scene: Scene, boxes: Array) -> Array:
-    """How many items (C,) of layouts (C, n, 4) who enters by the `entrance`, the first of the doors, cannot get to.
+    """Count the items of layouts (C, n, 4) that cannot be reached from the `entrance`, the first of the doors: (C,).
 
-    The floor is cut along the sides of what is in the way, grown by half a passage: exact for growth to the sides. An
-    item is reached where the floor that is left, from the door, lies straight before one of its sides.
+    Obstacles are grown by half a passage, and the floor is cut into cells along their sides: exact for growth to the
+    sides. An item is reached where free floor that is connected with the door lies straight before one of its sides.
+    Without doors the count is 0.
     """
     count = boxes.shape[:2]
     if not scene.doors or not boxes.size:
@@ -239,7 +240,7 @@ def unreached(scene: Scene, boxes: Array) -> Array:
         beside.append((cells[..., 0] <= high) & (cells[..., 1] >= low))
     x, y = (part.astype(np.float32) for part in inside)
     free = np.matmul(x.swapaxes(1, 2), y) == 0  # (C, cells along x, cells along y)
-    from scipy import ndimage  # here, as it takes a third of a second to load, and every command's options name rivals
+    from scipy import ndimage  # here: it takes a third of a second to load, and every command's options import rivals
 
     parts, _ = ndimage.label(free, _WITHIN_A_LAYOUT)
     door = scene.doors[0]
@@ -256,9 +257,9 @@ def unreached(scene: Scene, boxes: Array) -> Array:
 
 
 _WITHIN_A_LAYOUT = np.zeros((3, 3, 3), dtype=bool)
-_WITHIN_A_LAYOUT[1] = True  # cells that meet at a corner are joined: two boxes grown so far lie a passage apart there
+_WITHIN_A_LAYOUT[1] = True  # cells that meet at a corner are joined: boxes whose growths meet there lie a passage apart
 
 
 def _rounded(shape: shapely.Polygon) -> shapely.Polygon:
-    """On a grid of a micrometre, so that what is upright is so exactly."""
+    """Round the corners to a micrometre, so that upright edges are exactly upright."""
     return shapely.transform(shape, lambda corners: np.round(corners, 6))

@@ -1,9 +1,10 @@
 """Constraint search for whole rooms, after Holodeck (Yang et al. 2024): greedy with restarts over a grid of places.
 
-Items come largest first. A place breaks no rule among what stands already; of those that keep relations best, one is
-drawn, and an item without a place takes back the one before it. Where a restart ends so without a layout, each item in
-turn takes its best place, if need be one that nobody reaches or that bars others: reach is the only rule that is ever
-broken. The restart wins that lacks fewest items, counting those out of reach, and then keeps relations best.
+Items are placed largest first, where they break no rule among those that stand already. The places that keep relations
+best are tried first, with noise from the second restart on; if an item finds no place, the one before it is moved.
+Where a restart finds no whole layout, each item in turn takes its best place, if need be one that cannot be reached or
+that bars others: reach is the only rule that is ever broken. The best restart lacks the fewest items, counting those
+out of reach, and then keeps relations best.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ from layoutrl.rooms.brief import largest_first
 from layoutrl.rooms.room import FIT, Room
 
 Pose = tuple[Array, int]  # centre (2,) and facing
-LOOKED_AT = 4  # times as many places as are tried: for some within reach; unsourced
-AWAY = np.full(4, -1e3)  # a box outside: of what is not placed
+LOOKED_AT = 4  # times as many places are tested for reach as are tried, so that some pass; unsourced
+AWAY = np.full(4, -1e3)  # a box outside the room, for items that are not placed
 
 
 @dataclass(kw_only=True)
 class Searching:
-    """How it searches; `conf/rival/search.yaml` has the values and where they are from."""
+    """Settings of the search; `conf/rival/search.yaml` has the values and their sources."""
 
     grid: float  # metres between places
-    flush: bool  # places that touch what stands already, too, and not the walls alone
-    best: int  # places of an item that are tried before it takes back the one before
-    nodes: int  # places that are tried in a restart
-    noise: float  # of the costs by which places are ranked, in a restart: so that restarts differ
+    flush: bool  # whether it also tries places that touch standing items, not walls alone
+    best: int  # most places of an item that are tried before the one before it is moved
+    nodes: int  # most places that are tried in a restart
+    noise: float  # scale of the noise on the costs by which places are ranked, so that restarts differ
     weights: dict[str, float]  # of PREFERENCES
 
 
@@ -45,19 +46,19 @@ class Places(NamedTuple):
     quarter: Array  # (N,)
     box: Array
     front: Array
-    cost: Array  # (N,) of the relations that an item keeps alone
+    cost: Array  # (N,) weighted sum of ALONE_TERMS
 
     def some(self, which: Array) -> Places:
-        """Some of them."""
+        """Return those that a mask or indices select."""
         return Places(*(values[which] for values in self))
 
     def then(self, more: Places) -> Places:
-        """These, then more."""
+        """Return these places, followed by more."""
         return Places(*map(np.concatenate, zip(self, more, strict=True)))
 
 
 def search(brief: Room, relations: Relations, settings: Searching, spent: Spent, rng: np.random.Generator) -> Room:
-    """The layout of the most items that keeps relations best. `spent` counts restarts. Who finds no place has none."""
+    """Return the best layout found. `spent` counts restarts. Items that find no place have no centre."""
     scene = scene_of(brief)
     if not len(scene.movable):
         return brief
@@ -68,26 +69,26 @@ def search(brief: Room, relations: Relations, settings: Searching, spent: Spent,
 
 
 class Finder:
-    """One room, and the best layout so far: centres (n, 2), facings (n,), and who is placed (n,)."""
+    """The search in one room; `best` is the best layout so far: centres (n, 2), facings (n,), which are placed (n,)."""
 
     def __init__(self, scene: Scene, relations: Relations, settings: Searching, rng: np.random.Generator):
         self.scene, self.settings, self.rng = scene, settings, rng
         self.cost = Cost(scene, relations, settings.weights)
         self.order = largest_first(scene.brief)
         self.places = {i: self._legal(i, *self._grid(i)) for i in self.order}
-        self.center, self.quarter = scene.center.copy(), scene.quarter.copy()  # of the layout that grows
+        self.center, self.quarter = scene.center.copy(), scene.quarter.copy()  # of the layout in the making
         self.placed = ~np.isin(np.arange(len(scene.center)), scene.movable)
         self.lowest = (len(scene.center) + 1, np.inf)  # items without a place or out of reach, and cost
         self.best = self.center.copy(), self.quarter.copy(), self.placed.copy()
         self.restarts = 0
 
     def restart(self, over: Callable[[], bool]) -> None:
-        """One more layout; the best of all is kept."""
+        """Make one more layout and keep the best. But for the first, it is cut short when the budget is `over`."""
         standing = self.placed.copy()
         self.nodes = self.settings.nodes
         if not self._extended(0, over):
             self.placed[:] = standing
-            for i in self.order:  # without going back: who finds no place, even out of reach, is left out
+            for i in self.order:  # without going back: an item that has no place, even out of reach, is left out
                 for place in (self._ranked(i) or self._ranked(i, anywhere=True))[:1]:
                     self._put(i, place)
             self._remember()
@@ -95,7 +96,7 @@ class Finder:
         self.restarts += 1
 
     def _extended(self, k: int, over: Callable[[], bool]) -> bool:
-        """Whether items `k` and following in order find places."""
+        """Place items `k` and following in order, and return whether all find places."""
         if k == len(self.order):
             self._remember()
             return True
@@ -115,9 +116,9 @@ class Finder:
         self.placed[i] = True
 
     def _ranked(self, i: int, anywhere: bool = False) -> list[Pose]:
-        """The best places of an item among what stands, without noise at first.
+        """Return the best places of an item among the standing ones, ranked without noise in the first restart.
 
-        Either who enters gets to it, and to all that stands and was reached before, or it may be `anywhere`.
+        The item, and as many of the standing ones as before, can be reached there, unless it may be `anywhere`.
         """
         places = self.places[i]
         if self.settings.flush and self.placed.any():
@@ -139,7 +140,7 @@ class Finder:
         if not anywhere:
             boxes = np.tile(AWAY, (1 + len(best.box), len(self.placed), 1))
             boxes[:, others], boxes[1:, i] = box, best.box
-            lost = unreached(scene, boxes)  # at first before the item is there, which then is not reached
+            lost = unreached(scene, boxes)  # row 0 is without the item, which counts as not reached
             best = best.some(lost[1:] <= max(lost[0] - 1, 0))
         return list(zip(best.center, best.quarter.tolist(), strict=True))[: self.settings.best]
 
@@ -154,9 +155,9 @@ class Finder:
             self.lowest, self.best = score, (self.center.copy(), self.quarter.copy(), on.copy())
 
     def _grid(self, i: int) -> tuple[Array, Array]:
-        """Centres (N, 2) and facings (N,): a grid, and what touches a wall along an axis.
+        """Return centres (N, 2) and facings (N,): of a grid, and of places that touch a wall along an axis.
 
-        Of a slanting wall, which is many strips, no strip is touched: places would be tens of thousands.
+        The strips of slanting walls are left out: they would make tens of thousands of places.
         """
         found = []
         solids = self.scene.solids[self.scene.solids[:, 2] - self.scene.solids[:, 0] > STRIP + FIT]
@@ -173,7 +174,7 @@ class Finder:
         return np.concatenate([c for c, _ in found]), np.concatenate([q for _, q in found])
 
     def _beside(self, i: int) -> tuple[Array, Array]:
-        """Centres and facings that touch what stands, on any side, middles or ends in line, or its half under it."""
+        """Return centres (N, 2) and facings (N,) that touch a standing item on a side, middles or ends in line."""
         others = np.flatnonzero(self.placed)
         j, side, end, quarter = (
             a.ravel() for a in np.meshgrid(others, np.arange(4), (-1, 0, 1), self._facings(i), indexing="ij")
@@ -187,7 +188,7 @@ class Finder:
         return np.arange(4) if self.scene.turnable[i] else self.scene.quarter[[i]]
 
     def _legal(self, i: int, center: Array, quarter: Array) -> Places:
-        """Those that break no rule in the bare room."""
+        """Return the poses, of those given, that break no rule in the bare room."""
         scene, cost = self.scene, self.cost
         box = boxes_at(center, scene.half[i, quarter])
         front = boxes_at(center + scene.front_offset[i, quarter], scene.front_half[i, quarter])
