@@ -9,7 +9,7 @@ _asked = os.path.basename(sys.argv[0]) in ("layoutrl", "layoutrl.exe") or any(  
     flag == "-m" and name.split(".")[0] == "layoutrl" for flag, name in pairwise(sys.orig_argv)
 )
 if _asked and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    # A command: while it imports what it needs, which takes seconds, Ctrl-C ends it without a traceback.
+    # Run as a command: imports take seconds, and Ctrl-C ends them without a traceback.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 import gymnasium  # noqa: E402

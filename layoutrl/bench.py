@@ -19,11 +19,12 @@ from layoutrl.runs.config import BenchConfig
 
 
 def run(config: BenchConfig) -> Path:
-    """Measure the parts and return the folder of bench.json, and of growth.png.
+    """Measure the configured parts; return the folder of bench.json and, with part `growth`, of growth.png.
 
-    Raises InputError, before it measures, for what cannot be compared, and where a part lacks what it needs.
+    Raises InputError before it measures: if the methods cannot be compared, a part lacks what it needs, or the folder
+    cannot be written to.
     """
-    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    # Imported here: they load torch, which takes seconds, and a wrong option is reported before that.
     from layoutrl.benchmarks.parts import NEEDS, NEEDS_ROOMS, PARTS, table
     from layoutrl.benchmarks.simulation import plot
     from layoutrl.runs.files import check_writable, write_json
@@ -62,7 +63,7 @@ def run(config: BenchConfig) -> Path:
 
 
 def fresh(room: Room) -> Room:
-    """A copy that has not been used: rooms and items keep what was worked out about them."""
+    """Return a copy of a room without cached values: rooms, openings and items cache what is derived from them."""
     return replace(room, openings=tuple(map(replace, room.openings)), furniture=tuple(map(replace, room.furniture)))
 
 

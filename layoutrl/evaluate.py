@@ -17,9 +17,10 @@ from layoutrl.runs.folder import load_config
 
 
 def run(config: EvaluateConfig) -> dict[str, Any]:
-    """Score a trained agent; prints a table and stores it as `out`, or as evaluation-....json in the run's folder.
+    """Score a trained agent, print a table and return the result.
 
-    Raises InputError, before it reads rooms, where that cannot be written to.
+    The result is also written to `out`, or to evaluation-....json in the run's folder. Raises InputError before it
+    reads rooms if that cannot be written, or if an agent of whole rooms is given more than one start.
     """
     trained = load_config(Path(config.run), TrainConfig)
     if trained.method.scope == "room" and config.starts > 1:
@@ -27,7 +28,7 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     if config.out:
         check_new(Path(config.out), ".json")
     check_writable(Path(config.out).parent if config.out else Path(config.run), "out")
-    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    # Imported here: they load torch, which takes seconds, and a wrong option is reported before that.
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import scored
     from layoutrl.runs.resume import seeds, stated

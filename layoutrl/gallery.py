@@ -19,7 +19,7 @@ from layoutrl.runs.commands import command
 from layoutrl.runs.config import GalleryConfig, RoomConfig
 from layoutrl.runs.files import check_writable
 
-OUT = "gallery"  # folder of sheets, which are drawn anew; in another none is overwritten
+OUT = "gallery"  # the folder without out=: only there are sheets overwritten
 COLUMNS = 6  # of a sheet
 CELL = 2.4  # inches, width and height of one room
 
@@ -69,7 +69,7 @@ def run(config: GalleryConfig) -> list[Path]:
 
 
 def _rooms(room: RoomConfig, data: Data, count: int) -> list[Room]:
-    """At least so many rooms of a type, if there are; of files, also those whose items are still to be placed."""
+    """Return at least `count` rooms of a type, if there are. Rooms of files may have items still to be placed."""
     if data.source == "designer":
         return designed_rooms(room.type, room.item, replace(data, train_rooms=count), "train")
     collection = data.read(room.type)

@@ -1,8 +1,8 @@
 """python -m layoutrl.place [run=<folder>] rooms=<file> [choices=<n>] [pictures=<folder>] [out=<file>]
 
-Places what has no center in rooms of a file: by the agents in the package, each room by that of its type, and where
-something is wrong with one of their layouts, or odd, by the constraint search; by an agent of a training run; or, with
-by=search or by=annealer, by a rival. `furnish` does the same with rooms in memory.
+Places the items of a file's rooms that have no center. By default the agents in the package do it, each in rooms of its
+type, and the constraint search helps where one of their layouts has a fault or an oddity. With run= the agent of a
+training run does it; with by=search or by=annealer, a rival. `furnish` does the same with rooms in memory.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ from layoutrl.runs.streams import (
 )
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
-PATIENCE = 10  # first lines: where none is a JSON object, it is no file of rooms
-LISTED = 20  # rooms, where none is the one that is asked for
+PATIENCE = 10  # lines: if none of the first ones is a JSON object, it is no file of rooms
+LISTED = 20  # ids of rooms, at most, in the message that `only` names none
 LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
-NO_MATTER = ("out", "device", "pictures", "drawing")  # to what is placed where
+NO_MATTER = ("out", "device", "pictures", "drawing")  # options that do not change what is placed where
 
 
 @dataclass(frozen=True)
@@ -74,12 +74,12 @@ def furnish(
     run: str | None = None,
     seed: int = 0,
 ) -> list[Answered]:
-    """What the command places in these rooms, told as it tells it: of each room up to `choices` layouts, best first.
+    """Furnish rooms in memory as the command does: return for each room up to `choices` layouts, best first.
 
-    `stood` is the furniture of each room as it stood, if it is lifted already (`Source.stood`); the options are those
-    of conf/place.yaml. What nobody can place stays where it stood, or has no center. Items have categories; `move` may
-    have everyday names, with commas between. Raises InputError for what an option may not be, and for a `run` that is
-    no training run.
+    `stood` is the furniture of each room as it stood, needed where items are lifted already (`Source.stood`); the other
+    options are those of conf/place.yaml. An item that cannot be placed stays where it stood, or has no center. Items
+    have categories; `move` may also have everyday names, separated by commas. Raises InputError for an invalid option,
+    and if `run` is not the folder of a training run.
     """
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
@@ -95,14 +95,15 @@ def furnish(
 
 @cache
 def in_memory() -> PlaceConfig:
-    """What conf/ says where nothing is given: to compose it takes a sixth of a second."""
+    """Return the default options of conf/, cached: composing them takes a sixth of a second."""
     return composed("place", f"rooms={STANDARD}")
 
 
 def run(config: PlaceConfig) -> Done:
-    """Put what has no center where it belongs, in rooms of a file, and write them as they came; says what it does.
+    """Place the items without a center in the rooms of a file, write the rooms, and print what was done.
 
-    Raises InputError where no room lacks such an item, or a file to write is there already.
+    Raises InputError for an option or file that cannot be used, if nothing was to be placed, and if a file to write
+    exists already.
     """
     check_who(config)
     if config.drawing != "svg" and config.pictures is None:
@@ -113,9 +114,9 @@ def run(config: PlaceConfig) -> Done:
     piped = (config.out or config.rooms) == STANDARD
     if piped and suffix != JSON:
         raise InputError(f"out: what comes as {suffix} is written to a file; expected the name of a new one")
-    total = len(source.collection.rooms) if source else count(config)  # says, too, where there is no such file
+    total = len(source.collection.rooms) if source else count(config)  # raises InputError if there is no such file
     if config.run is not None:
-        load_config(Path(config.run), TrainConfig)  # what is wrong with it is said before anything is made
+        load_config(Path(config.run), TrainConfig)  # report a bad run before any file is made
     files = [] if piped else out_files(config, suffix)
     folder = Path(config.rooms).resolve()
     if source and files and folder.is_dir() and folder in files[0].resolve().parents:
@@ -130,7 +131,7 @@ def run(config: PlaceConfig) -> Done:
             work.write_each(files[0] if files else None)
         else:
             files = work.write_whole(files)
-    finally:  # of rooms that are not written no picture is left, so that the same command can make it
+    finally:  # delete the pictures of rooms that were not written, so that the same command can make them again
         for picture in work.drawn:
             picture.unlink(missing_ok=True)
     work.say_unmet()
@@ -143,29 +144,29 @@ def run(config: PlaceConfig) -> Done:
 
 
 class Work:
-    """The rooms of a file, answered a block at a time."""
+    """One run of the command: the rooms of a file, furnished a block at a time."""
 
     def __init__(self, config: PlaceConfig, source: Source | None, total: int | None, says: IO[str] | None):
         self.config, self.source, self.total = config, source, total
         self.answering = Answering(config)
         self.tally = Tally()
         self._says = says
-        self._units = {"m", config.unit}  # that need not be told
-        self._seen: set[str] | None = set()  # categories; None where a run that went on has not seen all
-        self._unmet = {*config.only_rooms}  # of these, those that no room was called so far
+        self._units = {"m", config.unit}  # no message about these
+        self._seen: set[str] | None = set()  # categories so far; None in a resumed run, which has not seen them all
+        self._unmet = {*config.only_rooms}  # the names in `only` that no room so far has
         self._ids: list[str] = []  # of the first rooms
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
     def say(self, line: str) -> None:
-        """Print it, above the bar of progress; a name in it cannot command the terminal."""
-        if self._says is None:  # closed
+        """Print a line above the progress bar, control characters escaped: a name must not command the terminal."""
+        if self._says is None:  # the stream is closed
             return
         tqdm.write(CONTROL.sub(lambda found: repr(found[0])[1:-1], line), file=self._says)
 
     @property
     def asked(self) -> bool:
-        """Whether anything was to be placed; a shard of a file may have nothing."""
+        """Whether anything was to be placed. Always true of one shard of several, which may have nothing."""
         return self.tally.rooms > 0 or self.config.shard_of != (0, 1)
 
     @property
@@ -186,11 +187,11 @@ class Work:
 
     @property
     def _none_meant(self) -> bool:
-        """Whether no room so far was one of the only ones to furnish."""
+        """Whether `only` names rooms, and no room so far has any of the names."""
         return bool(self._unmet) and self._unmet == self.config.only_rooms
 
     def write_each(self, file: Path | None) -> None:
-        """Write the rooms as they are done, to a new file or one that is gone on with, or to standard output."""
+        """Write each block of rooms once it is furnished: to `file`, new or resumed, or if None to standard output."""
         if file is None:
             grown: AbstractContextManager[Growing] = nullcontext(Growing(sys.stdout.buffer, Tally()))
         else:
@@ -198,15 +199,15 @@ class Work:
         with grown as sheet:
             self.tally = sheet.tally
             for block in self.answers():
-                if block:  # of a file of which nothing can be read, nothing is left to go on with
+                if block:  # a file of which no room can be read leaves no state to resume from
                     sheet.add(document for answer in block for document in answer.documents())
                 self.drawn.clear()
             sheet.wanted = self.asked
 
     def write_whole(self, files: Sequence[Path]) -> list[Path]:
-        """Write the source anew, once with each choice, when all rooms are done; which of the files are written.
+        """Furnish all rooms, then write the source once for each choice; return those of `files` that were written.
 
-        A room of fewer layouts has its last one in the others.
+        A room with fewer layouts than that has its last one in the remaining files.
         """
         assert self.source is not None
         rooms = [[answer.found(n) for n in range(len(answer.layouts))] for block in self.answers() for answer in block]
@@ -218,7 +219,7 @@ class Work:
         return made
 
     def say_unmet(self) -> None:
-        """Say what is to move, and is locked or in no room."""
+        """Print which items of `move` are locked, and which names in `move` and `only` no room has."""
         named = names_in(self.config.move)
         if locked := [f"{name} ({n})" for name, n in self.tally.locked.items()]:
             self.say(f"move: what is locked stays: {', '.join(locked)}")
@@ -228,9 +229,10 @@ class Work:
             self.say(f"only: no room that was read is called {' or '.join(sorted(self._unmet))}")
 
     def answers(self) -> Iterator[list[Answered]]:
-        """The rooms that are not done yet, in their order. Each block is in the tally, drawn and told of by then.
+        """Furnish the rooms that are not done yet, in order; yield a block when it is counted, drawn and reported.
 
-        Raises InputError where the first PATIENCE lines are no rooms.
+        Rooms that cannot be read are counted and reported, but not yielded. Raises InputError if none of the first
+        PATIENCE lines is a JSON object.
         """
         shard, shards = self.config.shard_of
         done = self.tally.entries
@@ -253,7 +255,7 @@ class Work:
                 self.say(line)
             entries = json_entries(self.config, first, shards)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
-        nobody = True if sys.stderr is None else None  # None: where it is no terminal
+        nobody = True if sys.stderr is None else None  # None: tqdm shows no bar where stderr is no terminal
         with tqdm(None, "furnishing", length, initial=done, unit="room", disable=nobody) as bar:
             for block in blocks(entries):
                 readable = iter(self.answering.answer([entry for entry in block if entry.room]))
@@ -271,7 +273,10 @@ class Work:
                 bar.update(len(block))
 
     def _left_out(self, entry: Entry, new: bool) -> None:
-        """Say what is wrong with a room. Raises InputError where no line of a new run so far is one."""
+        """Count and report a room that cannot be read.
+
+        Raises InputError if none of the first PATIENCE lines, in a run that is new, is a JSON object.
+        """
         self.tally.left_out += 1
         self.say(f"{entry.where}: left out: {entry.problem}")
         by_line = self.config.rooms == STANDARD or self.config.rooms.lower().endswith(JSON)
@@ -282,7 +287,7 @@ class Work:
             )
 
     def _met(self, entry: Entry, room: Room) -> None:
-        """Keep what is said of all rooms at the end, and say a unit that was not met before."""
+        """Note what the messages at the end need to know of a room, and report its unit if that is new."""
         named = names_in(self.config.move)
         self._unmet -= matched(self.config.only, room)
         self._ids += [room.id] if len(self._ids) < LISTED else []
@@ -321,7 +326,7 @@ class Work:
 
 
 def check_who(config: PlaceConfig) -> None:
-    """Raise InputError where it is not clear who furnishes, or they do not furnish so."""
+    """Raise InputError if `run` and `by` are both given, or if other options do not go with who furnishes."""
     if config.run is not None and config.by is not None:
         raise InputError(
             "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "
@@ -339,9 +344,10 @@ def check_who(config: PlaceConfig) -> None:
 
 
 def by_category(config: PlaceConfig) -> PlaceConfig:
-    """The options with categories for the everyday names in `move` and `item`.
+    """Return the options with the everyday names in `move` and `item` replaced by categories.
 
-    Raises InputError for a name that nobody knows. An agent of the user's own has words of its own.
+    With `run` they stay as they are: an agent of the user's own has its own categories. Raises InputError for a name
+    that is unknown or means a rug.
     """
     if config.run is not None:
         return config
@@ -360,9 +366,9 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
 
 
 def source_of(config: PlaceConfig) -> Source | None:
-    """The file, read whole; None of rooms in JSON, which come one after the other.
+    """Read the file whole; return None for rooms in JSON, which are read one after the other.
 
-    Raises InputError for an option that the file has no use for.
+    Raises InputError for an option that does not apply to the file's format, and if no file can be read.
     """
     path = Path(config.rooms)
     if config.rooms == STANDARD or format_of(path) == "json":
@@ -384,7 +390,7 @@ def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
     Raises InputError where one is there already.
     """
     source = Path(config.rooms)
-    source = source.resolve() if source.is_dir() else source.absolute()  # .. is no name for a file
+    source = source.resolve() if source.is_dir() else source.absolute()  # resolved, as .. has no name to build on
     name = source.name if source.is_dir() else name_of(source, source)
     out = Path(config.out) if config.out else source.with_name(f"{name}-placed{suffix}")
     shard, shards = config.shard_of
@@ -398,7 +404,10 @@ def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
 
 
 def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
-    """Where pictures go, if they are asked for. Raises InputError where others are there already."""
+    """Make the folder for pictures and return it; None if none are asked for.
+
+    Raises InputError if it is for a `new` run and not empty, and for DXF without ezdxf.
+    """
     if config.pictures is None:
         return None
     if config.drawing == "dxf" and find_spec("ezdxf") is None:
@@ -412,9 +421,9 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
 
 
 def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
-    """All that decides what is placed where, as JSON keeps it: a run that was stopped goes on only with the same."""
+    """Return all that decides what is placed where, as JSON keeps it: a stopped run resumes only with the same."""
     if config.rooms == STANDARD:
-        rooms: Any = time.time_ns()  # nobody knows whether the same comes again
+        rooms: Any = time.time_ns()  # never the same: other rooms may come from standard input
     else:
         rooms = [*map(stamp, files_below(Path(config.rooms), FORMATS) if source else inputs(config))]
     read: dict[str, Any] = {
@@ -428,7 +437,7 @@ def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
 
 
 def stamp(file: Path) -> tuple[str, int, int]:
-    """A file as it is now: where it is, its bytes, and the nanosecond in which it was changed."""
+    """Return the absolute path of a file, its size in bytes, and when it was last changed, in nanoseconds."""
     return str(file.absolute()), file.stat().st_size, file.stat().st_mtime_ns
 
 

@@ -18,14 +18,14 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
 
     Raises Stopped where the user stops it.
     """
-    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    # Imported here: they load torch, which takes seconds, and a wrong option is reported before that.
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import scored
     from layoutrl.runs.resume import check_folder, ending, finish, going_on, seeds
     from layoutrl.runs.training import train
 
-    device = device_of(config.device)  # said before the rooms are made, which takes a while
+    device = device_of(config.device)  # checked before the rooms are made, which takes a while
     check_folder(config, folder)
     scope, room = config.method.scope, config.room
     training, held_out = both(*parts_of(scope, room.type, room.item, config.data, config.fold))

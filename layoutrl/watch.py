@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 INCHES = 2.2  # height of a row
 FRAMES_A_MOVE = 4
-START_MS, FRAME_MS, HELD_MS = 800, 60, 2500  # the first frame, each, the last
+START_MS, FRAME_MS, HELD_MS = 800, 60, 2500  # how long the first frame, the others and the last are shown
 COLORS = 64  # of a GIF
 
 
@@ -42,12 +42,12 @@ def run(config: WatchConfig) -> list[Path]:
 
     Raises InputError, before it reads rooms, where they cannot be written.
     """
-    load_config(Path(config.run), TrainConfig)  # what is wrong with it is said first
+    load_config(Path(config.run), TrainConfig)  # report a bad run first
     asked = files_of(Path(config.out)) if config.out else []
     for file in asked:
         check_new(file, file.suffix)
     check_writable(Path(config.out).parent if config.out else Path(config.run), "out")
-    # Here, as they load torch, which takes seconds: a wrong option is answered before.
+    # Imported here: they load torch, which takes seconds, and a wrong option is reported before that.
     from layoutrl.env.batch import BatchSimulator
     from layoutrl.env.observation import observation_of
     from layoutrl.env.simulator import Simulator
@@ -85,21 +85,21 @@ def run(config: WatchConfig) -> list[Path]:
 
 @dataclass(frozen=True)
 class Episode:
-    """What happens in a room, and how it should have ended."""
+    """The moves of items in one room, and where the designer has these items."""
 
-    room: Room  # without what moves
-    way: list[tuple[int, Item]]  # which item moves, and the item where it then is, and stays; empty: nothing fits
+    room: Room  # without the items that move
+    way: list[tuple[int, Item]]  # in order: index of the item that moves, the item at its new pose; empty: nothing fits
     designed: list[Item]
     iou: float
-    taken: frozenset[int] = frozenset()  # where on the way an item is taken up, that of before perhaps
+    taken: frozenset[int] = frozenset()  # indices of `way` at which an item, perhaps the same, is taken up
 
     @property
     def moves(self) -> int:
-        """How often an item moved from where it was; where one is taken, none did."""
+        """The number of moves; taking up an item is none."""
         return sum(map(self.moves_to, range(len(self.way))))
 
     def moves_to(self, step: int) -> bool:
-        """Whether an item moves to a place on the way from the one before: it was not taken there."""
+        """Whether this step of the way is a move of the item from the step before, not the taking up of one."""
         return 0 < step < len(self.way) and step not in self.taken and self.way[step][0] == self.way[step - 1][0]
 
     @property
@@ -109,13 +109,13 @@ class Episode:
 
 
 def one_item(room: Room, path: np.ndarray, iou: float) -> Episode:
-    """The target of a room moves along a path (n, 2), in metres."""
+    """Return the episode in which the target of a room moves along a path (n, 2), in metres."""
     way = [(0, replace(room.moving, center=(float(x), float(y)))) for x, y in path]
     return Episode(replace(room, furniture=tuple(room.others), target=None), way, [room.moving], iou)
 
 
 def rooms_filling_up(furnisher: Furnisher, designs: Sequence[Room]) -> list[Episode]:
-    """Rooms that an agent furnishes from nothing."""
+    """Return an episode for each design: the agent furnishes its empty room."""
     found = [best for best, *_ in furnisher.furnish([brief_of(room) for room in designs], 1)]
     ious = measured([best.layout for best in found], designs).iou
     episodes = []
@@ -128,9 +128,10 @@ def rooms_filling_up(furnisher: Furnisher, designs: Sequence[Room]) -> list[Epis
 
 
 def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
-    """Pictures, `width` pixels wide, of episodes side by side; the last one has the designer's places and the IoUs.
+    """Yield pictures, `width` pixels wide, of all episodes side by side.
 
-    What ends earlier waits for the others.
+    The last one also has the designer's places and the IoUs. An episode that ends early stands still until the others
+    end.
     """
     columns = min(COLUMNS, len(episodes))
     rows = -(-len(episodes) // columns)
@@ -143,7 +144,7 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
         draw_room(axes, episode.room, names=None)
         axes.set_title(" ")
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # rooms stay where they are now: to lay them out takes longer than to draw them
+    figure.set_layout_engine("none")  # laying out the axes again takes longer than drawing
     drawn: list[Artist] = []
     for step in range(FRAMES_A_MOVE * max(episode.last for episode in episodes) + 1):
         for artist in drawn:
@@ -162,7 +163,7 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
 
 
 def _drawn(axes: Axes, episode: Episode, along: float) -> list[Artist]:
-    """What stands so far along the way, by its indices, and the item that moves between two of them."""
+    """Draw the items as they stand at step `along` of the way, or between two, and the trail of the moving one."""
     here = int(along)
     which, item = episode.way[here]
     stands = {k: there for k, there in episode.way[:here] if k != which}
@@ -188,7 +189,7 @@ def _picture(canvas: FigureCanvasAgg) -> Image.Image:
 
 
 def files_of(base: Path) -> list[Path]:
-    """<base>.gif and <base>.webp, also where the base has such a suffix itself. Raises InputError for no name."""
+    """Return <base>.gif and <base>.webp; base may have such a suffix itself. Raises InputError if it is no name."""
     if base.name in ("", ".."):
         raise InputError(f"out: {base} is no name of a file; expected one, as out=film")
     stem = base.stem if base.suffix.lower() in (".gif", ".webp") else base.name

@@ -1,1 +1,1 @@
-"""What `layoutrl.bench` measures: simulation, learning, curves, serving; parts: which is which, and their table."""
+"""What `layoutrl.bench` measures: simulation, learning, curves, serving. `parts` has the list and the table."""

@@ -1,4 +1,4 @@
-"""How good agents get in what time: the project's own, the paper's network, Stable-Baselines3's DQN."""
+"""Learning curves over time: of the project's agent, the paper's network, and Stable-Baselines3's DQN."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from layoutrl.evaluation.probe import Probe
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 
-TRAINING_IOU, SB3_IOU = 0.95, 0.80  # mean IoU on the held-out rooms, to be reached soon
+TRAINING_IOU, SB3_IOU = 0.95, 0.80  # mean IoU on the held-out rooms: the time to reach it is measured
 POINTS = 20  # of the learning curve of `image`
 
 
 class Point(NamedTuple):
-    """Of a learning curve."""
+    """A point of a learning curve."""
 
     updates: int
     seconds: float  # of training so far; what the probing took is not counted
@@ -55,14 +55,14 @@ class Curve:
         return point
 
     def minutes_to(self, iou: float) -> float | None:
-        """None: it was not reached."""
+        """Return the minutes of training until an IoU was reached; None if it was not."""
         return next((point.seconds / 60 for point in self.points if point.iou >= iou), None)
 
 
 def training(
     config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> dict[str, Any]:
-    """A whole training: how long until it is good, and how good it gets."""
+    """Measure a whole training: the minutes until TRAINING_IOU, and the IoU at the end."""
     began = time.perf_counter()
     learner = untrained(config, rooms, device, config.method.updates[config.budget.name])
     setup = (time.perf_counter() - began) / 60
@@ -78,9 +78,9 @@ def training(
 
 
 def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
-    """The paper's network on its pictures, with the moves of the method: how good it gets in `minutes`.
+    """Measure how good the paper's network gets in `minutes`, on its pictures but with the moves of the method.
 
-    Exploration and learning rate fall over nearly as many updates as a short trial says that there is time for.
+    Exploration and learning rate fall over nearly as many updates as a short trial says there is time for.
     """
     method = replace(
         config.method,
@@ -101,10 +101,10 @@ def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
 
 
 def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
-    """Our learner beside Stable-Baselines3's DQN: the same network and first weights, updates, batch, replay and rates.
+    """Compare our learner with SB3's DQN: the same network, initial weights, updates, batch, replay buffer and rates.
 
-    Its DQN is not double, turns no rooms, and knows no mask: a move that is illegal is dropped by the environment, and
-    learned to be useless.
+    SB3's DQN is not double, uses no symmetries, and has no action mask: the environment drops an illegal move, and the
+    network has to learn that it is useless.
     """
     updates = config.method.updates[config.budget.name]
     probe = held_out_probe(config, rooms, held_out, device)
@@ -126,7 +126,7 @@ def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], de
 
 
 def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np.inf, minutes: float = np.inf) -> Curve:
-    """Train, to the end or until an IoU or a time is reached."""
+    """Train to the end, or until an IoU or a time is reached; return the curve."""
     curve = Curve(probe)
     for progress in learner.training(probe_every):
         point = curve.add(progress.updates, greedy(learner.agent.network, learner.method))
@@ -195,7 +195,7 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
 def held_out_probe(
     config: BenchConfig, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> Probe:
-    """Mean IoU of a policy in rooms held out."""
+    """Return the probe of the mean IoU in the held-out rooms."""
     simulator = Simulator(held_out, config.method.moves, config.reward)
     observe = observation_of(config.method.observation, held_out, device, categories_of(training))
     return Probe(simulator, observe, np.random.default_rng(config.seed), device)

@@ -1,4 +1,4 @@
-"""How fast agents see, learn and are scored, and what memory it takes."""
+"""How fast agents observe, learn and are evaluated, and how much memory that takes."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ ACTING = ("act", "simulate", "store")  # stages of training that are not the lea
 
 
 def untrained(config: BenchConfig, rooms: Sequence[Room], device: torch.device, updates: int = ENDLESS) -> Learner:
-    """The learner that `layoutrl.train` has with this seed."""
+    """Return the learner that `layoutrl.train` begins with at this seed."""
     network_seed, training_seed, *_ = seeds(config)
     return Learner(rooms, config.method, config.reward, updates, network_seed, training_seed, device)
 
 
 def fill(learner: Learner) -> None:
-    """Fill the replay with random moves: as late in training, samples are spread over much memory."""
+    """Fill the replay buffer with random moves, so that samples are spread over much memory, as late in training."""
     play = random_moves(learner.simulator, learner.method.batch, learner.method.max_moves, np.random.SeedSequence(0))
     while learner.replay.size < learner.replay.capacity:
         learner.replay.add(transitions(next(play), learner.method.discount))
 
 
 def sample(learner: Learner, count: int) -> Transitions:
-    """Transitions of its replay: the same every time."""
+    """Return `count` transitions of the replay buffer, the same every time."""
     return learner.replay.sample(count, torch.Generator(learner.simulator.device).manual_seed(0))
 
 
 def bare_passes(learner: Learner) -> Callable[[], None]:
-    """The forward and backward passes of one update, on observations that are there: no learner is faster."""
+    """Return a function that only makes the forward and backward passes of one update: no learner is faster."""
     agent, batch = learner.agent, sample(learner, learner.method.batch)
     observation = learner.observe(batch.room, batch.position)
     next_observation = learner.observe(batch.room, batch.next_position)
@@ -71,7 +71,7 @@ def bare_passes(learner: Learner) -> Callable[[], None]:
 
 
 def speed(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:
-    """Simulator, observations, learners, set-up and evaluation."""
+    """Measure the speed of simulators, observations and learners, and the seconds of set-up and evaluation."""
     began = time.perf_counter()
     learner = untrained(config, rooms, device)
     result: dict[str, Any] = {"setup_seconds": time.perf_counter() - began}
@@ -87,10 +87,11 @@ def speed(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
 
 
 def learning(learner: Learner, poses: int, seconds: float) -> dict[str, float]:
-    """Observations of poses a second; samples a second of the learner, of its bare passes, and of the whole loop.
+    """Measure observations a second, `poses` at once, and samples a second: of the learner, of its bare passes, and of
+    the whole loop.
 
-    The learner's time is the loop's but for acting; the whole loop's on a GPU, of whose stages the host knows nothing.
-    Loop and bare passes are timed in turn, as their ratio counts.
+    The learner's time is that of the loop without acting; on a GPU, whose stages the host cannot time, that of the
+    whole loop. Loop and bare passes are timed in turn, as their ratio counts.
     """
     fill(learner)
     device, sampled = learner.simulator.device, sample(learner, poses)
@@ -123,7 +124,7 @@ def learning(learner: Learner, poses: int, seconds: float) -> dict[str, float]:
 def evaluating(
     config: BenchConfig, agent: DQN, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> float:
-    """Seconds that a user waits for the scores in held-out rooms: they are new here, so that all set-up is included.
+    """Return the seconds of an evaluation in the held-out rooms: new here, so that all set-up is included.
 
     The agent has hardly learned: its episodes are longer than those of a trained one.
     """
@@ -143,13 +144,13 @@ def evaluating(
 def memory(
     config: BenchConfig, rooms: Sequence[Room], _held_out: Sequence[Room], device: torch.device
 ) -> dict[str, float]:
-    """Bytes a transition, and the peak of a process that trains with a full replay."""
+    """Measure the bytes of a transition, and the peak memory of a new process that trains with a full replay buffer."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
         return process.submit(train_with_full_replay, config, rooms, device).result()
 
 
 def train_with_full_replay(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
-    """Bytes a transition, and the peak of this process, which trains with a full replay."""
+    """Train with a full replay buffer; return the bytes of a transition and the peak memory of this process."""
     keep_freed_memory()  # in this process, too
     method = replace(config.method, replay_capacity=config.transitions)
     learner = untrained(replace(config, method=method), rooms, device)

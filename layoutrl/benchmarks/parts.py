@@ -1,4 +1,4 @@
-"""The parts of `layoutrl.bench`: what measures each, its rows in the table, and what they are to reach."""
+"""The parts of `layoutrl.bench`: the function that measures each, its rows in the table, and their targets."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "image": image,
     "sb3": sb3,
 }
-# What a part needs, which is asked before any is measured: of this machine, and of the rooms to train on.
+# Checks, made before any part is measured, of what it needs: of this machine, and of the training rooms.
 NEEDS: dict[str, Callable[[BenchConfig], object]] = {"demo": check_served, "memory": lambda _: peak_bytes()}
 NEEDS_ROOMS: dict[str, Callable[[BenchConfig, Sequence[Room]], object]] = {"speed": well_furnished}
-Targets = str | dict[str, str]  # on two cores; of a measurement by name, by its names
+Targets = str | dict[str, str]  # to reach on two cores; a dict where a measurement has several values, by their names
 ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
     "speed": {
         "moves_a_second": (f"exact moves a second, rooms with {ITEMS} items or more", "500,000"),
@@ -92,7 +92,7 @@ ROWS: dict[str, dict[str, tuple[str, Targets]]] = {
 
 
 def table(about: dict[str, Any], parts: dict[str, dict[str, Any]]) -> str:
-    """What, measured, to reach."""
+    """Return the table as text: what was measured, the value, and the value to reach."""
     rows = [("", "measured", "to reach on two cores")]
     for part, measured in parts.items():
         for key, (what, targets) in ROWS[part].items():

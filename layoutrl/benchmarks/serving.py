@@ -1,4 +1,4 @@
-"""How soon the demo answers, by a server of its own on this machine: one hand that drags, many at once, for long."""
+"""How fast a server of the demo answers on this machine: a client that drags, many clients, many answers in a row."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import resident_bytes
 
 CHROMIUM = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")  # the first takes half the time
-ASKED = 10  # rooms, for the first move
+ASKED = 10  # rooms that are furnished, for the time to the first move
 ANSWERS = 3  # times that each of many clients asks
 
 
 def check_served(config: BenchConfig) -> None:
-    """Raise InputError where what serves is not installed, or no agent in the package furnishes the rooms."""
+    """Raise InputError if the server's packages are not installed, or no agent in the package furnishes the rooms."""
     if lacking := [name for name in ("starlette", "uvicorn") if find_spec(name) is None]:
         raise InputError(f"parts: demo needs {' and '.join(lacking)}; in the checkout, pip install '.[demo]'")
     pretrained.agent(config.room.type, torch.device("cpu"))
 
 
 def serving(config: BenchConfig, rooms: Sequence[Room], _: Sequence[Room], __: torch.device) -> dict[str, Any]:
-    """Answers a second, the time to the first picture and move, many clients at once, and memory over many answers.
+    """Measure answers a second, time to first picture and move, many clients at once, and memory over many answers.
 
     The picture needs Chromium and playwright; it is left out without them.
     """
     looks: list[dict[str, Any]] = [{"room": room_to_dict(room), "item": 0} for room in rooms]
-    # As the page asks first: for one layout, which it plays while the others are found.
+    # The page's first question: for one layout, which it plays while the others are found.
     furnishing = [
         look | {"movable": list(range(len(look["room"]["furniture"]))), "choices": 1}
         for look in looks[: min(ASKED, config.requests)]
     ]
     with served() as (process, port):
         with connected(port) as connection:
-            waited(connection, "furnish", furnishing[0])  # which waits until it knows rooms of this type
+            waited(connection, "furnish", furnishing[0])  # not timed: it waits until the agent is loaded
         picture = {} if (seconds := first_picture(port)) is None else {"picture_seconds": seconds}
         with connected(port) as connection:
             moves = [waited(connection, "furnish", asked) for asked in furnishing]
@@ -86,7 +86,7 @@ def connected(port: int) -> closing[HTTPConnection]:
 
 
 def waited(connection: HTTPConnection, question: str, asked: dict[str, Any]) -> float:
-    """How long the answer takes. Raises InputError where it is an error, and OSError where none comes."""
+    """Return the seconds that an answer takes. Raises InputError if it is an error, and OSError if none comes."""
     body, began = json.dumps(asked), time.perf_counter()
     connection.request("POST", f"/api/{question}", body, {"Content-Type": "application/json"})
     response = connection.getresponse()
@@ -97,7 +97,7 @@ def waited(connection: HTTPConnection, question: str, asked: dict[str, Any]) -> 
 
 
 def visited(port: int, look: dict[str, Any]) -> list[float] | None:
-    """How long a client waits for each of some answers; None where one is an error."""
+    """Return the seconds that a client waits for each of ANSWERS answers; None if one of them fails."""
     try:
         with connected(port) as connection:
             return [waited(connection, "look", look) for _ in range(ANSWERS)]
@@ -107,7 +107,7 @@ def visited(port: int, look: dict[str, Any]) -> list[float] | None:
 
 @contextmanager
 def served() -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A server in a process of its own, and its port."""
+    """Run a server in a process of its own; yield the process and its port."""
     command = [sys.executable, "-m", "layoutrl.demo", "port=0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:

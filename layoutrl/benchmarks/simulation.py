@@ -33,7 +33,7 @@ FURNISHED = 6  # items in the rooms of `furnishing`
 
 
 def moves(config: BenchConfig, rooms: Sequence[Room], device: torch.device) -> dict[str, float]:
-    """Random legal moves by both simulators, in the same rooms, and by an environment that makes one at a time."""
+    """Measure random legal moves a second in the same rooms, by both simulators and by a single environment."""
     furnished = well_furnished(config, rooms)
     simulator = Simulator(furnished, config.method.moves, config.reward)
     fast = moves_a_second(config, BatchSimulator(simulator, device), config.batch)
@@ -78,7 +78,8 @@ def growth(
 def furnishing(
     config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> dict[str, float]:
-    """Random legal actions in whole rooms of FURNISHED items, by both simulators; measures of the held-out rooms."""
+    """Measure random legal actions a second in whole rooms of FURNISHED items, by both simulators; and the seconds of
+    set-up and of all measures of the held-out rooms."""
     rng = np.random.default_rng(config.seed)
     designs = [with_items(room, FURNISHED, rng) for room in rooms[: config.items_rooms]]
     began = time.perf_counter()
@@ -91,7 +92,7 @@ def furnishing(
     play = random_actions_by_shapely(simulator, few, np.random.default_rng(config.seed))
     slow = few / seconds_of(partial(next, play), config.seconds)
     layouts = [replace(room, furniture=tuple(map(replace, room.furniture))) for room in held_out]
-    began = time.perf_counter()  # once: rooms keep what was worked out about them
+    began = time.perf_counter()  # timed once: rooms cache what is derived from them
     measured(layouts, held_out)
     measuring = time.perf_counter() - began
     return {
@@ -187,7 +188,7 @@ def random_moves_by_shapely(simulator: Simulator, episodes: int, rng: np.random.
 
 
 def environment(config: BenchConfig, rooms: Sequence[Room]) -> tuple[gymnasium.Env[Any, Any], np.random.Generator]:
-    """`layoutrl/Layout-v0` with the geometry observation, as Gymnasium makes it, and what draws moves in it."""
+    """Return `layoutrl/Layout-v0` with the geometry observation, made by Gymnasium, and a generator to draw moves."""
     method = config.method
     env = gymnasium.make(
         "layoutrl/Layout-v0", rooms=rooms, moves=method.moves, reward=config.reward, max_moves=method.max_moves

@@ -24,12 +24,12 @@ def run(config: DemoConfig) -> None:
 
 
 def listening(port: int) -> socket.socket:
-    """A socket of 127.0.0.1. Raises InputError where the port is not to be had."""
+    """Return a socket that listens on a port of 127.0.0.1. Raises InputError if the port cannot be used."""
     try:
         listener = socket.create_server(("127.0.0.1", port))
     except OSError as error:
         raise InputError(f"port: {port} cannot be had ({error.strerror}); expected a free one, as port=8766") from None
-    # Connections inherit it: an answer is in two parts, and the second would wait 40 ms for word of the first.
+    # Connections inherit it. An answer is sent in two parts: the second would wait 40 ms for the ACK of the first.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener
 

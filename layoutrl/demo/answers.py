@@ -1,4 +1,4 @@
-"""What the page asks, and the answers: plain lists and numbers for JSON. Nothing is kept from one to the next."""
+"""Answers to the page's questions: plain lists and numbers for JSON. Nothing is kept from one to the next."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ from layoutrl.runs.answered import numbered
 from layoutrl.runs.asked import asked_of, said_to_stay
 from layoutrl.runs.streams import Entry
 
-SAMPLES = 25  # designed rooms of a type, of which the sizes of the palette are
-SHOWN = 2  # of them, in the gallery
+SAMPLES = 25  # designed rooms of each type, whose furniture has the sizes of the palette
+SHOWN = 2  # of these rooms, in the gallery
 SEED = 7  # of these rooms
-USUAL = 0.6  # of rooms have an item that is usual
+USUAL = 0.6  # an item is usual if at least this share of the rooms has it
 CHOICES = 3
-LARGEST_BODY = 200_000  # bytes about one room: as many corners as are worked out soon
+LARGEST_BODY = 200_000  # bytes about one room: more corners would take too long
 WIDEST = 25.0  # metres of a room's sides
 MOST_ITEMS = 40
 MOST_ROOMS = 100  # of a file
 LARGEST_LINE = MOST_ROOMS * LARGEST_BODY  # bytes about the rooms of a home
-MOST_FILES = 100_000  # in a home, whose list of them is held whole: some 60 MB
-LONGEST_NAME = 60  # letters of a room's that are said, or of a file's that begin its rooms' ids
-NO_NAME = '/\\:*?"<>|'  # what is in no file's name, on this system or another
-STEPS = (0.05, 1.0)  # metres between the places of a heat map
+MOST_FILES = 100_000  # in a home: the list of them, some 60 MB then, is held in memory
+LONGEST_NAME = 60  # letters of a room's name in a message, and of a file's at the start of its rooms' ids
+NO_NAME = '/\\:*?"<>|'  # characters that no file's name has, on this system or another
+STEPS = (0.05, 1.0)  # metres between the places of a heat map, at least and at most
 
-# What lines on a file say of options of commands, and the page in its place.
+# What messages about a file say about options of commands, and what the page says instead.
 OPTIONS = {
     " (categories=<file> names it)": "",
     " (into=<id>)": "",
@@ -61,7 +61,7 @@ OPTIONS = {
     "(unit=in if lengths are inches)": "(choose unit in if lengths are inches)",
 }
 
-# What a fault is, to who has not read of it.
+# Faults and oddities in words, for people who have not read about them.
 WORDS = {
     MISSING: "is still to be placed",
     OVERLAPS: "overlaps something",
@@ -75,13 +75,13 @@ WORDS = {
     IN_SWING: "stands where a door opens",
 }
 
-CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field of which it is said that an item is BEYOND
+CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls
 
 Answer = dict[str, Any]
 
 
 class Answers:
-    """The answers of a page whose rooms a `Staff` furnishes."""
+    """Answers the questions of a page, whose rooms a `Staff` furnishes."""
 
     def __init__(self, staff: Staff):
         self.staff = staff
@@ -103,15 +103,15 @@ class Answers:
         }
 
     def warm(self) -> None:
-        """Have who furnishes rooms ready before somebody asks, in a thread that ends with the program."""
+        """Load the agents before somebody asks, in a thread that ends with the program."""
         threading.Thread(target=self.staff.ready, daemon=True).start()
 
     def answer(self, about: str, body: bytes) -> Answer:
-        """The answer to a question, whose JSON names the `room`. Raises InputError for what is wrong with it."""
+        """Answer a question, whose JSON has the `room`. Raises InputError if something is wrong with it."""
         return self.questions[about](question(body))
 
     def look(self, asked: Any) -> Answer:
-        """The room as it is read, how to draw it, its faults, and how far an `item`, if one is named, is from all."""
+        """Return the room as it is read, how to draw it, its faults, and if an `item` is named the gaps beside it."""
         try:
             room = room_in(asked)
         except RoomError as error:
@@ -127,7 +127,7 @@ class Answers:
         }
 
     def opening(self, asked: Any) -> Answer:
-        """The room with an opening more (`kind`, `at`, `width`) or less (`remove`: its index, doors first)."""
+        """Add an opening (`kind`, `at`, `width`) or remove one (`remove`: its index, doors first); answer as `look`."""
         room = room_in(asked)
         if "remove" in asked:
             room = without_opening(room, index_in(asked, "remove", len(room.openings)))
@@ -140,10 +140,10 @@ class Answers:
         return self.look({"room": room_to_dict(room)})
 
     def furnish(self, asked: Any) -> Answer:
-        """Up to `choices` layouts of the room, the items of `movable` placed anew, best first, and the way to each.
+        """Return up to `choices` layouts, best first, with the items of `movable` placed anew, and the path to each.
 
-        What stands, and nobody places in such a room, stays, and is in the way. What has no place, and is not of
-        `movable`, gets none.
+        Items that nobody places in such a room stay where they stand, as obstacles. Items without a place that are not
+        in `movable` get none. `lines` say which items stay or are not placed, and why.
         """
         room = room_in(asked)
         chosen = asked.get("movable")
@@ -164,7 +164,7 @@ class Answers:
         return {"lines": lines + held.lines, "choices": [choice(held, furnished) for furnished in found]}
 
     def values(self, asked: Any) -> Answer:
-        """What the furnisher thinks of all places of an `item`, a `step` apart."""
+        """Return the values of places of an `item`, `step` metres apart, and the best rotation at each."""
         room, item = self._thought_of(asked)
         step = number(asked.get("step", 0.2), "step", *STEPS)
         centers, values, degrees = self.staff.thinker(room.room_type).values(room, item, step)
@@ -177,28 +177,31 @@ class Answers:
         return {"moves": [{"name": name, "to": [*to], "value": float(value)} for name, to, value in found]}
 
     def _thought_of(self, asked: Any) -> tuple[Room, int]:
-        """A room without what cannot be placed in it, and the index there of the item that a question is about."""
+        """Return a question's room without what cannot be placed in it, and the index there of the question's item.
+
+        Raises InputError if nobody places such an item there.
+        """
         room = room_in(asked)
         item = item_in(asked, room)
         known = self.staff.known(room.room_type)
         held = answerable(room, known)
         category = room.furniture[item].category
-        if category not in known or item in held.unseen:  # rugs, which who furnishes does not see
+        if category not in known or item in held.unseen:  # rugs: agents do not see them
             raise InputError(f"item: nobody places a {category} in a {room.room_type}; expected other furniture")
         return held.brief, item - sum(k < item for k in held.unseen)
 
     def svg(self, asked: Any) -> Answer:
-        """The room as a drawing to scale, with what the page hatches."""
+        """Return a drawing of the room to scale, with faults and oddities hatched as on the page."""
         room = room_in(asked)
         return {"svg": svg(room, wrong_with(room))}
 
     def read(self, content: bytes, unit: str = "auto", called: str = "") -> Answer:
-        """The rooms of a file that somebody opens, whether it is a `home`, and what is wrong with other rooms.
+        """Read a file that somebody opens; return its rooms, whether it is a `home`, and what is wrong with others.
 
-        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other files say it themselves. What the
-        file is `called`, without its ending, begins the ids of rooms that have none of their own.
-        Furniture is called by our categories, where its names are known. Of a home each room tells what of its
-        furniture is `fixed`: the home is not written back with it elsewhere.
+        Lengths of rooms in JSON are in `unit`, or told by their size (auto); other formats define them. The name that
+        the file is `called`, without its suffix, begins the ids of rooms that have none of their own.
+        Known names of furniture are replaced by our categories. In a home, each room has the indices of its furniture
+        that is `fixed`: the home is not written back with it elsewhere. Raises InputError if no room can be read.
         """
         if unit not in ("auto", *UNITS):
             raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit[:20]!r}")
@@ -233,11 +236,11 @@ class Answers:
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
     def home(self, body: bytes, called: str = "") -> tuple[bytes, str, list[int]]:
-        """A home of Sweet Home 3D: of a line of JSON with the `room`, and below it the home that it was read from.
+        """Save a room as a home of Sweet Home 3D; return it, a message, and the indices of `others` it is without.
 
-        `others` of that home's rooms are written back with it, as they are now. Those that cannot be are left as the
-        home has them; a line that names them, and their indices, are returned, too. The home is `called` as when it was
-        read.
+        The body is a line of JSON with the `room` and, below it, the home that it was read from, if any; that is
+        `called` as when it was read. `others` are further rooms of the home to write back as they are now. Those that
+        cannot be are left as the home has them, and the message names them.
         """
         line, _, content = body.partition(b"\n")
         asked = question(line, LARGEST_LINE if content else LARGEST_BODY)
@@ -267,7 +270,7 @@ class Answers:
 
 
 def said_of_left(names: Sequence[str]) -> str:
-    """A line on the rooms that a home is written back without, as they are now; empty if there is none."""
+    """Return the message about rooms that a saved home has as they were before; empty if there are none."""
     if not names:
         return ""
     return (
@@ -289,13 +292,13 @@ def question(body: bytes, largest: int = LARGEST_BODY) -> dict[str, Any]:
 
 
 def stem_of(called: str) -> str:
-    """A name for a file in a folder of its own, from what it is called: no path, whatever that is."""
+    """Return a name for a temporary file, without suffix, from what the client calls it: never a path."""
     letters = (letter if letter.isprintable() and letter not in NO_NAME else "_" for letter in called[:LONGEST_NAME])
     return "".join(letters).strip(" .") or Path(NAME).stem
 
 
 def suffix_of(content: bytes) -> str:
-    """What a file is: a home is a ZIP, a .json file one document, which may be broken; else it is an object a line."""
+    """Return the suffix for content: .sh3d of a ZIP, .json of one document, even broken, .jsonl of an object a line."""
     if content.startswith(b"PK"):
         return ".sh3d"
     if content.lstrip().startswith(b"[") or not isinstance(parsed(content), RoomError):
@@ -307,8 +310,8 @@ def suffix_of(content: bytes) -> str:
 
 
 def check_home(content: bytes) -> None:
-    """Raise InputError where a ZIP has more files in it than are listed soon; that they are large costs nothing."""
-    if content.count(b"PK\1\2") > MOST_FILES:  # which begins each entry of its list
+    """Raise InputError if a ZIP has more files in it than can be listed soon; their size does not matter."""
+    if content.count(b"PK\1\2") > MOST_FILES:  # begins each entry of a ZIP's list of files
         raise InputError(f"file: expected at most {MOST_FILES:,} files in a home")
 
 
@@ -348,7 +351,7 @@ def limited(room: Room) -> Room:
 
 
 def in_words(error: RoomError, document: Any) -> str:
-    """What is wrong with a room that somebody edits; of what was moved out of it, without the fields of JSON."""
+    """Return what is wrong with an edited room; for an item moved out of it, in words without fields of JSON."""
     found = CENTER.fullmatch(error.field)
     if found is None or not error.problem.endswith(BEYOND):
         return str(error)
@@ -414,7 +417,7 @@ def choice(held: Answerable, furnished: Furnished) -> Answer:
 
 
 def palette(rooms: Sequence[Room]) -> list[Answer]:
-    """What stands in rooms of a type, most frequent first: each at the middle of its sizes, and how many are usual."""
+    """Return the furniture in rooms of a type, most frequent first: each in its median size, and how many are usual."""
     kinds: dict[tuple[str, str], list[Item]] = {}
     for item in chain.from_iterable(room.furniture for room in rooms):
         kinds.setdefault((item.category, item.form), []).append(item)

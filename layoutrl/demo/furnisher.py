@@ -1,4 +1,4 @@
-"""Who furnishes the page's rooms, and says what places are worth there."""
+"""The agents and the search that furnish the page's rooms, and their values of places there."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Move = tuple[str, tuple[float, float], float]
 
 
 class Thinker(Protocol):
-    """Who says what it thinks of places."""
+    """An agent that can be asked for its values of places and moves."""
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of an item among what stands: centres (n, 2) a step in metres apart, the value (n,) of the best way to face
-        there, and its degrees (n,)."""
+        """Return centres (n, 2) for an item among what stands, `step` metres apart; the value (n,) of the best rotation
+        at each; and that rotation (n,) in degrees."""
 
     def moves(self, room: Room, item: int) -> list[Move]:
         """The legal moves of an item from where it stands, best first: name, the centre it leads to, value."""
@@ -32,7 +32,7 @@ class Thinker(Protocol):
 
 @dataclass(frozen=True)
 class Staff:
-    """Who furnishes rooms, and who thinks of those of a type: each is loaded when it is first asked for."""
+    """The furnisher of the page's rooms, and the thinker of each room type, loaded when they are first asked for."""
 
     furnisher: Callable[[], Furnishes]
     thinker: Callable[[str], Thinker]
@@ -45,7 +45,7 @@ def staff_of(searching: Searching) -> Staff:
 
     @cache
     def agents() -> pretrained.Agents:
-        import torch  # which takes seconds: the page is there before
+        import torch  # takes seconds: the page is served before
 
         return pretrained.Agents(torch.device("cpu"))
 
@@ -57,7 +57,7 @@ def staff_of(searching: Searching) -> Staff:
 
     def ready() -> None:
         for room_type in MAIN_ITEM:
-            with suppress(InputError):  # that somebody who asks is told
+            with suppress(InputError):  # whoever asks for it is told
                 agents().of(room_type)
 
     return Staff(furnisher, lambda room_type: agents().of(room_type), pretrained.known, ready)

@@ -1,4 +1,4 @@
-"""Rooms as a home of Sweet Home 3D: written back into the home that they were read from, or a room as a new one.
+"""Save rooms as a home of Sweet Home 3D: into the home that they were read from, or one room as a new home.
 
 Home.xml has centimetres, y down, radians clockwise. A piece without a model is shown as a box.
 """
@@ -61,30 +61,30 @@ HEIGHTS = {  # centimetres, of furniture
     "wardrobe": 200.0,
 }
 HEIGHT = 75.0  # centimetres, of what is not named, such as tables, desks and toilets
-APART = 0.3  # metres, of what stands beside a room
-TAKEN_FOR = "bedroom"  # a room of which nothing tells the type
-NAME = "file.sh3d"  # of a home that is read, where nobody says another: it begins the ids of its rooms
+APART = 0.3  # metres between items that are parked beside a room
+TAKEN_FOR = "bedroom"  # the type of a room of which nothing tells it
+NAME = "file.sh3d"  # default name of a home that is read: it begins the ids of its rooms
 
 
 def fixed(home: Home, room: Room) -> list[int]:
-    """The indices of a room's furniture that a home is not written back with elsewhere: nobody knows it, or the home
-    does not let it move."""
+    """Return the indices of a room's furniture that has to stay where the home has it: it is unknown, or the home does
+    not let it move."""
     return [k for k, piece in enumerate(home.pieces[room.id]) if not (piece.known and piece.may_move)]
 
 
 def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: str = NAME) -> tuple[bytes, list[str]]:
-    """The home that a room was read from, whole, with its furniture where it stands now, and that of `others`.
+    """Return the home that a room was read from, with the furniture of the room and of `others` where it stands now.
 
-    It is called `name`, as when it was read.
-    Raises InputError where the room is not as it was read but for where its furniture stands, or moved what is `fixed`.
-    Such `others` stay as the home has them: their ids are returned, too.
+    `name` is what the home was called when it was read. Raises InputError if the room differs from the home's in
+    anything but where its furniture stands, or if `fixed` furniture was moved. If one of `others` does, it stays as the
+    home has it, and its id is returned, too.
     """
     with TemporaryDirectory(prefix="layoutrl-") as folder:
         path, out = Path(folder) / name, Path(folder) / f"out-{name}"
         path.write_bytes(content)
         try:
             home = read_home(path, room_type=TAKEN_FOR)
-        except InputError as error:  # which names the file, of which the page knows nothing
+        except InputError as error:  # names the temporary file, which the page does not know
             raise InputError(str(error).replace(str(path), name)) from None
         before = {room.id: room for room in home.rooms}
         _check(room, before.get(room.id), home)
@@ -95,7 +95,7 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: 
                 rooms.append(other)
             except InputError:
                 left.append(other.id)
-        for k, read in enumerate(home.rooms):  # of these, what has no center is written where it is now
+        for k, read in enumerate(home.rooms):  # Home.write only moves items without a center here
             moves = {*range(len(read.furniture))} - {*fixed(home, read)}
             home.rooms[k] = replace(read, furniture=lifted(read.furniture, moves))
         home.write(rooms, out)
@@ -103,7 +103,7 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: 
 
 
 def _check(room: Room, before: Room | None, home: Home) -> None:
-    """Raise InputError where a room is not as it was `before`, in the home, but for where its furniture stands."""
+    """Raise InputError if a room differs from `before`, as the home has it, in more than where movable items stand."""
     pieces = [] if before is None else [*before.furniture]
     if before is None or [(i.category, i.size) for i in pieces] != [(i.category, i.size) for i in room.furniture]:
         raise InputError(
@@ -124,7 +124,10 @@ def _check(room: Room, before: Room | None, home: Home) -> None:
 
 
 def new_home(room: Room) -> bytes:
-    """A home of this room alone. What has no place yet stands in a row on the right of it."""
+    """Return a home of this room alone. Items without a place stand in a row on the right of it.
+
+    Raises InputError for a hole that is not a rectangle.
+    """
     home = Element("home", version=VERSION, name=room.id, camera="topCamera", wallHeight=f"{WALL_HEIGHT:g}")
     for number, opening in enumerate(room.openings):
         piece = SubElement(home, "doorOrWindow", id=f"opening{number}", catalogId=f"layoutrl#{opening.kind}")
@@ -163,7 +166,7 @@ def new_home(room: Room) -> bytes:
 
 
 def _parked(room: Room) -> list[Item]:
-    """The furniture, with what has no center in a row on the right of the room: what stands there is to be placed."""
+    """Return the furniture, with items without a center in a row on the right; read again, these are to be placed."""
     _, bottom, right, _ = room.envelope.bounds
     items = []
     for item in room.furniture:

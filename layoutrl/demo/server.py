@@ -32,8 +32,8 @@ from layoutrl.runs.config import DemoConfig
 
 LARGEST_FILE = 5_000_000  # bytes
 LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
-LINE = LARGEST_LINE + 1  # bytes above a home that is written back
-LEFT = "Layoutrl-Left"  # a header: JSON of a line on what a file is without, and which of what was asked that is
+LINE = LARGEST_LINE + 1  # bytes of the line of JSON above a home that is written back
+LEFT = "Layoutrl-Left"  # header of a saved home: JSON of a message on the rooms it is without, and their indices
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -56,15 +56,15 @@ def serve(config: DemoConfig, listener: socket.socket) -> None:
 
 
 def server_of(answers: Answers, listener: socket.socket, timeout: float) -> uvicorn.Server:
-    """Who serves the page at a socket."""
+    """Return the server of the page at a socket."""
     host, port = listener.getsockname()
     site = application(answers, f"{host}:{port}", timeout)
     return uvicorn.Server(uvicorn.Config(site, log_level="critical", access_log=False, server_header=False))
 
 
 def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
-    """The page and its answers, at a host and port; an answer may take so many seconds."""
-    # Workers of their own: who waits for a furnished room keeps nobody from dragging, or from files.
+    """Return the ASGI app of the page at `host`, name:port; answers that take over `timeout` seconds are given up."""
+    # Separate workers: while a room is furnished, items can be dragged and files opened.
     workers = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("looks", "files", "furnishes")}
 
     @asynccontextmanager
@@ -125,13 +125,13 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
 
 
 def broken(error: Exception) -> Response:
-    """The answer where the program has a bug: its name for the page, all of it for who runs the server."""
+    """Answer an unexpected error: its name goes to the page, its traceback to whoever runs the server."""
     traceback.print_exception(error)
     return refused(500, f"bug: {type(error).__name__}; the server goes on")
 
 
 def page() -> dict[str, Callable[[Request], Any]]:
-    """The files of the page, read once, and who answers with each."""
+    """Return the function that answers with each file of the page, by name. The files are read once."""
 
     def showing(content: bytes, kind: str) -> Callable[[Request], Any]:
         async def show(_: Request) -> Response:
@@ -148,8 +148,10 @@ def page() -> dict[str, Callable[[Request], Any]]:
 
 
 async def body_of(request: Request, line: int) -> bytes:
-    """The body, below a line of at most so many bytes, if any. Raises InputError where it is too large, as soon as that
-    is known: a home, which is a ZIP, may be larger than all else."""
+    """Return the body of a request: a file, below a line of at most `line` bytes unless that is 0.
+
+    Raises InputError as soon as it is too large. A home, which is a ZIP, may be larger than other files.
+    """
     body, most = bytearray(), line + LARGEST_FILE
     async for part in request.stream():
         body += part
@@ -161,7 +163,7 @@ async def body_of(request: Request, line: int) -> bytes:
 
 
 def said(answer: Any) -> Response:
-    """An answer as JSON, or a file as it is with a line on what is left out of it, which a header holds."""
+    """Respond with an answer as JSON; with the tuple of `Answers.home` as a file, what it is without in a header."""
     if isinstance(answer, tuple):
         content, *left = answer
         headers = {LEFT: json.dumps(left)} if any(left) else {}
@@ -175,7 +177,7 @@ def refused(status: int, line: str) -> Response:
 
 
 class Guard:
-    """Lets only this machine's own page through, and adds what browsers are to keep to."""
+    """Middleware that lets only requests of this server's own page through, and adds security headers."""
 
     def __init__(self, inner: ASGIApp, host: str):
         self.inner = inner

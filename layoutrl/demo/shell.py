@@ -1,4 +1,4 @@
-"""What the page asks of a room's shell: how doors swing, an opening more or less; and how far items are from others."""
+"""Geometry for the page: how doors swing, rooms with an opening more or less, and gaps beside items."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _xy(point: np.ndarray | tuple[float, float]) -> str:
 
 
 def with_opening(room: Room, kind: str, at: tuple[float, float], width: float) -> Room:
-    """The room with a door or window more, through the wall next to a point. Raises InputError where none fits."""
+    """Return the room with a further door or window in the wall nearest to a point. Raises InputError if none fits."""
     if kind not in ("door", "window"):
         raise InputError(f"kind: expected door or window; got {kind}")
     if not 0.3 <= width <= 10:
@@ -78,7 +78,7 @@ def without_opening(room: Room, index: int) -> Room:
 
 
 def gaps(room: Room, index: int) -> list[tuple[Segment, float]]:
-    """From the middle of each side of an item straight to the next wall or item: the way there, and its metres."""
+    """Return segments from the middle of each side of an item straight to the next wall or item, and their metres."""
     item = room.furniture[index]
     if item.center is None:
         return []

@@ -1,4 +1,4 @@
-"""What of a user's brief can be furnished, and a line for each thing that stands in the way."""
+"""Which items of a user's brief can be placed, and a message for each problem with the others or with the room."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from layoutrl.rooms.doors import door_widths
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 
-SAME_PLACE = 0.5  # share of the smaller of two footprints: where items overlap by more, they take up one place
-NARROWEST = 0.5  # metres: whoever reads inches for centimetres has doors below it
+SAME_PLACE = 0.5  # share of the smaller of two footprints: items that overlap by more count as stacked
+NARROWEST = 0.5  # metres: doors are below it where inches were taken for centimetres
 
 
 @dataclass(frozen=True)
 class Answerable:
-    """A brief as it was asked, as far as it can be furnished (`brief`), and what is in the way, a line each.
+    """A brief as it was asked, the part of it that can be furnished (`brief`), and a line for each problem.
 
-    A rug that lies in the room is in nobody's way: who furnishes does not see it.
+    Rugs that lie in the room are not in `brief`: they are in nobody's way.
     """
 
     asked: Room
-    unseen: frozenset[int]  # items of `asked` that are not in `brief`: what nobody can place, and rugs
+    unseen: frozenset[int]  # indices of items of `asked` that are not in `brief`: rugs, and what nobody can place
     lines: list[str]
 
     @property
@@ -36,9 +36,10 @@ class Answerable:
         return replace(self.asked, furniture=kept, target=None)
 
     def answer(self, layout: Room) -> Room:
-        """The room as it was asked, with the poses of a layout of `brief`; what is not in `brief` is as it was.
+        """Return the room as it was asked, with the poses of a layout of `brief`; other items stay as they were.
 
-        What a layout puts beyond the outer walls has no place: no room could be read that has it there.
+        An item that the layout puts beyond the outer walls gets no place: with it there, the room could not be read
+        again.
         """
         items = iter(layout.furniture)
         furniture = [i if k in self.unseen else next(items) for k, i in enumerate(self.asked.furniture)]
@@ -49,17 +50,17 @@ class Answerable:
 
 
 def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
-    """No room type."""
+    """Return no room types: the default where it is not known which agents place a category."""
     return ()
 
 
 def answerable(
     room: Room, known: Collection[str], elsewhere: Callable[[str], Sequence[str]] = in_no_type
 ) -> Answerable:
-    """Hold a room against what can be furnished: `known` categories, items that fit and are as large as such are, one
-    place each, a door.
+    """Find out which items of a room can be placed: those of `known` categories that fit into it.
 
-    `elsewhere` tells the room types whose agents place a category.
+    Lines also name doubtful sizes, items that stand stacked, and doors that are missing or too narrow. `elsewhere`
+    returns the room types whose agents place a category.
     """
     unseen, lines = set(), []
     for k in missing(room):
@@ -90,7 +91,7 @@ def answerable(
 
 
 def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]) -> str:
-    """Why nobody places a category that is not known in a room."""
+    """Return the reason why a category that is not `known` is not placed in a room."""
     if not known:
         return f"nobody who is asked furnishes a {room.room_type}"
     ours = own_names().meant(category) or category
@@ -107,9 +108,9 @@ def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[
 
 
 def unstacked(brief: Room, layout: Room) -> Room:
-    """The layout without the places of items that take up one place with another: there is no room for these.
+    """Return the layout without the poses of placed items that are stacked: there is no room for these.
 
-    Of two the smaller goes, of what was placed; what stood before stays.
+    Of two placed items the smaller loses its pose. Items that stood before keep theirs.
     """
     placed = [k for k in missing(brief) if layout.furniture[k].center is not None]
     there = {k: item.footprint for k, item in enumerate(layout.furniture) if item.center is not None}
@@ -123,7 +124,7 @@ def unstacked(brief: Room, layout: Room) -> Room:
 
 
 def _stacked(one: Item, other: Item) -> bool:
-    """Whether two items that stand take up one place: more than SAME_PLACE of the smaller."""
+    """Whether two standing items overlap by more than SAME_PLACE of the smaller; never if one is tucked or RAISED."""
     if one.tucked or other.tucked or {one.category, other.category} & RAISED:
         return False
     shared = one.footprint.intersection(other.footprint).area
@@ -131,5 +132,5 @@ def _stacked(one: Item, other: Item) -> bool:
 
 
 def fits(room: Room, item: Item) -> bool:
-    """Whether there is a place indoors at which an item lies in the room, empty, in one of the ways it may face."""
+    """Whether an item fits somewhere into the empty room, in one of the ways that it may face."""
     return fitting.fits(room.indoor, item, ways(room, item))

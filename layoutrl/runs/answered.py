@@ -1,4 +1,4 @@
-"""What `place` found for a room of a file, as it is written and told."""
+"""What `place` found for a room of a file, and how that is written and reported."""
 
 from __future__ import annotations
 
@@ -14,36 +14,39 @@ from layoutrl.rooms.room import Room
 from layoutrl.runs.asked import Asked, said_to_stay
 from layoutrl.runs.streams import Entry
 
-CROWDED_OUT = "not placed, as no room is left for it"  # who was asked found none
+CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
 
 
 @dataclass(frozen=True)
 class Answered:
-    """A room that can be read, and layouts of it, best first, each with what is wrong: (index of the item, fault).
+    """A room that was read, and its layouts, best first, each with its faults and oddities.
 
-    What found no place stays where the file has it, if that is in the room; else it has no center.
+    An item that found no place stays where the file has it, if that is in the room; else it has no center.
     """
 
     entry: Entry
     asked: Asked
     layouts: list[Room]
-    by: list[str]  # who made each, where that is not who was asked
-    unplaced: list[list[int]]  # of the items that are wanted, those for which each layout has no place
-    wrong: list[list[Fault]]
+    by: list[str]  # who made each layout; empty where it is who was asked
+    unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
+    wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity)
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
         return len(self.asked.wanted) - len(self.asked.left) - len(self.unplaced[choice])
 
     def found(self, choice: int) -> Room:
-        """A layout of what was placed alone, as files are written by: all else in them stays as it was."""
+        """Return a layout for writing: items that found no place have no center, and so stay as the file has them."""
         layout, asked = self.layouts[choice], self.asked.can.asked
         items = enumerate(layout.furniture)
         furniture = (asked.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
         return replace(layout, furniture=tuple(furniture))
 
     def documents(self) -> Iterator[dict[str, Any]]:
-        """The room as it came, once with each layout. The second layout has an id of its own, and so on."""
+        """Yield the room's document with each layout, from the second on with an id of its own.
+
+        If nothing was to be placed, it is yielded once, as it came.
+        """
         if not self.asked.wanted:
             yield self.entry.document
             return
@@ -53,14 +56,16 @@ class Answered:
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
-        """What there is to say of each layout; of the room itself it is said with the first. Nothing of a room in which
-        nothing was to be placed."""
+        """Yield a line about each layout, the first with what there is to say about the room itself.
+
+        Nothing is said about a room in which nothing was to be placed.
+        """
         if not self.asked.wanted:
             return
         categories = [item.category for item in self.asked.can.asked.furniture]
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines tell of these
+            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines names the unseen
             said = [
                 f"the {numbered(categories, k)}: {self._words(k, [fault for _, fault in some])}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
@@ -81,7 +86,7 @@ class Answered:
 
 
 def numbered(categories: Sequence[str], item: int) -> str:
-    """The category of an item, and which of its kind it is, in the order of the file."""
+    """Return the category of an item and, if there are several of it, its number: `wardrobe (2 of 2)`."""
     alike = [k for k, other in enumerate(categories) if other == categories[item]]
     which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
     return f"{categories[item]}{which}"

@@ -1,4 +1,4 @@
-"""Rooms of files, answered: what is asked of each, all furnished together, and what is wrong with what was found."""
+"""Furnish rooms of files together: find out what is asked of each, place it, and look for faults in the layouts."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 
 class Answering:
-    """Answers rooms as conf/place.yaml says."""
+    """Furnishes rooms of files with the options of conf/place.yaml."""
 
     def __init__(self, config: PlaceConfig):
         self.config = config
 
     @cached_property
     def who(self) -> Hired:
-        """Who furnishes."""
-        from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: what is wrong is said before
+        """The agents or rival that furnish, loaded when they are first needed."""
+        from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: errors are reported before
 
         return hired(self.config)
 
     def answer(self, entries: Sequence[Entry]) -> list[Answered]:
-        """Rooms that can be read, furnished together."""
+        """Furnish the rooms of entries, all of which have one, in one batch; return an answer for each."""
         asked = [self._asked(entry) for entry in entries]
         briefs = [what.can.brief for what in asked if missing(what.can.brief)]
         layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
@@ -61,7 +61,7 @@ class Answering:
         return not self.config.only or bool(matched(self.config.only, room))
 
     def _asked(self, entry: Entry) -> Asked:
-        """What is asked of a room. Who furnishes need not be there where there is nothing to place."""
+        """Return what is asked of a room. `who` is not loaded if there is nothing to place."""
         assert entry.room is not None
         moves_all = ALL in names_in(self.config.move)
         furniture = entry.room.furniture if self.means(entry.room) else ()
@@ -72,9 +72,10 @@ class Answering:
 
 
 def matched(only: str | None, room: Room) -> set[str]:
-    """Of the names with commas between them those that call a room: by its id, or what follows a slash in it.
+    """Return those of the comma-separated names in `only` that mean a room: its id, or what follows a slash in it.
 
-    Upper case does not matter, a slash may be the dash that stands for it in an id, and a name may have commas itself.
+    Case does not matter, and a dash may stand for a slash. A name may contain commas: then all of its parts are
+    returned.
     """
 
     def folded(names: Sequence[str]) -> str:

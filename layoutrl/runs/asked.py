@@ -17,13 +17,13 @@ from layoutrl.runs.streams import Entry
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a room. An item that stays where the file has it has its center there."""
+    """What is asked of a room, items by their indices. Items that stay have the center that the file has for them."""
 
     can: Answerable  # what of it can be furnished
     wanted: list[int]  # items that are to be placed
-    left: frozenset[int]  # of these, what nobody places, and stays
-    stays: frozenset[int]  # items that `move=all` could mean, and does not: who is asked does not place them
-    stood: frozenset[int]  # of what is wanted, what the file has in the room: where no place is found, it stays there
+    left: frozenset[int]  # of these, those that nobody can place, and that stay where the file has them
+    stays: frozenset[int]  # items that `move=all` leaves where they are: unknown ones, and chairs under such
+    stood: frozenset[int]  # those of `wanted` that the file has in the room: without a new place they stay there
 
 
 def asked_of(
@@ -33,10 +33,10 @@ def asked_of(
     known: Collection[str],
     elsewhere: Callable[[str], Sequence[str]] = in_no_type,
 ) -> Asked:
-    """What is asked of a room: to place what has no center, of the items that are `meant`.
+    """Find out what is asked of a room: to place those of the items `meant`, by their indices, that have no center.
 
-    What the file has in the room, and who is asked cannot place, stays there, and is in the way. Where a file is to
-    move all (`moves_all`), what nobody knows was not meant.
+    Items that the file has in the room and that cannot be placed stay there, as obstacles. With `moves_all`
+    (move=all), items whose category is not `known` were not meant. `elsewhere` is as in `answerable`.
     """
     assert entry.room is not None
     room = entry.room
@@ -61,7 +61,7 @@ def asked_of(
 
 
 def staying(items: Sequence[Item], those: Collection[int], known: Collection[str]) -> frozenset[int]:
-    """Which of `those` items, which stand, stay where all is to move: what nobody knows, and chairs under that."""
+    """Return which of `those` standing items stay with move=all: unknown ones, and chairs tucked under such."""
     stays = {k for k in those if items[k].category not in known}
     hosts = [items[k].footprint for k in stays if items[k].category in HOSTS]
     under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
@@ -69,7 +69,7 @@ def staying(items: Sequence[Item], those: Collection[int], known: Collection[str
 
 
 def said_to_stay(room: Room, stays: Collection[int]) -> str:
-    """What is said of items that nobody places in a room, and that stay."""
+    """Return the message about items that nobody places in such a room, and that stay."""
     counts = Counter(room.furniture[k].category for k in sorted(stays))
     names = ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
     return f"nobody places these in a {room.room_type}, and they stay: {names}"

@@ -1,4 +1,4 @@
-"""Checkpoints of a run: whole or not there, with a mark that has their hash; nothing in one is ever run."""
+"""Checkpoints of a run: written atomically, each with a mark file that has its hash. No code in one is ever run."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     import torch  # it takes seconds
 
 CHECKPOINTS = "checkpoints"  # folder of a run
-KEPT = 2  # checkpoints, beside the best
-FORMAT = 2  # of checkpoints: those of another cannot be read. In 1, of layoutrl 0.1 and 0.2, agents saw no facings.
+KEPT = 2  # latest checkpoints, beside the best
+FORMAT = 2  # of checkpoints; no other can be read. In format 1, of layoutrl 0.1 and 0.2, agents saw no facings.
 STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
 
 
 def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: float | None = None) -> None:
-    """Keep a state (tensors and plain values) as `checkpoints/<updates>.pt`, whole or not at all.
+    """Save a state (tensors and plain values) as `checkpoints/<updates>.pt`, whole or not at all.
 
-    A mark beside it, written last, has its hash, and the mean IoU in training rooms if it was asked for. The last two
-    and the best are kept. Raises InputError where it cannot be written; those before it stay whole.
+    A mark file beside it, written last, has its hash, and the mean IoU in training rooms if it was measured. The last
+    two checkpoints and the best are kept. Raises InputError if it cannot be written; earlier ones stay whole.
     """
     import torch
 
@@ -50,38 +50,38 @@ def save_checkpoint(folder: Path, state: dict[str, Any], updates: int, iou: floa
         safe = f"that of {before[0].updates} updates is whole" if before else "no checkpoint was saved before"
         raise InputError(f"runs: cannot write {file} ({error.strerror}); {safe}; expected a disk to write to") from None
     marks = checkpoints(folder)
-    later = [mark for mark in marks if mark.updates > updates]  # damaged, and what it went on from was before them
+    later = [mark for mark in marks if mark.updates > updates]  # damaged: training resumed from before them
     marks = marks[len(later) :]
     for old in [*later, *marks[KEPT:]]:
         if old != best(marks):
-            old.file.with_suffix(".json").unlink()  # the mark first: what has none is none
+            old.file.with_suffix(".json").unlink()  # the mark first: without one a file is no checkpoint
             old.file.unlink(missing_ok=True)
 
 
 class Checkpoint(NamedTuple):
-    """What the mark of one says."""
+    """A checkpoint, as its mark file describes it."""
 
     updates: int
-    iou: float | None
+    iou: float | None  # mean in training rooms; None: not measured
     sha256: str
     file: Path
 
 
 def checkpoints(folder: Path) -> list[Checkpoint]:
-    """Those of a run that have a mark that can be read, the last one first."""
+    """Return the checkpoints of a run, the last one first. Prints which marks cannot be read, and leaves these out."""
     found = []
     for mark in (folder / CHECKPOINTS).glob("*.json"):
         try:
             said = json.loads(mark.read_text(encoding="utf-8"))
             iou = None if said["iou"] is None else float(said["iou"])
             found.append(Checkpoint(int(said["updates"]), iou, str(said["sha256"]), mark.with_suffix(".pt")))
-        except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:  # the last of Infinity
+        except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:  # OverflowError: Infinity
             print(f"{mark} cannot be read ({error}); its checkpoint is left out", file=sys.stderr)
     return sorted(found, key=lambda checkpoint: -checkpoint.updates)
 
 
 def best(found: list[Checkpoint]) -> Checkpoint:
-    """The one with the highest IoU in training rooms, and of equals the last: what is held out chooses nothing."""
+    """Return the one with the highest IoU in training rooms, the last of equals. Held-out rooms must not choose."""
     return max(found, key=lambda checkpoint: -1.0 if checkpoint.iou is None else checkpoint.iou)
 
 
@@ -91,16 +91,16 @@ def load_checkpoint(
     which: Literal["last", "best"] = "last",
     config: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The last whole state that was saved, or the best; says where one is damaged and another is taken.
+    """Load the last state that was saved, or the best; if it is damaged, say so and take the next.
 
-    Nothing in a file is run. Raises InputError where none is whole, where it is of another format, or of another
-    configuration than the run's, if that is given.
+    No code in a file is run. Raises InputError if all are damaged, and if the first that is not has another format or,
+    where `config` is given, another configuration.
     """
     import torch
 
     found = checkpoints(folder)
     if which == "best" and found:
-        found.sort(key=best(found).__ne__)  # it first; the others stay in order
+        found.sort(key=best(found).__ne__)  # the best first; the others stay in order
     for tried, checkpoint in enumerate(found, 1):
         try:
             content = checkpoint.file.read_bytes()
@@ -118,7 +118,7 @@ def load_checkpoint(
                 )
             if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
                 raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")
-        except InputError:  # says nothing of the one before
+        except InputError:  # another format is no damage: no other is tried
             raise
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
             if out_of_memory(error):  # it says nothing of what is in the file
@@ -140,7 +140,7 @@ def load_checkpoint(
 
 @contextmanager
 def taken(folder: Path) -> Iterator[None]:
-    """Raise InputError for a checkpoint that holds something else than what takes it: torch meets that in many ways."""
+    """Context that raises InputError if a checkpoint does not fit: torch raises many kinds of errors for that."""
     try:
         yield
     except Exception as error:

@@ -1,6 +1,6 @@
-"""What a command line means: composed by Hydra, checked, and whatever is wrong with it answered in one line.
+"""Command lines: composed by Hydra and checked; whatever is wrong with one is answered in one line.
 
-It loads no torch: a command that imports it only in what it runs answers what is wrong at once.
+This module loads no torch: a command that imports torch only in its `run` answers a wrong option at once.
 """
 
 from __future__ import annotations
@@ -29,37 +29,37 @@ from layoutrl.runs.config import config_directory, register
 from layoutrl.runs.wording import misfit, options
 
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
-BROKEN_PIPE = 141  # the exit status of what a pipe ends, as shells have it
-ALIKE = 0.6  # 0 to 1: names that are less so are no hint
+BROKEN_PIPE = 141  # the exit status after a broken pipe, as in shells
+ALIKE = 0.6  # 0 to 1: names less similar than this are not suggested
 OF_MEMORY = "can't allocate memory", "out of memory", "ALLOC_FAILED"  # as torch says it of the CPU, GPUs and cuBLAS
 AGAIN = "make the same sweep again to go on with it"
-FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable by which Hydra raises what it would print
+FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable that makes Hydra raise errors instead of printing them
 
 
 class Stopped(InputError):
-    """By the user, and saved. Its arguments are what there is to say of it, and the command that goes on."""
+    """The user stopped a run, which is saved. Arguments: a message, and the command that resumes the run."""
 
     def __str__(self) -> str:
         return "; go on with: ".join(self.args)
 
 
 class Incomplete(InputError):
-    """What could be done is done, and what could not has been said."""
+    """The command did what it could; what it could not do has been printed before."""
 
 
 def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bool = False) -> Callable[[], None]:
-    """The entry point of `python -m layoutrl.<name>`: calls `run` with what conf/<name>.yaml and the arguments say.
+    """Return the entry point of `python -m layoutrl.<name>`, which calls `run` with an object of `schema`.
 
-    `sweeps`: conf/<name>.yaml makes a sweep of it, also without -m.
+    That holds conf/<name>.yaml, changed by the arguments. `sweeps`: conf/<name>.yaml makes it a sweep even without -m.
     """
     register()
     known = [*groups(name), *options(schema)]
-    goes_on = sweeps or "resume" in options(schema)  # a sweep that is made again skips what is finished
+    goes_on = sweeps or "resume" in options(schema)  # a sweep that is repeated skips finished runs
 
     @hydra.main(version_base="1.3", config_path=str(config_directory()), config_name=name)
     def job(config: DictConfig) -> None:
         if HydraConfig.get().mode != RunMode.MULTIRUN:
-            with answers_errors():  # here: what Hydra were to see raised, it would say something about
+            with answers_errors():  # here, as Hydra would print something about any error that it sees
                 run(checked(config, schema, known))
             return
         try:
@@ -70,20 +70,20 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             given = " ".join(HydraConfig.get().overrides.task)
             where = f"error: {given}: " if given else "error: "
             if isinstance(error, Stopped):
-                sys.exit(f"{where}{error.args[0]}; {AGAIN}")  # and with it the sweep
-            print(where + in_a_line(error), file=sys.stderr)  # the other jobs shall not suffer
+                sys.exit(f"{where}{error.args[0]}; {AGAIN}")  # ends the whole sweep
+            print(where + in_a_line(error), file=sys.stderr)  # the other jobs go on
             if isinstance(error, Incomplete):
                 raise
             raise InputError("a job of the sweep failed, as is said above") from None
 
     def main() -> None:
-        if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # as layoutrl has it while modules are imported
+        if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # set by layoutrl/__init__.py during imports
             signal.signal(signal.SIGINT, signal.default_int_handler)
         with answers_errors(again=goes_on and (sweeps or is_sweep(sys.argv))), raised_errors():
             if not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
                 print(explanation(name))
                 return
-            if "--version" in sys.argv[1:]:  # Hydra would tell its own
+            if "--version" in sys.argv[1:]:  # Hydra would print its own
                 print(f"layoutrl {__version__}")
                 return
             if is_sweep(sys.argv) and any(argument.split("=")[0] in ("-c", "--cfg") for argument in sys.argv):
@@ -98,7 +98,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
 
 
 def explanation(name: str) -> str:
-    """What --help says: conf/<name>.yaml without what is there for Hydra, and which files its groups offer."""
+    """Return the text of --help: conf/<name>.yaml without its sections for Hydra, and the files in its groups."""
     lines, shown = [], True
     for line in (config_directory() / f"{name}.yaml").read_text(encoding="utf-8").splitlines():
         if line[:1].strip():  # not indented
@@ -117,7 +117,10 @@ def explanation(name: str) -> str:
 
 @contextmanager
 def answers_errors(*, again: bool = False) -> Iterator[None]:
-    """Answer what the user can mend in one line, without a traceback; an interrupt of what goes on if made `again`."""
+    """Exit with one line and no traceback for an error that the user can mend, and for Ctrl-C.
+
+    `again`: the line for Ctrl-C says that the same sweep goes on if it is repeated.
+    """
     try:
         yield
         if sys.stdout:  # None where it is closed
@@ -137,24 +140,23 @@ def answers_errors(*, again: bool = False) -> Iterator[None]:
 
 
 def mendable(error: Exception) -> bool:
-    """Whether it is the user who can do something about it; all else is a mistake of ours."""
+    """Whether the user can do something about an error; any other is a bug."""
     return isinstance(error, InputError | OmegaConfBaseException | OSError) or out_of_memory(error)
 
 
 def out_of_memory(error: Exception) -> bool:
-    """Whether there was too little memory, of the machine or a GPU. torch has a RuntimeError for it, or one of its own
-    that is one."""
+    """Whether an error means too little memory, of the machine or a GPU. torch raises RuntimeError, or a subclass."""
     if isinstance(error, RuntimeError):
         return any(words in str(error) for words in OF_MEMORY)
     return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
 
 
 def is_read() -> bool:
-    """Whether somebody reads what is printed; if not, as behind `| head`, what is left of it goes nowhere."""
+    """Whether standard output still has a reader. If not, as with `| head`, the rest of it goes to os.devnull."""
     try:
         print(flush=True)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries it once more at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again when it exits
         return False
     return True
 
@@ -197,11 +199,11 @@ def checked(config: DictConfig, schema: type, known: list[str]) -> Any:
 
 
 def groups(name: str) -> list[str]:
-    """What conf/<name>.yaml takes a file of conf/<group>/ for: room, method, ..."""
+    """Return the config groups, folders of conf/, of which conf/<name>.yaml takes a file: room, method, ..."""
     text = (config_directory() / f"{name}.yaml").read_text(encoding="utf-8")
     entries = [entry for entry in yaml.safe_load(text)["defaults"] if isinstance(entry, dict)]
     names = [key.split()[-1] for entry in entries for key in entry]  # of "optional data", data
-    return [group for group in names if group.isidentifier()]  # those of Hydra are paths
+    return [group for group in names if group.isidentifier()]  # Hydra's own are paths
 
 
 def unknown_keys(config: DictConfig, schema: type, prefix: str = "") -> Iterator[str]:
@@ -215,7 +217,7 @@ def unknown_keys(config: DictConfig, schema: type, prefix: str = "") -> Iterator
 
 
 def nearest(key: str, known: list[str]) -> str:
-    """Which known name a wrong one may mean: its last part counts, which may be shortened, in whichever group."""
+    """Return a hint at the known option that a wrong name may mean: by its last part, which may be shortened."""
     name = key.rpartition(".")[2]
 
     def likeness(option: str) -> tuple[float, float]:
@@ -259,15 +261,15 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
 
 
 def is_sweep(arguments: list[str]) -> bool:
-    """Whether they ask for one."""
+    """Whether the arguments ask for a sweep."""
     return not {"-m", "--multirun"}.isdisjoint(arguments)
 
 
 def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> list[str]:
-    """The arguments, those of text quoted, so that Hydra's grammar reads no number, list or blank into them.
+    """Return the arguments, values of text options quoted, so that Hydra reads no number, list or blank into them.
 
-    In a sweep commas part values; a comma within a text is quoted by the user there. Raises InputError for a value
-    without an option.
+    In a sweep commas separate values, and the user has to quote a text that contains one. Raises InputError for a value
+    without an option, and for an option with dashes before it.
     """
     kinds = options(schema)
     texts = {name for name, kind in kinds.items() if kind in (str, str | None)}
@@ -287,5 +289,5 @@ def as_written(arguments: list[str], schema: type, *, sweeps: bool = False) -> l
         escaped = re.sub(r"(\\*)('|$)", lambda found: 2 * found[1] + ("\\'" if found[2] else ""), value)
         return f"{key}='{escaped}'"
 
-    # Hydra takes what stands before -m for another kind of argument.
+    # -m goes first: Hydra takes what stands before it for another kind of argument.
     return sorted(map(quoted, arguments), key=lambda argument: argument not in ("-m", "--multirun"))

@@ -1,4 +1,4 @@
-"""The configuration's shape: what `conf/` may say. Entry points, runs/, benchmarks/ and experiments/ read it.
+"""The schemas of the configuration in `conf/`, which entry points, runs/, benchmarks/ and experiments/ read.
 
 A field of type Any is a Literal, which OmegaConf cannot express; `__post_init__` checks it.
 """
@@ -34,7 +34,7 @@ PATHS = ("run", "runs", "resume", "out", "results")  # options that name files a
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
 COLUMNS = 3  # of rooms side by side, in an animation
 LARGEST = 1500  # pixels of an animation, each way: all its pictures are in memory at once
-MOST_SECONDS = 3600  # of a core, a layout
+MOST_SECONDS = 3600  # core-seconds a layout
 LONGEST = 250  # bytes of the name of a run: file systems take 255, and a number may be put behind it
 
 
@@ -45,16 +45,15 @@ def config_directory() -> Path:
 
 
 def expanded(path: str) -> str:
-    """A path in which ~ is the user's home. What is nobody's home stays as it is, where pathlib raises."""
+    """Return a path with ~ expanded. The ~name of no user stays as it is; pathlib would raise."""
     return os.path.expanduser(path)  # noqa: PTH111
 
 
-OmegaConf.register_new_resolver("home", expanded, replace=True)  # of conf/, for where Hydra itself writes
+OmegaConf.register_new_resolver("home", expanded, replace=True)  # for the folders in conf/ that Hydra itself writes
 
 
 def expand_paths(config: Any, *more: str) -> None:
-    """Expand those of a configuration, and the options of `more` names; `data` has its own, which it expands as it
-    reads."""
+    """Expand ~ in the PATHS of a configuration and its options named in `more`. `data` expands its own when read."""
     for name in (*PATHS, *more):
         if path := getattr(config, name, None):
             setattr(config, name, expanded(path))
@@ -67,9 +66,9 @@ class RoomConfig:
     type: str = MISSING
     item: str = "main"  # category of the item that moves; main: the source's choice for the type; all: every item
     updates: int = MISSING  # of budget=default with method=geometric: some types take longer to learn
-    whole_updates: int = 0  # the same with scope=room, which runs of before do not say
-    disturbed: float = 0.5  # share of designed rooms to learn from, with scope=room, that are disturbed as flats are
-    mirrors_alike: bool = True  # a mirrored room is mostly furnished as the mirror image, and scope=room learns from it
+    whole_updates: int = 0  # the same with scope=room; older runs do not have it
+    disturbed: float = 0.5  # with scope=room: share of the designed training rooms that are disturbed as flats are
+    mirrors_alike: bool = True  # mirrored rooms are mostly furnished as mirror images: scope=room learns from both
 
 
 @dataclass
@@ -78,14 +77,14 @@ class BudgetConfig:
 
     name: str = MISSING
     reports: int = 50  # lines in metrics.csv
-    evaluations: int = 10  # while training, about; each is at a report, so that there are no more than reports
-    evaluation_rooms: int = 64  # training and held-out rooms in each of these, at most
+    evaluations: int = 10  # about so many while training; each is made at a report, so there are no more than reports
+    evaluation_rooms: int = 64  # at most, in each evaluation: of the training rooms, and of the held-out rooms
     random_starts: int = 2000  # of the paper's Table 2
 
 
 @dataclass
 class LearningConfig:
-    """Of whatever is trained: the rooms, how long, the seed, and where it goes."""
+    """The options of every training: the rooms, how long, the seed, and the folder."""
 
     room: RoomConfig = field(default_factory=RoomConfig)
     data: Data = MISSING
@@ -101,7 +100,7 @@ class LearningConfig:
         one_of("room.type", self.room.type, *MAIN_ITEM)
         check_data(self.data)
         if not self.learns_from_designs:
-            self.data = replace(self.data, disturbed=0.0)  # rooms of files are as they are
+            self.data = replace(self.data, disturbed=0.0)  # rooms of files are not disturbed
         for name in ("reports", "evaluations", "evaluation_rooms", "random_starts"):
             value = getattr(self.budget, name)
             within(f"budget.{name}", value, value >= 1, "1 or more")
@@ -115,17 +114,17 @@ class LearningConfig:
 
     @property
     def learns_from_designs(self) -> bool:
-        """Whether any of the rooms to train on are the designer's."""
+        """Whether the training rooms are the designer's."""
         return self.data.source == "designer"
 
 
 @dataclass
 class TrainConfig(LearningConfig):
-    """An agent that is trained."""
+    """The options of an agent's training."""
 
     method: Method = MISSING
     reward: Reward = field(default_factory=Reward)
-    begin: Any = "nothing"  # what the network knows at first: nothing, or what the agent in the package does
+    begin: Any = "nothing"  # the network's first weights: untrained (nothing), or of the agent in the package (package)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,7 +135,7 @@ class TrainConfig(LearningConfig):
         one_of("begin", self.begin, "nothing", "package")
 
     def check_used(self) -> None:
-        """Raises InputError for what nothing would hang on: not as it is read, since runs of before were given it."""
+        """Raises InputError for a reward term without effect. Not part of __post_init__: older runs may have it."""
         useful = self.reward.theta4 == 0 or self.method.scope == "room"
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
 
@@ -159,7 +158,7 @@ class PlanitMethodConfig:
 
 @dataclass
 class PlanitConfig(LearningConfig):
-    """PlanIT, trained."""
+    """The options of PlanIT's training."""
 
     method: PlanitMethodConfig = field(default_factory=PlanitMethodConfig)
 
@@ -189,7 +188,7 @@ class TrainCommand(TrainConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.check_used()
-        if self.begin == "package":  # here: runs that began with another package can be read
+        if self.begin == "package":  # here alone: runs that began from the agent of another version can be read
             check_begin(self.method, cards()[self.room.type]["method"])
 
 
@@ -200,10 +199,10 @@ AS_IN_THE_RUN = Data(
 
 @dataclass
 class RunConfig:
-    """A trained agent, and rooms to see it in."""
+    """A trained agent, and the rooms to evaluate or show it in."""
 
     run: str = MISSING
-    data: Data = field(default_factory=lambda: replace(AS_IN_THE_RUN))  # but for what is given
+    data: Data = field(default_factory=lambda: replace(AS_IN_THE_RUN))  # except what is given
     part: Any = None
     checkpoint: Any = "last"
     device: str = "auto"
@@ -246,14 +245,14 @@ class WatchConfig(RunConfig):
         super().__post_init__()
         within("rooms", self.rooms, self.rooms >= 1, "1 or more")
         within("width", self.width, 100 <= self.width <= LARGEST, f"100 to {LARGEST}")
-        most = COLUMNS * (COLUMNS * LARGEST // self.width)  # each has a square
+        most = COLUMNS * (COLUMNS * LARGEST // self.width)  # each room has a square
         within("rooms", self.rooms, self.rooms <= most, f"at most {most} with width={self.width}, for {LARGEST} pixels")
         within("seed", self.seed, self.seed >= 0, "0 or more")
 
 
 @dataclass
 class PlaceConfig:
-    """Rooms that lack items, and a trained agent or a rival that places them."""
+    """Rooms with items to place, and the trained agent or rival that places them."""
 
     run: str | None = None
     by: Any = None
@@ -279,12 +278,12 @@ class PlaceConfig:
 
     @property
     def only_rooms(self) -> set[str]:
-        """What the rooms are called that alone are furnished; none: all are."""
+        """The names of the only rooms to furnish; empty: all are furnished."""
         return names_in(self.only)
 
     @property
     def shard_of(self) -> tuple[int, int]:
-        """Of the rooms: the shard, and of how many."""
+        """The index of the shard, and the number of shards."""
         shard, shards = map(int, self.shard.split("/"))
         return shard, shards
 
@@ -314,7 +313,7 @@ class PlaceConfig:
 
 @dataclass
 class DemoConfig:
-    """A page on this machine, and how whoever furnishes rooms there does it."""
+    """The demo's page on this machine, and the settings of the search that helps to furnish there."""
 
     port: int = MISSING
     timeout: float = MISSING
@@ -345,7 +344,7 @@ class GalleryConfig:
 
 @dataclass
 class BenchConfig(TrainConfig):
-    """What is trained is configured as for training; `budget` says for how many updates."""
+    """The options of the benchmark. Training is configured as in `TrainConfig`; `budget` sets the updates."""
 
     paper: Method = MISSING  # the paper's network, and how it learns
     parts: list[str] = MISSING
@@ -386,13 +385,13 @@ class BenchConfig(TrainConfig):
 
 
 def narrowed(config: LearningConfig, schema: type[Config]) -> Config:
-    """What a training reads of a configuration that has more."""
+    """Return the part of a configuration that `schema` has, without the further options of a command."""
     return schema(**{field.name: getattr(config, field.name) for field in fields(schema)})
 
 
 @cache
 def register() -> None:
-    """Tell Hydra the shape, so that a wrong name or type is refused where it is given."""
+    """Tell Hydra the schemas, so that it refuses a wrong name or type where that is given."""
     store = ConfigStore.instance()
     store.store(name="train_schema", node=TrainCommand)
     store.store(name="planit_schema", node=PlanitCommand)

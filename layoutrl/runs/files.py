@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and locks that end with the process that holds them."""
+"""Atomic writing of files, and locks that end with the process that holds them."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from typing import Any
 
 from layoutrl import InputError
 
-LOCK = "lock"  # of a run that is trained
+LOCK = "lock"  # name of the file to lock in a folder that is written to
 POLL = 0.1  # seconds between two attempts to lock a file, where the system cannot wait for it
 
 
 @contextmanager
 def locked(file: Path, *, wait: bool) -> Iterator[None]:
-    """Inside, no other process holds the file; waits for one that does. However a process ends, it lets go of it.
+    """Context that holds an exclusive lock on a file, which is released however the process ends.
 
-    Raises InputError where one holds it that is not to be waited for, and where files cannot be locked.
+    If another process holds it, waits or, without `wait`, raises InputError; so it does if the file cannot be written
+    or locked.
     """
     try:
-        stream = file.open("w")  # to be written to: without it, file systems of clusters lock nothing
+        stream = file.open("w")  # opened for writing, or file systems of clusters lock nothing
     except OSError as error:
         raise InputError(f"cannot write {file} ({error.strerror}); expected a folder to write to") from None
     with stream:
@@ -42,7 +43,7 @@ def locked(file: Path, *, wait: bool) -> Iterator[None]:
 def _lock(descriptor: int, wait: bool) -> None:
     """Lock an open file until it is closed.
 
-    Raises BlockingIOError where another has locked it and is not to be waited for, OSError where it cannot be locked.
+    Raises BlockingIOError if another process has locked it and `wait` is false, OSError if it cannot be locked.
     """
     if sys.platform == "win32":
         import msvcrt
@@ -62,7 +63,7 @@ def _lock(descriptor: int, wait: bool) -> None:
 
 
 def check_writable(folder: Path, option: str) -> None:
-    """Raise InputError unless files can be made in a folder, or in one that is to be made; `option` names it."""
+    """Raise InputError unless files can be made in a folder, which need not exist yet; `option` is what names it."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
         raise InputError(f"{option}: {folder} cannot be written to; expected another, as {option}=<name>")
@@ -70,7 +71,7 @@ def check_writable(folder: Path, option: str) -> None:
 
 @contextmanager
 def writing(file: Path) -> Iterator[None]:
-    """Make its folder, and raise InputError where what the option `out` names cannot be written."""
+    """Context to write a file of the option `out`: makes its folder, and raises InputError for an OSError."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         yield
@@ -81,7 +82,7 @@ def writing(file: Path) -> Iterator[None]:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file whole or not at all, and onto the disk before its name is there."""
+    """Write a file whole or not at all: it gets its name when its content is on the disk."""
     partial = file.with_name(f"{file.name}.partial")
     try:
         with partial.open("wb") as stream:
@@ -89,11 +90,11 @@ def write_whole(file: Path, content: bytes) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         partial.replace(file)
-    except BaseException:  # a full disk has no room for what is of no use
+    except BaseException:  # the partial file is of no use, and the disk may be full
         partial.unlink(missing_ok=True)
         raise
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write a file whole or not at all."""
+    """Write content as JSON, whole or not at all."""
     write_whole(path, (json.dumps(content, indent=1) + "\n").encode())

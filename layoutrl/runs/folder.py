@@ -19,12 +19,12 @@ from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import write_whole
 from layoutrl.runs.wording import misfit
 
-NO_MATTER = ("device", "room.updates", "room.whole_updates")  # how long a training is, method.updates says
-LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml; those that are written have 1,300 and 4
+NO_MATTER = ("device", "room.updates", "room.whole_updates")  # may differ: method.updates has the length
+LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml, at most; written ones have 1,300 and 4
 
 
 def wanted_folder(config: AnyTraining) -> Path:
-    """`runs/<room>/<name>`."""
+    """Return the folder that a run should have: <runs>/<room type>/<name>, by default named after its options."""
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     item = "rooms" if getattr(config.method, "scope", "item") == "room" else config.room.item
     begin = "-package" if getattr(config, "begin", "nothing") == "package" else ""
@@ -35,9 +35,9 @@ def wanted_folder(config: AnyTraining) -> Path:
 
 
 def new_folder(config: AnyTraining) -> Path:
-    """The wanted one, with a number behind it where that is taken: no run overwrites another. Holds config.yaml.
+    """Make the folder of a new run, with its config.yaml. No run overwrites another: see `make_folder`.
 
-    Raises InputError where it cannot be written to.
+    Raises InputError if it cannot be written to.
     """
     kept = OmegaConf.structured(replace(config, data=located(config.data)))
     folder = make_folder(wanted_folder(config))
@@ -50,19 +50,19 @@ def new_folder(config: AnyTraining) -> Path:
 
 
 def folders_of(wanted: Path) -> list[Path]:
-    """Those that `make_folder` has made of one name."""
+    """Return the folders that `make_folder` has made for one that was wanted, those with a number included."""
     numbered = re.compile(rf"{re.escape(wanted.name)}(-\d+)?")
     return [folder for folder in sorted(wanted.parent.glob("*")) if numbered.fullmatch(folder.name)]
 
 
 def located(data: Data) -> Data:
-    """The same data, wherever the run is read from."""
+    """Return the data with absolute paths, which hold in any working directory."""
     root, categories = (path and str(Path(path).expanduser().absolute()) for path in (data.root, data.categories))
     return replace(data, root=root, categories=categories)
 
 
 def moved(own: Data, given: Data) -> Data:
-    """The data of a run where they are now: as given, where they are of the same source and no longer there."""
+    """Return a run's own data; paths that no longer exist are replaced by given ones, if those are of its source."""
     if given.source not in (None, own.source):
         return own
     found: dict[str, Any] = {name: getattr(given, name) or path for name, path in gone(own).items()}
@@ -70,7 +70,7 @@ def moved(own: Data, given: Data) -> Data:
 
 
 def gone(data: Data) -> dict[str, str]:
-    """The files that data name, and that are not there. The designer makes its cache anew."""
+    """Return the paths in data that do not exist, by field. Empty for the designer, which makes its cache anew."""
     paths = {} if data.source == "designer" else {"root": data.root, "categories": data.categories}
     return {name: path for name, path in paths.items() if path and not Path(path).exists()}
 
@@ -102,7 +102,7 @@ def make_folder(wanted: Path) -> Path:
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
-    """The dotted names of what both configurations have, and have differently, but for NO_MATTER."""
+    """Return the dotted names of options, except NO_MATTER, that both configurations have with different values."""
     names = []
     for name in first.keys() & second.keys():
         one, other = first[name], second[name]
@@ -114,9 +114,9 @@ def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "")
 
 
 def load_config(folder: Path, schema: type[Config], option: str = "run") -> Config:
-    """The resolved configuration of a run, which an option names.
+    """Load the configuration of a run from its folder; `option` is what names the folder, for messages.
 
-    Raises InputError where there is none, or one of another kind of run.
+    Raises InputError if config.yaml is missing, damaged, or of another kind of run.
     """
     path = folder / "config.yaml"
     try:
@@ -138,7 +138,7 @@ def load_config(folder: Path, schema: type[Config], option: str = "run") -> Conf
 
 
 def _refuse_what_grows(text: str) -> None:
-    """Raise ValueError for what a resolved configuration never holds, and that says more than stands there."""
+    """Raise ValueError for YAML that is too long or deep, or has anchors or interpolations, which may expand."""
     if len(text) > LARGEST:
         raise ValueError(f"it is larger than {LARGEST} bytes")
     depth = 0

@@ -1,6 +1,6 @@
 """Who can place furniture in rooms of a user's own: a trained agent, or a rival that needs no training.
 
-All are asked in one way: for up to so many different layouts of each brief, of whatever has no center in it.
+All are asked in one way, as `Furnishes`: for up to `choices` different layouts that place the items without a center.
 """
 
 from __future__ import annotations
@@ -31,25 +31,26 @@ from layoutrl.runs.machine import device_of
 from layoutrl.runs.pretrained import Agents
 from layoutrl.runs.trained import trained_network
 
-# Of the search, where something is wrong with an agent's layout, and then where each layout has a fault: by seconds,
-# machines would differ.
+# Of the search that helps where an agent's layout has a shortcoming, and of the next, where each layout still has a
+# fault. With a limit in seconds, layouts would differ between machines.
 RESTARTS = (8, 64)
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 
 
 @dataclass(frozen=True)
 class Hired:
-    """Who furnishes, and what can be asked of them."""
+    """A furnisher, and what it can place."""
 
     furnisher: Furnishes
-    known: Callable[[str], Collection[str]]  # the categories that they place in rooms of a type
-    elsewhere: Callable[[str], Sequence[str]] = in_no_type  # the types in whose rooms they place a category
+    known: Callable[[str], Collection[str]]  # returns the categories that it places in rooms of a type
+    elsewhere: Callable[[str], Sequence[str]] = in_no_type  # returns the types in whose rooms it places a category
 
 
 def hired(config: PlaceConfig) -> Hired:
-    """Who the configuration names; without a name, the agents in the package, helped by the search.
+    """Return the furnisher that the configuration names; by default the agents in the package, helped by the search.
 
-    Raises InputError for an agent that does not know what places are worth.
+    Raises InputError if the agent of `run` cannot be loaded, or learned with `every_move`: then it does not know what
+    places are worth.
     """
     if config.by in ("search", "annealer"):
         settings = config.search if config.by == "search" else config.annealer
@@ -77,18 +78,18 @@ def hired(config: PlaceConfig) -> Hired:
 
 
 class Helped:
-    """Furnishes as one does. Where one of its layouts has `shortcomings`, the search is asked for as many, too; and
-    where each layout then has a fault, a search that takes longer.
+    """A furnisher with searches to help it. Where one of its layouts has `shortcomings`, the first search is asked for
+    as many layouts; where every layout then has a fault, the next search, which takes longer.
 
-    What anyone puts where something stands has no place: no room is left for it (`unstacked`). The search is not asked
-    of a hall, in which it would take many times as long as the one does.
+    An item that anyone stacks on another loses its place: no room is left for it (`unstacked`). Rooms larger than HALL
+    are not searched: it would take many times as long as the furnisher itself.
     """
 
     def __init__(self, one: Furnishes, *searches: Furnishes):
         self.one, self.searches = one, searches
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-        """See Furnishes. Layouts with fewer `shortcomings` come first, of equals those of the one, as it has them."""
+        """See Furnishes. Layouts with fewer `shortcomings` come first; of equals those of `one`, in its order."""
         found = self._unstacked(self.one, briefs, choices, seed)
         lacks = shortcomings(briefs, found)
         wanting = [k for k, lack in enumerate(lacks) if any(map(any, lack)) and briefs[k].indoor.area <= HALL]
@@ -110,7 +111,7 @@ class Helped:
 
 
 def best_apart(layouts: Sequence[Furnished], lacks: Sequence[tuple[int, int, int]], choices: int) -> list[Furnished]:
-    """Up to so many layouts that differ, those that lack least first, of equals the first."""
+    """Return up to `choices` layouts that differ, those that lack least first; equals stay in order."""
     best: list[Furnished] = []
     for k in sorted(range(len(layouts)), key=lambda k: lacks[k]):
         if not any(same(layouts[k].layout, each.layout) for each in best):
@@ -119,13 +120,12 @@ def best_apart(layouts: Sequence[Furnished], lacks: Sequence[tuple[int, int, int
 
 
 def helped(agents: Furnishes, searching: Searching) -> Helped:
-    """The agents, helped by searches that make RESTARTS."""
+    """Return the agents, helped by a search with each number of RESTARTS in turn."""
     return Helped(agents, *(Rival(searching, partial(updates_budget, restarts)) for restarts in RESTARTS))
 
 
 def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:
-    """Of each layout of each brief: how many items find no place, how many new faults it has beside, and how much in
-    it is odd."""
+    """Count for each layout of each brief: the items without a place, the other new faults, and the oddities."""
     now = iter(faults_of_all([each.layout for layouts in found for each in layouts]))
     counted = []
     for brief, layouts, before in zip(briefs, found, faults_of_all(briefs), strict=True):
@@ -139,10 +139,13 @@ def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -
 
 
 def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) -> str:
-    """The category to place: what the agent was trained to move. Raises InputError for another, where that is known."""
+    """Return the category to place: the one `asked`, or else what the agent was trained to move, which may be "all".
+
+    Raises InputError if the agent does not know the category asked, or is known to move another.
+    """
     source, item = str(trained.data.source), trained.room.item
     moved = main_item(source, trained.room.type) if item == "main" else item
-    known = moved != "all" and (item != "main" or source != "json")  # rooms of one's own may name other targets
+    known = moved != "all" and (item != "main" or source != "json")  # rooms in JSON may name other targets
     if asked and known and asked != moved:
         raise InputError(f"item: the agent was trained to move a {moved}; expected it, got {asked}")
     if asked and asked not in categories:

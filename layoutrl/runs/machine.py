@@ -22,24 +22,24 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
 
 def device_of(name: str) -> torch.device:
-    """`auto` is the GPU where there is one. Raises InputError where this machine has none of another name."""
+    """Return the device of a name; `auto` is the GPU if there is one. Raises InputError if there is no such device."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return usable_device(name, "auto")
 
 
 def refuse_chance(device: torch.device) -> None:
-    """Let torch raise where an operation would not give the same every time. On a GPU that would cost speed."""
+    """Make torch raise for operations that are not deterministic. Not on a GPU, where it would cost speed."""
     torch.use_deterministic_algorithms(device.type == "cpu")
-    # What finds errors, and takes time. (torch's types do not know it.)
+    # Filling memory finds errors, but takes time. (torch's types do not know the option.)
     torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
 
 
 def keep_freed_memory() -> None:
-    """Let glibc keep what is freed for what comes next; elsewhere nothing changes.
+    """Let glibc keep freed memory for later allocations; does nothing with other C libraries.
 
-    An update asks for tens of megabytes and frees them. To give them back to the system each time, and get them again
-    page by page, costs the paper's network a fifth of its speed.
+    An update allocates tens of megabytes and frees them. Giving them back to the system each time, and getting them
+    again page by page, costs the paper's network a fifth of its speed.
     """
     if platform.libc_ver()[0] == "glibc":
         libc = ctypes.CDLL(None)
@@ -49,9 +49,9 @@ def keep_freed_memory() -> None:
 
 
 def resident_bytes(process: int, *, peak: bool = False) -> int | None:
-    """Memory of a process, now or at its peak; None where the machine does not tell as Linux does.
+    """Return the resident memory of a process in bytes, now or at its peak; None without Linux's /proc.
 
-    Not `ru_maxrss`, which begins at that of the parent process.
+    `ru_maxrss` is not used: it begins at that of the parent process.
     """
     try:
         status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
@@ -62,7 +62,7 @@ def resident_bytes(process: int, *, peak: bool = False) -> int | None:
 
 
 def machine(device: torch.device) -> dict[str, Any]:
-    """What it was measured on, and with which versions."""
+    """Describe the machine and the versions of packages, for results measured on it."""
     cpuinfo = Path("/proc/cpuinfo")
     name = re.search(r"model name\s*: (.*)", cpuinfo.read_text(encoding="utf-8")) if cpuinfo.exists() else None
     package = Path(layoutrl.__file__).resolve().parent

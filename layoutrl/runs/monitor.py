@@ -32,13 +32,13 @@ BAR = {  # what the progress bar says, beside losses
     "iou/held_out": "held_out",
     "lattice_ceiling/held_out": "ceiling",
 }
-Probed = TypeVar("Probed")  # what a probe is run with: of one item a policy, of whole rooms Furnisher
+Probed = TypeVar("Probed")  # what a probe evaluates: of one item a policy, of whole rooms a Furnisher
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 LONGEST = 10_000  # characters in a line of metrics.csv
 FINAL = (  # of evaluation.json: of one item, of whole rooms, or of both
     "mean_iou", "median_iou", "share_090", "facing", "faultless", "overlap", "outside", "blocked", "reached", "fronts",
 )  # fmt: skip
-# Curves that are read together: charts of TensorBoard's tab of custom scalars.
+# Charts in TensorBoard's tab of custom scalars: curves to be read together.
 LAYOUT = {
     "learning": {
         "IoU": ["Multiline", ["iou/train", "iou/held_out", "lattice_ceiling/held_out", "episode_iou"]],
@@ -51,7 +51,7 @@ LAYOUT = {
 
 
 class Reporting(Protocol):
-    """A training: iterating yields reports, dataclasses of `updates` and other numbers, by name or in a dict each."""
+    """A training: iterating yields reports, dataclasses of `updates` and other numbers or dicts of numbers."""
 
     @property
     def updates(self) -> int: ...
@@ -67,7 +67,10 @@ def watched(
     updates: int,
     evaluations: int,
 ) -> Iterator[float]:
-    """Train an agent as `reported`. Its probes, "train" and "held_out", give numbers, "iou" first, and pictures."""
+    """Train an agent, and yield, as `reported` does.
+
+    The probes "train" and "held_out" return numbers by name, "iou" among them, and pictures.
+    """
 
     def look(board: Board, made: int) -> dict[str, float]:
         found: dict[str, float] = {}
@@ -90,12 +93,12 @@ def reported(
     evaluations: int,
     layout: dict[str, Any] | None = None,
 ) -> Iterator[float]:
-    """Train and show every report; at about `evaluations` of them in `updates`, and the last, yield iou/train.
+    """Train and show every report; evaluate at about `evaluations` of them, and the last, and yield iou/train.
 
-    A training that ends at another update, as one of seconds does, is not evaluated for that. `curves` are the tags of
-    a report's numbers. `look` evaluates: it returns numbers by tag, iou/train and iou/held_out among them, and may show
-    more on the board. metrics.csv has a column for each of these. What the folder shows of later updates than the
-    training has made is dropped. Raises InputError when a loss is no number.
+    A training that ends at another update than `updates`, as one limited by seconds does, is not evaluated for that.
+    `curves` are the tags of a report's numbers. `look` evaluates: it returns numbers by tag, iou/train and iou/held_out
+    among them, and may show more on the board. metrics.csv has a column for each curve and these two. What the folder
+    shows of later updates than the training has made is dropped. Raises InputError if a loss is not finite.
     """
     made, evaluate_every = training.updates, max(1, updates // evaluations)
     tags = {tag: tag.replace("/", "_") for tag in (*curves, "iou/train", "iou/held_out")}
@@ -129,9 +132,9 @@ def reported(
 def shown(
     folder: Path, header: Sequence[str], made: int, updates: int
 ) -> Iterator[tuple[Board, csv.DictWriter[str], tqdm[Never], int]]:
-    """TensorBoard, metrics.csv and the progress bar of a training, and of which update the table's last row is.
+    """Open TensorBoard, metrics.csv and the progress bar of a training; yield these and the update of the last row.
 
-    What the folder shows of later updates than the `made` ones is dropped.
+    What the folder shows of later updates than `made` is dropped.
     """
     with (
         board_of(folder, purged_from=made + 1) as board,
@@ -145,9 +148,9 @@ def shown(
 
 @contextmanager
 def board_of(folder: Path, purged_from: int | None = None) -> Iterator[Board]:
-    """Write a file for TensorBoard, which drops what earlier files of the folder show from an update on.
+    """Open a new file for TensorBoard, which drops what earlier files show from the update `purged_from` on.
 
-    Torch's SummaryWriter writes in a thread of its own, where what goes wrong, as on a full disk, ends in a traceback.
+    Torch's SummaryWriter would write in a thread of its own, where an error, as on a full disk, ends in a traceback.
     """
     with (folder / f"events.out.tfevents.{time.time_ns()}").open("xb") as file:
         records = RecordWriter(file)
@@ -165,7 +168,7 @@ def board_of(folder: Path, purged_from: int | None = None) -> Iterator[Board]:
 
 @contextmanager
 def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.DictWriter[str], int]]:
-    """The table to go on with after `made` updates, and the updates of its last row; what is of later is dropped."""
+    """Open a table to go on after `made` updates, later rows dropped; yield its writer and the last row's updates."""
     partial, before = path.with_suffix(".partial"), 0
     try:
         with partial.open("w", newline="", encoding="utf-8") as file:
@@ -181,9 +184,9 @@ def metrics(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[csv.
 
 
 def kept_lines(path: Path, header: Sequence[str], made: int) -> Iterator[tuple[int, str]]:
-    """The rows of a table up to so many updates, with the updates of each; says where one is damaged, and ends there.
+    """Yield (updates, line) for each row of a table up to `made` updates; if one is damaged, say so and end there.
 
-    Not more than a row is in memory at once.
+    At most one row is in memory at once.
     """
     if not made or not path.exists():
         return
@@ -223,7 +226,7 @@ def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any]
 
 
 def flat(settings: dict[str, Any], prefix: str = "", between: str = ".") -> dict[str, Any]:
-    """Nested settings under names with dots between; a list as its text."""
+    """Flatten nested settings: names joined with `between`, lists as text."""
     found: dict[str, Any] = {}
     for name, value in settings.items():
         if isinstance(value, dict):

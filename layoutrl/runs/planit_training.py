@@ -39,7 +39,7 @@ class Trained:
     """What a training leaves behind."""
 
     folder: Path
-    placer: Placer  # in the held-out rooms
+    placer: Placer  # for the held-out rooms
     updates: int
     seconds: float
     stopped: bool  # before the budget was spent
@@ -53,10 +53,10 @@ def train(
     device: torch.device,
     folder: Path | None = None,
 ) -> Trained:
-    """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
+    """Train on rooms and show progress, there and in held-out rooms; resume the run in `folder`, if given.
 
-    An interrupt ends it early, with all that it needs to go on. Raises InputError where the folder cannot be written
-    to, is of another run or in use, and for a loss that is no number.
+    An interrupt ends it early, with all that is needed to resume. Raises InputError if the folder cannot be written to,
+    is of another run or in use, and if a loss is not finite.
     """
     budget = config.budget
     keep_freed_memory()
@@ -97,9 +97,9 @@ def train(
 
 
 def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:
-    """PlanIT as a training on these rooms left it in its folder, in the held-out rooms.
+    """Load PlanIT from the folder of its training on these rooms, to place items in the held-out rooms.
 
-    Raises InputError where its checkpoint is not of the configuration.
+    Raises InputError if its checkpoint does not fit the configuration.
     """
     model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
     state = load_checkpoint(folder, device, config=stated(load_config(folder, PlanitConfig)))
@@ -109,9 +109,9 @@ def load(folder: Path, training: Usable, held_out: Usable, device: torch.device)
 
 
 def usable(training: Sequence[Room], held_out: Sequence[Room]) -> tuple[Usable, Usable]:
-    """The rooms that stand upright and, of those held out, have no other furniture than training rooms.
+    """Return the rooms that are upright and, of those held out, have only categories of the training rooms.
 
-    Says what is left out. Raises InputError where nothing is left.
+    Prints how many are left out. Raises InputError if none is left.
     """
     learnt = _usable(training, "training")
     known = {*ARCHITECTURE} | {name for scene in learnt.scenes for name in scene.category}
@@ -137,7 +137,7 @@ def _usable(rooms: Sequence[Room], which: str, known: set[str] | None = None) ->
 
 
 def probed(placer: Placer) -> float:
-    """Mean IoU of the moving items, by the designer's graphs, at the likeliest places."""
+    """Return the mean IoU of the moving items at their likeliest places, given the graphs of the designer's rooms."""
     queries = [given_query(placer, room) for room in range(len(placer.rooms))]
     heats = placer.heat(queries)
     items = [placer.target(query, heat, Search()) for query, heat in zip(queries, heats, strict=True)]

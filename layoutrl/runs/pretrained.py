@@ -1,7 +1,6 @@
 """The agents in the package: one a room type, which furnish whole rooms. `layoutrl/weights/` has them.
 
-`experiments/make_weights.py` makes them, and docs/agents.md says what they are. What is not about their networks loads
-no torch.
+`experiments/make_weights.py` makes them, and docs/agents.md says what they are. Only their networks need torch.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ def cards() -> dict[str, dict[str, Any]]:
 
 
 def load(room_type: str, device: torch.device) -> Furnisher:
-    """Who furnishes rooms of a type. Raises InputError as `agent` does."""
+    """Return the furnisher of a room type: its agent in the package. Raises InputError as `agent` does."""
     from layoutrl.evaluation.furnishing import Furnisher
 
     return Furnisher(*agent(room_type, device))

@@ -1,4 +1,4 @@
-"""What the values of a configuration may be. Whatever is out of range is answered with what was expected."""
+"""Checks of the values of a configuration. A value out of range is answered with what was expected."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def check_method(prefix: str, method: Method) -> None:
 
 
 def check_on_illegal(name: str, method: Method) -> None:
-    """Raises InputError where a test of the method cannot treat illegal moves as it says."""
+    """Raises InputError if the method cannot be tested with its `on_illegal`; `name` is that of the option."""
     if method.scope == "room":
         one_of(f"{name} of whole rooms", method.on_illegal, "mask")
     if method.every_move:
@@ -109,7 +109,7 @@ def _named_numbers(name: str, values: dict[str, float], allowed: Sequence[str], 
 
 
 def check_data(data: Data) -> None:
-    """Raises InputError for what is out of range; None is not given."""
+    """Raises InputError for what is out of range; None means that it is not given."""
     if data.source is not None:
         one_of("data.source", data.source, "designer", *FILES)
     if data.labels is not None:
@@ -123,7 +123,7 @@ def check_data(data: Data) -> None:
 
 
 def check_begin(method: Method, before: Mapping[str, Any]) -> None:
-    """Raises InputError where the agent in the package, which learned by `before`, sees or moves otherwise."""
+    """Raises InputError if the agent in the package, trained by the method `before`, observes or moves differently."""
     for of in ("scope", "observation", "steps", "unit", "slide", "dueling"):
         option = of if of == "scope" else f"method.{of}"
         ours, theirs = getattr(method, of), before[of]
@@ -141,6 +141,6 @@ def finite(name: str, value: float) -> None:
 
 
 def within(name: str, value: Any, holds: bool, expected: str) -> None:
-    """Raises InputError for a value for which what is expected does not hold."""
+    """Raises InputError unless `holds`; `expected` says what the value should be."""
     if not holds:
         raise InputError(f"{name}: expected {expected}; got {value}")

@@ -34,7 +34,7 @@ def scored(
     seed: np.random.SeedSequence,
     starts_a_room: int = 1,
 ) -> tuple[dict[str, Any], str]:
-    """The evaluation of an agent, of one item or of whole rooms, and what there is to print of it.
+    """Evaluate an agent of one item or of whole rooms; return the numbers and the text to print.
 
     `categories` are those that it knows, `training` the rooms that it learned from.
     """
@@ -58,7 +58,7 @@ def evaluate(
     starts_a_room: int,
     seed: np.random.SeedSequence,
 ) -> dict[str, Any]:
-    """Score the agent and three yardsticks from the same random starts in every room of the simulator.
+    """Score the agent and three baselines from the same random starts in every room of the simulator.
 
     The result is plain numbers, ready for JSON: a row each, the lattice ceiling, and the IoU from every start. Moves
     and time (`ms_a_room`) are means over starts.

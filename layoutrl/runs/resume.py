@@ -1,4 +1,4 @@
-"""Runs that are stopped and go on: at a signal, with `resume=`, in a sweep that is made again."""
+"""Stopping and resuming runs: stopped by a signal, resumed with `resume=` or by repeating a sweep."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ EVALUATION = "evaluation.json"  # a run that has it is finished
 # Windows has no SIGHUP.
 STOPPING = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__]
 
-ELSEWHERE = ("data.root", "data.categories", "device")  # options of where a run goes on
+ELSEWHERE = ("data.root", "data.categories", "device")  # options that may change when a run is resumed
 
-Run = Callable[[Config, Path | None], Path]  # a run as configured: a new one, or one to go on with
+Run = Callable[[Config, Path | None], Path]  # does a run as configured: a new one, or the one in a folder
 
 
 class Stoppable(Protocol):
-    """A training that ends after the update that it makes, if `stopping` is set, and whose state goes on exactly."""
+    """A training that ends after the current update if `stopping` is set, and resumes exactly from its state."""
 
     stopping: bool
 
@@ -56,12 +56,12 @@ class Stoppable(Protocol):
 
 
 def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
-    """Of the networks, the training, the probes and the evaluation."""
+    """Return the seeds of the networks, the training, the probes and the evaluation."""
     return np.random.SeedSequence(config.seed).spawn(4)
 
 
 def going_on(folder: Path, config: AnyTraining, entry_point: str) -> str:
-    """The command that goes on with a run where it now is, as a shell takes it."""
+    """Return the shell command that resumes a run, with those options of ELSEWHERE that differ from its config.yaml."""
     schema: type[Any] = type(config)
     ours, theirs = (where(each) for each in (config, load_config(folder, schema)))
     others = [f"{name}={value}" for name, value in ours.items() if value != theirs[name]]
@@ -69,15 +69,15 @@ def going_on(folder: Path, config: AnyTraining, entry_point: str) -> str:
 
 
 def where(config: AnyTraining) -> dict[str, Any]:
-    """The options of ELSEWHERE."""
+    """Return the values of the options of ELSEWHERE, paths made absolute."""
     data = located(config.data)
     return dict(zip(ELSEWHERE, (data.root, data.categories, config.device), strict=True))
 
 
 def check_folder(config: AnyTraining, folder: Path | None) -> None:
-    """Raise InputError where a new run, or one to go on with, cannot be written to or is in use by another process.
+    """Raise InputError if a new run, or one to resume, cannot be written to or is in use by another process.
 
-    It is asked before rooms are made, which takes a while.
+    To be called before rooms are made, which takes a while.
     """
     if folder is None:
         check_writable(wanted_folder(config).parent, "runs")
@@ -96,11 +96,11 @@ class Session:
 
     @property
     def seconds(self) -> float:
-        """Of training, what was before it stopped included."""
+        """Seconds of training so far, those before the run was resumed included."""
         return time.perf_counter() - self._began
 
     def save(self, iou: float | None) -> None:
-        """A checkpoint, with the IoU in training rooms, if it is known. Raises InputError for what is no number."""
+        """Save a checkpoint, with the IoU in training rooms if known. Raises InputError if a value is not finite."""
         training = self._training.state_dict()
         if not finite(training):
             raise InputError(
@@ -121,10 +121,10 @@ def session(
     entry_point: str,
     **about: Any,
 ) -> Iterator[Session]:
-    """Train inside: goes on with what is in the folder, if one is given, and is saved at the end, a signal's included.
+    """Context of a training: resumes the run in `folder`, if given, and saves a checkpoint at the end or at a signal.
 
-    Checkpoints say `about`, too, and how many threads torch has: sums hang on it, so that it is the same as one goes
-    on. Raises InputError where the folder cannot be written to, is of another run, or is in use by another process.
+    Checkpoints also have `about` and torch's number of threads, which a resumed run gets again, as sums depend on it.
+    Raises InputError if the folder cannot be written to, is of another run, or is in use by another process.
     """
     identity, seconds_before = identity_of(config, rooms, device), 0.0
     begun, folder = folder is not None, folder or new_folder(config)
@@ -132,7 +132,7 @@ def session(
         if begun and (state := last_state(folder, identity, about, device)):
             with taken(folder):
                 training.load_state_dict(state["training"])
-                threads = state.get("threads", torch.get_num_threads())  # which older ones do not say
+                threads = state.get("threads", torch.get_num_threads())  # older checkpoints lack it
                 if threads != torch.get_num_threads():
                     print(f"on {threads} threads, as it began, instead of {torch.get_num_threads()}")
                     torch.set_num_threads(threads)
@@ -149,7 +149,7 @@ def session(
 
 @contextmanager
 def written_to(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
-    """Raise InputError for a disk that cannot be written to. Checkpoints raise it themselves."""
+    """Context that raises InputError for an OSError, with the command that resumes. Checkpoints raise their own."""
     later = going_on(folder, config, entry_point)
     try:
         yield
@@ -163,9 +163,9 @@ def written_to(folder: Path, config: AnyTraining, entry_point: str, training: St
 
 @contextmanager
 def ending(folder: Path, config: AnyTraining, entry_point: str) -> Iterator[None]:
-    """Score inside what is trained, which no other process does meanwhile; if it is stopped, it is left to be done.
+    """Context of the evaluation of a trained run, its folder locked. If the user stops it, `resume=` does it later.
 
-    Raises Stopped then, and InputError where the folder cannot be written to or is in use by another process.
+    Raises Stopped then, and InputError if the folder cannot be written to or is in use by another process.
     """
     later = going_on(folder, config, entry_point)
     with locked(folder / LOCK, wait=False):
@@ -189,7 +189,7 @@ def finish(
     updates: int,
     seconds: float,
 ) -> None:
-    """Keep what a run was scored, which ends it, and show it."""
+    """Write the evaluation of a run, which marks the run as finished, and print `shown`."""
     about = {"config": stated(config), "machine": machine(device), "updates": updates, "training_seconds": seconds}
     write_json(folder / EVALUATION, about | result)  # last: a run that has it is finished
     print(shown)
@@ -197,9 +197,9 @@ def finish(
 
 
 def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
-    """What a command line asks for: a run, one run of a sweep, or to go on with one.
+    """Do what a command line asks for: a run, one run of a sweep, or resuming a run.
 
-    Raises InputError where `resume` names nothing, or has other options beside it than those of ELSEWHERE.
+    Raises InputError if `resume` is empty, or given together with other options than those of ELSEWHERE.
     """
     hydra_config = HydraConfig.get()
     if resume is None:
@@ -221,9 +221,9 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
 def resumed(
     folder: Path, run: Run[Config], schema: type[Config], elsewhere: Mapping[str, str | None] | None = None
 ) -> Path:
-    """Go on with a run, to its end, where its rooms and device now are: what is not given, of ELSEWHERE, is as it was.
+    """Resume a run, unless it is finished, and return its folder. `elsewhere` has new values of options of ELSEWHERE.
 
-    Raises InputError where the folder is none of such a run, or its rooms are not there.
+    Raises InputError if the folder is not that of such a run, or its rooms do not exist.
     """
     config = load_config(folder, schema, "resume")
     root, categories, device = (where(config) | dict(elsewhere or {})).values()
@@ -236,13 +236,14 @@ def resumed(
     try:
         return run(config, folder)
     finally:
-        torch.set_num_threads(threads)  # of what a sweep runs next
+        torch.set_num_threads(threads)  # for the next run of a sweep
 
 
 def swept(config: Config, run: Run[Config]) -> None:
-    """One run of a sweep: skipped if it is finished, gone on with if it is begun; what goes wrong stops no other.
+    """Do one run of a sweep: skip it if it is finished, resume it if it is begun. An error in it stops no other run.
 
-    Raises CompactHydraException for it, which Hydra answers in a line when the last run has ended.
+    Raises Stopped if the user stops it, and for an error CompactHydraException, which Hydra prints in a line when the
+    last run has ended.
     """
     try:
         if folder := begun(config):
@@ -262,9 +263,9 @@ def swept(config: Config, run: Run[Config]) -> None:
 
 
 def begun(config: Config) -> Path | None:
-    """The run of this configuration and data, if it was begun; others may have its name, and a number behind it."""
+    """Return the folder of the run of this configuration and data, if begun; others may have its name with a number."""
     for folder in folders_of(wanted_folder(config)):
-        with suppress(InputError):  # one of another kind
+        with suppress(InputError):  # a run of another kind
             theirs = load_config(folder, type(config))
             ours = located(config.data)
             same_files = (theirs.data.root, theirs.data.categories) == (ours.root, ours.categories)
@@ -274,17 +275,16 @@ def begun(config: Config) -> Path | None:
 
 
 def identity_of(config: AnyTraining, rooms: Sequence[Room], device: torch.device) -> dict[str, Any]:
-    """What a checkpoint says of its run: all of it must agree to go on with it, but for the version."""
+    """Return what a checkpoint records of its run. To resume the run, all but the version must agree."""
     return {"version": __version__, "config": stated(config), "rooms": digest(rooms), "device": device.type}
 
 
 def last_state(
     folder: Path, identity: dict[str, Any], about: dict[str, Any], device: torch.device
 ) -> dict[str, Any] | None:
-    """The last checkpoint of a run. Raises InputError where it is of other rooms, settings or another kind of device,
-    or says something else than `about`.
+    """Load the last checkpoint of a run; None for a run that was killed before its first one, which begins anew.
 
-    None for a run that was killed before its first: it begins anew.
+    Raises InputError if it has other rooms or settings, another kind of device, or another `about`.
     """
     found = checkpoints(folder)
     if not found:
@@ -293,7 +293,7 @@ def last_state(
     state = load_checkpoint(folder, device, config=identity["config"])
     if state["rooms"] != identity["rooms"]:
         raise InputError(f"the checkpoint of {folder} is of other rooms; expected those that it began with")
-    ours = identity["device"]  # another's generators would draw otherwise
+    ours = identity["device"]  # generators of another would draw differently
     if (theirs := state.get("device", "a device that it does not tell")) != ours:
         raise InputError(
             f"the checkpoint of {folder} is of {theirs}; expected to go on there, got {ours} "
@@ -308,7 +308,7 @@ def last_state(
 
 
 def finite(state: Any) -> bool:
-    """Whether all numbers in the tensors of a state are."""
+    """Whether all numbers in the tensors of a state are finite."""
     if isinstance(state, torch.Tensor):
         return bool(state.isfinite().all())
     parts = state.values() if isinstance(state, dict) else state if isinstance(state, list | tuple) else ()
@@ -316,7 +316,7 @@ def finite(state: Any) -> bool:
 
 
 def stated(config: AnyTraining) -> dict[str, Any]:
-    """The configuration as plain values, but for where files lie, and for how long other budgets than its own train."""
+    """Return the configuration as plain values, without file locations and without the updates of other budgets."""
     said: dict[str, Any] = json.loads(json.dumps(asdict(config))) | {"runs": "", "name": None}
     said["data"] |= {"root": None, "categories": None}
     updates = said["method"]["updates"]
@@ -325,22 +325,22 @@ def stated(config: AnyTraining) -> dict[str, Any]:
 
 
 def digest(rooms: Sequence[Room]) -> str:
-    """A hash of all that rooms are."""
+    """Return a SHA-256 hash of rooms and all that they hold."""
     return hashlib.sha256(repr(rooms).encode()).hexdigest()
 
 
 @contextmanager
 def stopped_by_signals(training: Stoppable) -> Iterator[None]:
-    """SIGINT, SIGTERM and SIGHUP end a training after the update that it makes; a second one ends the program.
+    """Context in which SIGINT, SIGTERM and SIGHUP end a training after the current update; a second ends the program.
 
-    What is ignored, as by nohup, goes on to be.
+    Signals that are ignored, as by nohup, stay ignored.
     """
 
     def stop(number: int, _: FrameType | None) -> None:
         training.stopping = True
         signal.signal(number, before[signal.Signals(number)])
 
-    main = threading.current_thread() is threading.main_thread()  # no other can have them
+    main = threading.current_thread() is threading.main_thread()  # no other thread can handle signals
     heard = [n for n in STOPPING if main and signal.getsignal(n) not in (signal.SIG_IGN, None)]
     before = {number: signal.signal(number, stop) for number in heard}
     try:

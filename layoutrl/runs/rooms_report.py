@@ -27,16 +27,16 @@ SHOWN = {  # in the table: a measure, and its heading
     "fronts": "fronts",
     "moved": "moved, m",
 }
-COMPARED = 200  # rooms that the nearest training room is looked for: it takes a fifth of a second each
+COMPARED = 200  # rooms for which the nearest training room is looked for, at a fifth of a second each
 
 
 def evaluate_rooms(
     furnisher: Furnisher, designs: Sequence[Room], training: Library, seed: np.random.SeedSequence
 ) -> dict[str, Any]:
-    """Furnish the briefs of designs, and measure that beside the designer's layouts and what needs no training.
+    """Furnish the briefs of designs, and measure the layouts beside the designer's and two untrained baselines.
 
-    The result is plain numbers, ready for JSON: a row each, the IoU by category, and every room's. Raises
-    InputError where an item fits in no way.
+    The result is plain numbers, ready for JSON: a row each, the IoU by category, and every layout. Raises InputError
+    if an item fits in no way.
     """
     random_seed, nearest_seed = seed.spawn(2)
     briefs = [brief_of(room) for room in designs]

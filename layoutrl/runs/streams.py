@@ -1,4 +1,4 @@
-"""Rooms of files as they come, and files of answers that grow with them: no file is too long for the memory."""
+"""Rooms of files, read one by one, and files of answers that grow with them: no file is too long for the memory."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.files import LOCK, locked, write_json
 
 STANDARD = "-"  # the name of standard input and output
-HEAD = 100  # rooms of a file
+HEAD = 100  # first rooms of a file, which tell its unit
 READ = 2**16  # bytes of standard input, at most, that are taken at once
 MOST = 256  # rooms that are furnished in one batch
-SOON = 2.0  # seconds in which a batch is to be answered: no more is lost where a run is stopped
+SOON = 2.0  # seconds that a batch should take: about as much is lost where a run is stopped
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A room of a file, with all that stands there of it; or what is wrong with it (`room` is None).
+    """A room of a file, with its document; or what is wrong with it (`room` is None).
 
-    The document is empty where it is no JSON object.
+    The document is empty if it is not a JSON object.
     """
 
-    where: str
+    where: str  # file and line or entry, or the room's id
     room: Room | None
     document: dict[str, Any]
     problem: str = ""
     unit: str = "m"  # of the document
-    stood: tuple[Item, ...] = ()  # its furniture as the file has it, what is to be placed, too
+    stood: tuple[Item, ...] = ()  # its furniture as the file has it, before anything was lifted
 
 
 def json_entries(config: PlaceConfig, first: int, step: int) -> Iterator[Entry | None]:
-    """The rooms in JSON of a file, a folder, or standard input (STANDARD), one after the other: each `step`-th.
+    """Yield the rooms in JSON of a file, a folder, or standard input (STANDARD): from `first` on, each `step`-th.
 
-    None where who writes to standard input may wait for an answer.
+    Yields None where the writer to standard input may be waiting for an answer.
     """
     seen, names = 0, None if config.run else names_of()  # an agent of the user's own has words of its own
     for given in _documents(config):
@@ -73,16 +73,16 @@ def _entry(where: str, document: Any, unit: str, move: str | None, names: Names 
 
 
 def _documents(config: PlaceConfig) -> Iterator[tuple[str, Any, str] | None]:
-    """(where, document, unit) of each room. The first rooms of a file tell its unit, where it is not said."""
+    """Yield (where, document, unit) of each room, or None as `standard_input` does. The first rooms tell unit=auto."""
     for file in [None] if config.rooms == STANDARD else inputs(config):
         documents = documents_of(file) if file else standard_input()
-        first = list(islice((each for each in documents if each), HEAD if file else 1))  # of the input: none waits
+        first = list(islice((each for each in documents if each), HEAD if file else 1))  # input must not wait
         unit = unit_of(document for _, document in first) if config.unit == "auto" else config.unit
         yield from (each and (*each, unit) for each in chain(first, documents))
 
 
 def inputs(config: PlaceConfig) -> list[Path]:
-    """The files of rooms that are read: of a folder that is written into, none that this command writes."""
+    """Return the files of rooms to read, without those that this command writes into the same folder."""
     path = Path(config.rooms)
     files = room_files(path)
     if path.is_file() or not config.out:
@@ -93,13 +93,13 @@ def inputs(config: PlaceConfig) -> list[Path]:
 
 
 def standard_input() -> Iterator[tuple[str, Any] | None]:
-    """(where, what `parsed` makes of it) of each line, and None where no more is there yet: who writes may wait for an
-    answer. Raises InputError where standard input is closed."""
+    """Yield (where, what `parsed` makes of it) for each line, and None after each chunk read: the writer may be waiting
+    for an answer. Raises InputError if standard input is closed."""
     if sys.stdin is None:
         raise InputError("rooms: standard input is closed; expected rooms there, or rooms=<file>")
     stream: Any = sys.stdin.buffer
     number = 1
-    begun: list[bytes] = []  # of the line of this number
+    begun: list[bytes] = []  # parts of the line of this number
     for read in iter(lambda: stream.read1(READ), b""):
         *ends, begins = read.split(b"\n")
         for end in ends:
@@ -113,13 +113,13 @@ def standard_input() -> Iterator[tuple[str, Any] | None]:
 
 
 def source_entries(source: Source) -> Iterator[Entry]:
-    """The rooms of a file of another format. Which are left out, its collection says."""
+    """Yield the rooms of a file of another format. Its collection says which are left out."""
     for room, stood in zip(source.collection.rooms, source.stood, strict=True):
         yield Entry(room.id, room, room_to_dict(replace(room, furniture=stood)), stood=stood)
 
 
 def count(config: PlaceConfig) -> int | None:
-    """How many rooms in JSON there are; a blank line counts as one. None of standard input."""
+    """Count the rooms in JSON; a blank line counts as one. None for standard input."""
     if config.rooms == STANDARD:
         return None
     total = 0
@@ -136,7 +136,7 @@ def count(config: PlaceConfig) -> int | None:
 
 
 def blocks(entries: Iterable[T | None]) -> Iterator[list[T]]:
-    """Some of them at a time: one, then twice as many while they are answered SOON, to MOST. None ends a block."""
+    """Group entries into blocks: one, then twice as many while a block is answered SOON, up to MOST. None ends one."""
     size, block = 1, list[T]()
     for entry in chain(entries, [None]):
         if entry is not None:
@@ -155,13 +155,13 @@ class Tally:
     """What was done so far."""
 
     entries: int = 0
-    left_out: int = 0
+    left_out: int = 0  # entries that could not be read
     unread: int = 0  # rooms and files of homes and houses that could not be read
     rooms: int = 0  # in which something was to be placed
     items: int = 0  # to be placed
     placed: int = 0
     faults: dict[str, int] = field(default_factory=dict)  # of the best layout of each room
-    locked: dict[str, int] = field(default_factory=dict)  # categories of what is to move, and is locked
+    locked: dict[str, int] = field(default_factory=dict)  # by category: items that `move` names, and that are locked
 
     def __str__(self) -> str:
         said = [f"placed {self.placed} of {self.items} items in {self.rooms} room{'s' * (self.rooms != 1)}"]
@@ -172,19 +172,19 @@ class Tally:
 
 
 class Growing:
-    """A file that grows line by line, and what was done for it."""
+    """An output file that grows line by line, and the tally of what is in it."""
 
     def __init__(
         self, stream: IO[bytes], tally: Tally, state: Path | None = None, about: Any = None, again: bool = False
     ):
         self.tally = tally
-        self.wanted = True  # once it is whole
+        self.wanted = True  # whether the file is kept once it is whole
         self._stream, self._state, self._about, self._again = stream, state, about, again
 
     def add(self, documents: Iterable[dict[str, Any]]) -> None:
-        """Write rooms, and that they are done: from here on nothing of it is done again.
+        """Append rooms, and note that they are done, so that a resumed run does not do them again.
 
-        Raises InputError where the disk is full.
+        Raises InputError if they cannot be written, as on a full disk.
         """
         lines = "".join(json.dumps(document) + "\n" for document in documents)
         try:
@@ -192,7 +192,7 @@ class Growing:
             self._stream.flush()
             if self._state:
                 kept = {"about": self._about, "bytes": self._stream.tell(), "tally": asdict(self.tally)}
-                os.fsync(self._stream.fileno())  # what is said to be done is on the disk
+                os.fsync(self._stream.fileno())  # on the disk before the state says that they are done
                 write_json(self._state, kept)
         except BrokenPipeError:  # nobody reads any more
             raise
@@ -205,11 +205,11 @@ class Growing:
 
 @contextmanager
 def growing(out: Path, about: dict[str, Any], *, again: bool = True) -> Iterator[Growing]:
-    """A file that is there under its name when it is whole. Until then it grows in the folder <name>.part.
+    """Yield a file that grows in the folder <name>.part, and gets its own name once it is whole.
 
-    Where that folder is left of a run that was stopped, and was `about` the same, this goes on with it: `again` says
-    whether the same command can be about the same. Raises InputError where it was about something else, another
-    process is at it, or the file is there by then.
+    If a stopped run has left that folder, and was `about` the same, it is resumed; `again` says whether the same
+    command can do that. Raises InputError if the folder is damaged, about something else or in use by another process,
+    and if the file exists at the end.
     """
     folder = out.with_name(f"{out.name}{PART}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -236,7 +236,7 @@ def growing(out: Path, about: dict[str, Any], *, again: bool = True) -> Iterator
 
 
 def _kept(state: Path, lines: Path, about: dict[str, Any]) -> dict[str, Any]:
-    """What a run that was stopped has left."""
+    """Return the state that a stopped run has left, or an empty one. Raises InputError if it cannot be resumed."""
     if not state.exists():
         return {"bytes": 0, "tally": asdict(Tally())}
     mend = f"another out=<file>, or that {state.parent} is removed"

@@ -1,4 +1,4 @@
-"""What a run left behind, and the rooms that it is seen in."""
+"""The agent that a run has trained, and the rooms to evaluate or show it in."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from layoutrl.runs.resume import digest, stated
 
 
 class Kept(NamedTuple):
-    """What a checkpoint says of an agent."""
+    """An agent, as a checkpoint has it."""
 
     network: nn.Module
-    categories: list[str]  # of furniture, that it knows
-    rooms: str  # the digest of those that it was trained on
+    categories: list[str]  # of furniture that it knows
+    rooms: str  # the digest of the rooms that it was trained on
     updates: int
 
 
 def trained_network(
     folder: Path, config: TrainConfig, device: torch.device, which: Literal["last", "best"] = "last"
 ) -> Kept:
-    """The network of a run. Raises InputError where its checkpoint is not of the configuration."""
+    """Load the network of a run. Raises InputError if its checkpoint does not fit the configuration."""
     state = load_checkpoint(folder, device, which, stated(config))
     with taken(folder):
         network = q_network(config.method, state["categories"], np.random.SeedSequence(0), device)
@@ -47,22 +47,22 @@ def trained_network(
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """The agent of a run, and the rooms that it is seen in."""
+    """The agent of a run, and the rooms to evaluate or show it in."""
 
     network: nn.Module
     method: Method
     reward: Reward
-    categories: list[str]  # of furniture, that the agent knows
+    categories: list[str]  # of furniture that the agent knows
     rooms: list[Room]
     training: list[Room]  # what it was trained on
     data: Data
     part: str  # of the rooms of `data`: held_out, training or all
     checkpoint: str  # last or best
-    updates: int  # that it had made by then
+    updates: int  # made up to that checkpoint
 
     @property
     def name(self) -> str:
-        """Of files: the rooms, with a hash of them, and the policy."""
+        """The rooms, with a hash of them, and the policy, for names of files."""
         which = {
             "designer": f"-rooms{self.data.seed}",
             "floorplans": f"-{self.data.labels}",
@@ -74,9 +74,9 @@ class TrainedRun:
 
 
 def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
-    """Which rooms are meant by what is given of them, of a run with its own; and whether these are of the same source.
+    """Return the data meant by those `given` for a run with its `own`, and whether both are of the same source.
 
-    What is not given is as in the run.
+    Without a source, what is not given is as in the run. For the designer, the same source means the same seed.
     """
     data = given
     if data.source is None:
@@ -85,17 +85,17 @@ def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
     designed = data.source == own.source == "designer"  # wherever their cache lies
     same = data.seed == own.seed if designed else (data.source, data.root) == (own.source, own.root)
     if designed and same:
-        # It was trained on no more of them, and on these.
+        # The training part is no larger than what it was trained on, and disturbed alike.
         few = [count for count in (data.train_rooms, own.train_rooms) if count is not None]
         data = replace(data, train_rooms=min(few), disturbed=own.disturbed)
     return data, same
 
 
 def trained_run(config: RunConfig) -> TrainedRun:
-    """What a run left behind, and the rooms that were asked for; says how many these are.
+    """Load the agent of a run and the rooms that were asked for; prints how many these are.
 
-    Of rooms that are not the run's own, those that it was trained on are left out. The run's own may be elsewhere now,
-    if that is given. Raises InputError where they are not there, and where no room is left.
+    Rooms of another source are left out if the agent was trained on them. The run's own may be elsewhere now, if that
+    is given. Raises InputError if they do not exist, if other rooms are there, and if no room is left.
     """
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)

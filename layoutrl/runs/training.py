@@ -40,10 +40,10 @@ def train(
     device: torch.device,
     folder: Path | None = None,
 ) -> Trained:
-    """Train on rooms and show how it goes, there and in rooms held out; goes on with what is in the folder, if given.
+    """Train on rooms and show progress, there and in held-out rooms; resume the run in `folder`, if given.
 
-    An interrupt ends it early, with all that it needs to go on. Raises InputError where the folder cannot be written
-    to, is of another run or in use, and for a loss that is no number.
+    An interrupt ends it early, with all that is needed to resume. Raises InputError if the folder cannot be written to,
+    is of another run or in use, and if a loss is not finite.
     """
     method, budget, reward = config.method, config.budget, config.reward
     updates = method.updates[budget.name]

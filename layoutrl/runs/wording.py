@@ -1,4 +1,4 @@
-"""How options are called, and what is said of a value that does not fit one."""
+"""The names of options, and messages about values that do not fit them."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def options(schema: type, prefix: str = "") -> dict[str, Any]:
 
 
 def misfit(error: OmegaConfBaseException, schema: type) -> str:
-    """What does not fit the shape of a configuration, and where."""
+    """Return what does not fit the schema of a configuration, and where."""
     key = error.full_key or ""
     if isinstance(error, ConfigAttributeError | ConfigKeyError):
         return f"{key}: unknown"
     if isinstance(error, MissingMandatoryValue):
         return f"{key}: lacking"
-    kinds, name = options(schema), key.partition("[")[0]  # of method.steps[0], method.steps
-    if name not in kinds:  # of method.updates.smoke, method.updates
+    kinds, name = options(schema), key.partition("[")[0]  # method.steps of method.steps[0]
+    if name not in kinds:  # method.updates of method.updates.smoke
         name = name.rpartition(".")[0]
     kind = kinds.get(name)
     if within := get_args(kind):
