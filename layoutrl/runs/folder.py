@@ -121,8 +121,10 @@ def load_config(folder: Path, schema: type[Config], option: str = "run") -> Conf
     path = folder / "config.yaml"
     try:
         with path.open("rb") as file:
-            text = file.read(LARGEST + 1).decode()
-        _refuse_what_grows(text)
+            given = file.read(LARGEST + 1)
+        if len(given) > LARGEST:
+            raise ValueError(f"it is larger than {LARGEST} bytes")
+        _refuse_what_grows(text := given.decode())
         return OmegaConf.to_object(OmegaConf.merge(schema, OmegaConf.load(io.StringIO(text))))  # type: ignore[return-value]
     except OSError as error:
         reason = error.strerror or "it holds no options"
@@ -138,9 +140,7 @@ def load_config(folder: Path, schema: type[Config], option: str = "run") -> Conf
 
 
 def _refuse_what_grows(text: str) -> None:
-    """Raise ValueError for YAML that is too long or deep, or has anchors or interpolations, which may expand."""
-    if len(text) > LARGEST:
-        raise ValueError(f"it is larger than {LARGEST} bytes")
+    """Raise ValueError for YAML that is too deep, or has anchors or interpolations, which may expand."""
     depth = 0
     for event in yaml.parse(text):
         line = f"line {event.start_mark.line + 1}"

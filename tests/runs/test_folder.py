@@ -50,6 +50,7 @@ def test_what_is_written_is_resolved_and_read_again(room_type: str, tmp_path: Pa
         (WHOLE.replace("name: null", 'name: "\\x24{seed}"'), r"has an interpolation, \$\{seed\}"),
         (WHOLE.replace("name: null", "name: a${budget.name}b"), "has an interpolation"),
         (WHOLE + "# " + "x" * LARGEST, f"is larger than {LARGEST} bytes"),
+        (WHOLE + "# " + "é" * (LARGEST // 2), f"is larger than {LARGEST} bytes"),
         ("{a: " * 11, "line 1 is nested deeper than 10 levels"),
         ("[" * 9_000, "line 1 is nested deeper than 10 levels"),
         (WHOLE + "colour: red\n", "colour: unknown"),
