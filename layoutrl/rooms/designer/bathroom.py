@@ -10,8 +10,8 @@ from layoutrl.rooms.designer.places import ends, middles, only
 from layoutrl.rooms.designer.rules import (
     NO,
     YES,
-    away_from,
-    faces_door,
+    center_far_from,
+    faces_entrance_wall,
     far_from,
     in_corner,
     looks_past_door,
@@ -157,14 +157,14 @@ def square(dice: Dice, shell: Shell) -> list[Step]:
     bath = shell.long >= 230 and dice.chance(40)
     fixture = bathtub(dice, dice.between(150, 170, 10)) if bath else shower(dice, 100)
     steps = [
-        Step(fixture, only(no_slit, only(in_corner, ends)), (faces_door, away_from("entrance"))),
+        Step(fixture, only(no_slit, only(in_corner, ends)), (faces_entrance_wall, center_far_from("entrance"))),
         Step(
             vanity(dice, 60, 80), only(before_bathing, only(no_slit, ends)), (solid_behind, in_corner, near("entrance"))
         ),
         Step(
             toilet(dice),
             only(beside_something, only(no_slit, ends)),
-            (looks_past_door, wet_wall, away_from("entrance")),
+            (looks_past_door, wet_wall, center_far_from("entrance")),
         ),
     ]
     if shell.area >= 45000 and dice.chance(50):

@@ -157,7 +157,7 @@ def on_side_wall(plan: Plan, place: Place) -> int:
     return YES if place.facing % 2 == along else NO
 
 
-def without_holes(plan: Plan, place: Place) -> int:
+def sink_has_two_neighbours(plan: Plan, place: Place) -> int:
     """YES if the sink touches at least two other pieces, so that the run has no gap at it."""
     return YES if sum(plan["sink"].box.gap(other.box) == 0 for other in plan.places) > 2 else NO  # itself counts
 
@@ -176,7 +176,7 @@ def one_line(dice: Dice, shell: Shell) -> list[Step]:
         Step(counter(LANDING), filling("fridge"), optional=True),
         Step(stove, only(off_window, past_sink(dice.between(PREPARATION, 90, 10)))),
         Step(counter(PREPARATION), filling("sink")),
-        Step(counter(LANDING), only(without_holes, filling("cooktop"))),
+        Step(counter(LANDING), only(sink_has_two_neighbours, filling("cooktop"))),
     ]
 
 
@@ -191,7 +191,7 @@ def l_shaped(dice: Dice, shell: Shell) -> list[Step]:
         Step(counter(CORNER), only(in_corner, filling("sink"))),
         Step(counter(preparation), round_corner("counter")),
         Step(cooktop(dice, shell, free + LANDING - preparation), only(off_window, either_side("counter"))),
-        Step(counter(LANDING), only(without_holes, filling("cooktop"))),
+        Step(counter(LANDING), only(sink_has_two_neighbours, filling("cooktop"))),
     ]
 
 
@@ -217,7 +217,7 @@ def two_line(dice: Dice, shell: Shell) -> list[Step]:
         Step(counter(PREPARATION), filling("sink")),
         Step(cooktop(dice, shell), only(off_window, only(across_from("sink"), middles)), (near("sink"),)),
         Step(counter(LANDING), filling("cooktop"), (near("fridge"),)),
-        Step(counter(LANDING), only(without_holes, filling("cooktop"))),
+        Step(counter(LANDING), only(sink_has_two_neighbours, filling("cooktop"))),
     ]
 
 

@@ -283,22 +283,22 @@ def island(dice: Dice, shell: Shell) -> list[Step]:
     return steps
 
 
-def deep(shell: Shell) -> bool:
+def is_deep(shell: Shell) -> bool:
     """Return whether the room is too long to watch from wall to wall, and lit from the side as one looks along it."""
     return shell.long >= 520 and not lit_from_short_side(shell)
 
 
-def across(shell: Shell) -> bool:
+def is_shallow(shell: Shell) -> bool:
     """Not deep."""
-    return not deep(shell)
+    return not is_deep(shell)
 
 
 LIVING_ROOM = RoomType(
     "living_room",
     shell,
     {
-        "parallel": Template(parallel, 50, across),
-        "vertical": Template(vertical, 50, across),
-        "island": Template(island, 100, deep),
+        "parallel": Template(parallel, 50, is_shallow),
+        "vertical": Template(vertical, 50, is_shallow),
+        "island": Template(island, 100, is_deep),
     },
 )

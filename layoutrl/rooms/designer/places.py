@@ -42,7 +42,7 @@ def against(piece: Piece, wall: Wall, lo: int, sides: tuple[int, int] = (0, 0), 
 
 def ends(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Propose places against any wall, at either end of each free stretch."""
-    for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
+    for wall, lo, hi, sides in _stretches_that_fit(plan, piece):
         at_lo, at_hi = _along(wall, sides)
         yield against(piece, wall, lo + at_lo, sides)
         yield against(piece, wall, hi - at_hi - piece.width, sides)
@@ -50,7 +50,7 @@ def ends(plan: Plan, piece: Piece) -> Iterator[Place]:
 
 def middles(plan: Plan, piece: Piece) -> Iterator[Place]:
     """Propose places against any wall, in the middle of each free stretch."""
-    for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
+    for wall, lo, hi, sides in _stretches_that_fit(plan, piece):
         yield against(piece, wall, (lo + hi - piece.width) // 2, sides)
 
 
@@ -170,7 +170,7 @@ def opposite(category: str) -> Where:
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
         for host in plan.all(category):
             axis = sum(host.box.span(host.facing)) // 2
-            for wall, lo, hi, sides in _rooms_at_walls(plan, piece):
+            for wall, lo, hi, sides in _stretches_that_fit(plan, piece):
                 if (wall.normal - host.facing) % 4 != 2 or not _lies_ahead(host, wall):
                     continue
                 at_lo, at_hi = _along(wall, sides)
@@ -187,7 +187,7 @@ def face_to_face(other: Piece, low: int, high: int) -> Where:
     """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:
-        for wall, lo, hi, _ in _rooms_at_walls(plan, piece):
+        for wall, lo, hi, _ in _stretches_that_fit(plan, piece):
             for ahead in plan.shell.walls:
                 away = (ahead.at - wall.at) * (1 if wall.normal < 2 else -1) - piece.depth - other.depth
                 if (ahead.normal - wall.normal) % 4 != 2 or not low <= away <= high:
@@ -236,7 +236,7 @@ def _within(inner: Box, outer: Box) -> bool:
     return inner.shared(outer) == inner.area
 
 
-def _rooms_at_walls(plan: Plan, piece: Piece) -> Iterator[tuple[Wall, int, int, tuple[int, int]]]:
+def _stretches_that_fit(plan: Plan, piece: Piece) -> Iterator[tuple[Wall, int, int, tuple[int, int]]]:
     """Yield (wall, lo, hi, sides) of each free stretch that holds the piece and what `sides` keep free beside it."""
     for wall in plan.shell.walls:
         for lo, hi in free_spans(plan, wall, piece.depth, piece.tall):

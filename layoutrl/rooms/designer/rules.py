@@ -35,7 +35,7 @@ def in_corner(plan: Plan, place: Place) -> int:
     return YES if any(not plan.shell.holds(place.box.beyond((place.facing + s) % 4, 1)) for s in (1, 3)) else NO
 
 
-def faces_door(plan: Plan, place: Place) -> int:
+def faces_entrance_wall(plan: Plan, place: Place) -> int:
     """YES if it faces the wall of the entrance, its back to the opposite side."""
     return YES if (place.facing - plan.shell.entrance.wall.normal) % 4 == 2 else NO
 
@@ -81,7 +81,7 @@ def near(what: str) -> Rule:
     return lambda plan, place: -far_from(what)(plan, place)
 
 
-def away_from(what: str) -> Rule:
+def center_far_from(what: str) -> Rule:
     """Return a rule: the distance of its middle from that of the nearest of `what`, which is as in `far_from`.
 
     It is measured along x plus along y.

@@ -300,7 +300,7 @@ class Shells:
             if not walls:
                 return None
             wall = dice.pick({w: w.length for w in walls})
-            low, high = _reach(shell, wall, LEAF_OFF_CORNER)
+            low, high = _opening_range(shell, wall, LEAF_OFF_CORNER)
             if high - low < width:
                 return None
             off = min(dice.between(0, 10), high - low - width)  # most doors stand near a corner
@@ -324,7 +324,7 @@ class Shells:
                 low = min(high, max(low, -(-shell.area // (GLAZING * WINDOW_HEIGHT))))
             walls = {}
             for wall in shell.walls:
-                start, end = _reach(shell, wall, WINDOW_OFF_CORNER)
+                start, end = _opening_range(shell, wall, WINDOW_OFF_CORNER)
                 if (
                     (wall.normal - doors[0].wall.normal) % 4 in turn
                     and end - start >= low
@@ -336,14 +336,14 @@ class Shells:
                 return None
             wall = dice.pick(walls)
             taken.add(wall)
-            start, end = _reach(shell, wall, WINDOW_OFF_CORNER)
+            start, end = _opening_range(shell, wall, WINDOW_OFF_CORNER)
             width = dice.between(low, min(high, end - start))
             lo = (start + end - width) // 2 if dice.chance(50) else dice.between(start, end - width)
             windows.append(Gap(wall, lo, lo + width))
         return tuple(windows)
 
 
-def _reach(shell: Shell, wall: Wall, off: int) -> tuple[int, int]:
+def _opening_range(shell: Shell, wall: Wall, off: int) -> tuple[int, int]:
     """Return from where to where along a wall an opening may lie.
 
     It keeps `off` from corners, and from a reflex corner at least the walls' thickness, as the walls overlap behind it.

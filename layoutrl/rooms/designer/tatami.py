@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from layoutrl.rooms.designer.places import LEFT, RIGHT, around, before, either_side, ends, only
-from layoutrl.rooms.designer.rules import NO, YES, across_door, faces_door, far_from, near, solid_behind
+from layoutrl.rooms.designer.rules import NO, YES, across_door, faces_entrance_wall, far_from, near, solid_behind
 from layoutrl.rooms.designer.search import Piece, Place, Plan, Step
 from layoutrl.rooms.designer.shell import Dice, Shell, Shells
 from layoutrl.rooms.designer.template import RoomType, Template
@@ -69,21 +69,21 @@ def work(width: int) -> list[Step]:
 
 def l_shape(dice: Dice, shell: Shell) -> list[Step]:
     """The platform along a side wall, the wardrobe over its far end, the desk beside it at the end of the way."""
-    deep, across = extents(shell)
-    bed = platform(dice, deep - WARDROBE, across)
+    deep, wide = extents(shell)
+    bed = platform(dice, deep - WARDROBE, wide)
     return [
         Step(bed, only(across_door, ends), (solid_behind, near("entrance"))),
         Step(Piece("wardrobe", bed.depth, WARDROBE, tall=True), at_its_end),
-        *work(across - bed.depth),
+        *work(wide - bed.depth),
     ]
 
 
 def across(dice: Dice, shell: Shell) -> list[Step]:
     """The platform along the wall opposite the door and up to the window, the wardrobe over its dark end."""
-    deep, across = extents(shell)
-    bed = platform(dice, across - WARDROBE, deep)
+    deep, wide = extents(shell)
+    bed = platform(dice, wide - WARDROBE, deep)
     return [
-        Step(bed, only(faces_door, ends), (near("window"), near("entrance"))),
+        Step(bed, only(faces_entrance_wall, ends), (near("window"), near("entrance"))),
         Step(Piece("wardrobe", bed.depth, WARDROBE, tall=True), at_its_end),
         *work(deep - bed.depth),
     ]
@@ -91,21 +91,21 @@ def across(dice: Dice, shell: Shell) -> list[Step]:
 
 def beside_wardrobe(dice: Dice, shell: Shell) -> list[Step]:
     """A short platform in the corner by the window, the wardrobe against the rest of the wall opposite the door."""
-    deep, across = extents(shell)
-    length = dice.between(180, min(200, across - 90), 5)  # two mats of 0.9 x 1.8 m and a border
+    deep, wide = extents(shell)
+    length = dice.between(180, min(200, wide - 90), 5)  # two mats of 0.9 x 1.8 m and a border
     bed = platform(dice, length, deep)
     return [
-        Step(bed, only(faces_door, ends), (near("window"), near("entrance"))),
-        Step(Piece("wardrobe", across - length, WARDROBE, front=60, tall=True), either_side("platform")),
+        Step(bed, only(faces_entrance_wall, ends), (near("window"), near("entrance"))),
+        Step(Piece("wardrobe", wide - length, WARDROBE, front=60, tall=True), either_side("platform")),
         *work(deep - bed.depth),
     ]
 
 
 def suits_l_shape(shell: Shell) -> bool:
     """Wardrobe and platform fit beside the door."""
-    _, across = extents(shell)
+    _, wide = extents(shell)
     door = shell.entrance
-    return 260 <= across <= 340 and max(door.lo, across - door.hi) >= 160
+    return 260 <= wide <= 340 and max(door.lo, wide - door.hi) >= 160
 
 
 def suits_across(shell: Shell) -> bool:
@@ -116,8 +116,8 @@ def suits_across(shell: Shell) -> bool:
 
 def suits_beside_wardrobe(shell: Shell) -> bool:
     """Two mats and a wardrobe fit along the wall."""
-    _, across = extents(shell)
-    return suits_across(shell) and across >= 180 + 90
+    _, wide = extents(shell)
+    return suits_across(shell) and wide >= 180 + 90
 
 
 TATAMI = RoomType(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from layoutrl.rooms.designer import rules
 from layoutrl.rooms.designer.places import ends, middles
-from layoutrl.rooms.designer.rules import NO, YES, away_from, centred_on, far_from, near, touches
+from layoutrl.rooms.designer.rules import NO, YES, center_far_from, centred_on, far_from, near, touches
 from layoutrl.rooms.designer.search import Piece, Place, Plan, Rule
 from layoutrl.rooms.designer.shell import Box, Shell
 from tests.rooms.designer.test_search import L_ROOM, ROOM, plans, put, turned, turned_place
@@ -32,7 +32,7 @@ AGREE = {  # rule: (shell, places for which it says yes, places for which it say
         [put(1, 0, 100, 50, 1), put(0, 199, 50, 299, 0)],
     ),
     rules.looks_at_door: (ROOM, [put(0, 0, 50, 100, 0), put(0, 250, 100, 300, 3)], [put(0, 0, 100, 50, 1)]),
-    rules.faces_door: (ROOM, [put(0, 0, 50, 100, 3)], [put(0, 0, 50, 100, 0), put(0, 0, 50, 100, 1)]),
+    rules.faces_entrance_wall: (ROOM, [put(0, 0, 50, 100, 3)], [put(0, 0, 50, 100, 0), put(0, 0, 50, 100, 1)]),
     rules.across_door: (ROOM, [put(0, 0, 50, 100, 0), put(0, 0, 50, 100, 2)], [put(0, 0, 50, 100, 1)]),
     rules.apart(45): (ROOM, [put(245, 0, 300, 50), put(220, 175, 260, 200)], [put(244, 0, 300, 50)]),
     rules.looks_past_door: (
@@ -46,8 +46,9 @@ AGREE = {  # rule: (shell, places for which it says yes, places for which it say
     ),
 }  # fmt: skip
 RULES = [
-    *AGREE, rules.long_wall, *(of(what) for of in (touches, far_from, near, away_from, centred_on) for what in "abx"),
-    *(of(gap) for of in (far_from, near, away_from) for gap in ("entrance", "door", "window")),
+    *AGREE, rules.long_wall,
+    *(of(what) for of in (touches, far_from, near, center_far_from, centred_on) for what in "abx"),
+    *(of(gap) for of in (far_from, near, center_far_from) for gap in ("entrance", "door", "window")),
 ]  # fmt: skip
 
 
@@ -76,8 +77,9 @@ def test_without_a_window_all_walls_are_across_daylight_and_no_light_comes_from_
         (far_from("a"), put(220, 160, 250, 200), 30), (far_from("entrance"), put(0, 181, 50, 250), 250 + 180),
         (far_from("door"), put(0, 181, 50, 250), 1), (far_from("window"), put(380, 110, 400, 200), 10),
         (far_from("c"), put(0, 0, 50, 50), 0), (near("a"), put(220, 160, 250, 200), -30),
-        (away_from("a"), put(220, 160, 260, 200), 90 + 105), (away_from("window"), put(379, 100, 399, 140), 10 + 70),
-        (away_from("c"), put(0, 0, 50, 50), 0), (centred_on("a"), put(100, 250, 190, 300, 3), -5),
+        (center_far_from("a"), put(220, 160, 260, 200), 90 + 105),
+        (center_far_from("window"), put(379, 100, 399, 140), 10 + 70),
+        (center_far_from("c"), put(0, 0, 50, 50), 0), (centred_on("a"), put(100, 250, 190, 300, 3), -5),
         (centred_on("c"), put(0, 0, 50, 50), 0), (rules.long_wall, put(0, 0, 50, 50), 0),
         (rules.long_wall, replace(put(0, 0, 50, 50, 0), wall=L_ROOM.walls[3]), 100),
     ],
