@@ -11,7 +11,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl import InputError
-from layoutrl.figures import PLAIN, STYLE, draw_room, save
+from layoutrl.figures import NO_MATH, STYLE, draw_room, save
 from layoutrl.rooms.collection import choose_item
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.rooms.sources.parts import Data, designed_rooms
@@ -61,7 +61,7 @@ def run(config: GalleryConfig) -> list[Path]:
         raise InputError(f"room: {source} has no {' or '.join(types)} to draw; expected another room=<type>")
     if source != "designer" and len(in_turn) > len(rooms):
         print(f"{len(rooms)} of {len(in_turn)} rooms are drawn; rooms={len(in_turn)} draws all")
-    with style.context([STYLE, PLAIN]):
+    with style.context([STYLE, NO_MATH]):
         files = save(sheet(rooms), base, dpi=120)
     for file in files:
         print(f"wrote {file}")

@@ -26,7 +26,7 @@ from layoutrl import InputError, __version__
 from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING
-from layoutrl.rooms.files import FORMATS, check_new, check_unsaid, files_below, name_of
+from layoutrl.rooms.files import FORMATS, check_new, check_not_given, files_below, name_of
 from layoutrl.rooms.formats import Source, format_of, opened, other_formats, to_place
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
@@ -372,7 +372,7 @@ def source_of(config: PlaceConfig) -> Source | None:
     """
     path = Path(config.rooms)
     if config.rooms == STANDARD or format_of(path) == "json":
-        check_unsaid(config.rooms, into=config.into, room_type=config.room_type, categories=config.categories)
+        check_not_given(config.rooms, into=config.into, room_type=config.room_type, categories=config.categories)
         return None
     return opened(
         path,

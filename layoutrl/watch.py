@@ -19,7 +19,7 @@ from PIL import Image
 from layoutrl import InputError
 from layoutrl.env.measures import measured
 from layoutrl.env.render import MOVING, color_of
-from layoutrl.figures import DESIGNER, PLAIN, STYLE, draw_item, draw_room, rgb
+from layoutrl.figures import DESIGNER, NO_MATH, STYLE, draw_item, draw_room, rgb
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.files import check_new
 from layoutrl.rooms.room import Item, Room
@@ -69,7 +69,7 @@ def run(config: WatchConfig) -> list[Path]:
         run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, every, simulator.starts(every, rng))
         iou = simulator.reward(every, run.final).iou
         episodes = [one_item(room, run.way(k), float(iou[k])) for k, room in enumerate(simulator.rooms)]
-    with style.context([STYLE, PLAIN]):
+    with style.context([STYLE, NO_MATH]):
         pictures = list(frames(episodes, config.width))
     own = Path(config.run) / f"watch-{shown.name}-{len(rooms)}-seed{config.seed}"
     for file in asked:

@@ -27,7 +27,7 @@ from layoutrl.evaluation.placing import spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
-from layoutrl.rooms.furnished import dice
+from layoutrl.rooms.furnished import rng_of
 from layoutrl.runs.checkpoints import checkpoints
 from layoutrl.runs.config import TrainConfig, config_directory
 from layoutrl.runs.folder import load_config
@@ -206,7 +206,7 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS_A_WAY)
-    drawn = np.stack([dice(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS_A_WAY, 1)
+    drawn = np.stack([rng_of(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS_A_WAY, 1)
     starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS_A_WAY), 3) + drawn) % 1))
     observe = observation_of(method.observation, rooms, CPU, categories)
     went = greedy(network, method).rollout(batch, observe, index, starts.numpy())

@@ -21,7 +21,7 @@ from layoutrl.demo.furnisher import Staff
 from layoutrl.demo.home import NAME, TAKEN_FOR, fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
-from layoutrl.rooms.brief import lifted, missing
+from layoutrl.rooms.brief import missing, to_place_anew
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, parsed, room_from_dict, room_to_dict
@@ -151,7 +151,9 @@ class Answers:
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
-        entry = Entry(room.id, replace(room, furniture=lifted(room.furniture, movable)), {}, stood=room.furniture)
+        entry = Entry(
+            room.id, replace(room, furniture=to_place_anew(room.furniture, movable)), {}, stood=room.furniture
+        )
         told = asked_of(entry, movable, True, self.staff.known(room.room_type))
         lines = [said_to_stay(room, told.stays)] if told.stays else []
         if not told.wanted:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from scipy.optimize import linear_sum_assignment
 
-from layoutrl.rooms.clearances import RAISED, off
+from layoutrl.rooms.clearances import RAISED, angle_off
 from layoutrl.rooms.faults import (
     BLOCKS,
     FRONT_NOT_FREE,
@@ -144,7 +144,7 @@ def matched(layouts: Sequence[Room], designed: Sequence[Room]) -> Matches:
     a, b = a[alike], b[alike]
     iou = iou_of(theirs.footprint[a], ours.footprint[b])
     away = np.hypot(*(theirs.center[a] - ours.center[b]).T)
-    facing = off(theirs.degrees[a] - ours.degrees[b], theirs.period[a]) <= 45
+    facing = angle_off(theirs.degrees[a] - ours.degrees[b], theirs.period[a]) <= 45
     taken = assigned(iou - NEARER * away**2, np.unique(theirs.category, return_inverse=True)[1][a], theirs.room[a], a)
     found = {}
     for name, value, without in (("iou", iou, 0), ("facing", facing, 0), ("moved", away, np.nan)):

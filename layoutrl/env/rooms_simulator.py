@@ -19,8 +19,8 @@ from shapely.geometry import Polygon
 from layoutrl import InputError
 from layoutrl.env.reward import Array, Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.rooms.brief import missing, ways
-from layoutrl.rooms.clearances import ahead, floor_before, may_stand_before, off, period
+from layoutrl.rooms.brief import distinct_rotations, missing
+from layoutrl.rooms.clearances import ahead, angle_off, floor_before, may_stand_before, period
 from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import Item, Room, envelopes
 
@@ -86,7 +86,7 @@ class RoomsSimulator:
         self.degrees = np.zeros((*shape, 4))
         for r, (room, items) in enumerate(zip(briefs, self.items, strict=True)):
             for n, item in enumerate(items):
-                first, *others = ways(room, item)
+                first, *others = distinct_rotations(room, item)
                 self.ways[r, n] = 1 + len(others)
                 self.degrees[r, n] = first + 90 * np.arange(4)
         entries, self.entry = self._entries(self.items, lambda *_: True)
@@ -311,7 +311,7 @@ def rows(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
 
 def faces_alike(item: Item, degrees: float) -> bool:
     """Return whether an item of the same kind, turned to `degrees`, faces as `item` does, to within 45 degrees."""
-    return off(item.degrees - degrees, period(item)) <= 45
+    return angle_off(item.degrees - degrees, period(item)) <= 45
 
 
 def _takes_floor(floor: Item, other: Item) -> bool:

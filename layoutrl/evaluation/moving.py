@@ -19,9 +19,9 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.placing import spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.evaluation.threads import one_thread
-from layoutrl.rooms.brief import largest_first, ways, with_poses
+from layoutrl.rooms.brief import distinct_rotations, largest_first, with_poses
 from layoutrl.rooms.fitting import fitting_positions
-from layoutrl.rooms.furnished import Furnished, dice, laid_out, several
+from layoutrl.rooms.furnished import Furnished, laid_out, rng_of, several
 from layoutrl.rooms.room import Room
 
 STARTS_A_WAY = 4  # starts for each facing, spread evenly so that little depends on the seed
@@ -45,7 +45,7 @@ class Mover:
 
     def _layouts(self, briefs: Sequence[Room], seeds: Sequence[int]) -> list[Furnished]:
         layouts, values = list(briefs), [np.zeros(0) for _ in briefs]
-        rngs = [dice(brief, seeds) for brief in briefs]
+        rngs = [rng_of(brief, seeds) for brief in briefs]
         orders = [largest_first(brief) for brief in briefs]
         for turn in range(max(map(len, orders), default=0)):
             asked = [(k, order[turn]) for k, order in enumerate(orders) if turn < len(order)]
@@ -91,7 +91,7 @@ def facing_all_ways(room: Room, item: int) -> list[Room]:
     """
     return [
         replace(with_poses(room, {item: (room.outline[0], degrees)}), target=item)
-        for degrees in ways(room, room.furniture[item])
+        for degrees in distinct_rotations(room, room.furniture[item])
     ]
 
 

@@ -30,7 +30,7 @@ from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE,
 from layoutrl.rooms.room import Item, Room
 
 STYLE = "layoutrl.figures.style"
-PLAIN: dict[str, Any] = {"text.parse_math": False}  # a style for texts that hold users' names: $ is a dollar, not math
+NO_MATH: dict[str, Any] = {"text.parse_math": False}  # for texts that hold users' names: $ is a dollar, not math
 BLUE, ORANGE, GREEN, PURPLE = "#0072b2", "#e69f00", "#009e73", "#cc79a7"
 # How the designer's place is drawn, over all else.
 DESIGNER: dict[str, Any] = {"fill": False, "edgecolor": BLUE, "linewidth": 1.6, "linestyle": (0, (3, 1.5))}

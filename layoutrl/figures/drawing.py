@@ -19,7 +19,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, ORANGE, PLAIN, STYLE, any_script, draw_item, draw_room, front, in_drawing_order
+from layoutrl.figures import HALO, NO_MATH, ORANGE, STYLE, any_script, draw_item, draw_room, front, in_drawing_order
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
 
@@ -103,7 +103,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
 def png(room: Room, wrong: Wrong, path: Path) -> None:
     """Write the same drawing as PNG."""
     x0, y0, x1, y1 = sheet(room)
-    with style.context([STYLE, PLAIN]), any_script():
+    with style.context([STYLE, NO_MATH]), any_script():
         figure = Figure(figsize=(POINTS / 72 * (x1 - x0), POINTS / 72 * (y1 - y0)))
         figure.set_layout_engine("none")
         axes = figure.add_axes((0, 0, 1, 1))

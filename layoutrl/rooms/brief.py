@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from layoutrl.rooms.clearances import may_tuck, off, period
+from layoutrl.rooms.clearances import angle_off, may_tuck, period
 from layoutrl.rooms.room import Item, Point, Room
 
 LEVEL = 1e-3  # degrees: directions closer than this count as one, a millimetre in 57 m
@@ -27,12 +27,12 @@ def brief_of(room: Room) -> Room:
     and nothing else that stood.
     """
     told = [replace(item, tucked=item.tucked and item.center is None) for item in room.furniture]
-    free = lifted(told, range(len(told)))
+    free = to_place_anew(told, range(len(told)))
     in_order = sorted(free, key=lambda item: (item.category, item.size, item.form, item.tucked))
     return replace(room, furniture=tuple(in_order), target=None)
 
 
-def lifted(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
+def to_place_anew(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
     """Return the items, with those at the indices `those` to be placed anew: without center and rotation, not locked.
 
     Such a chair becomes `tucked` if it had a center and there is a desk or table, since designs have chairs there. Any
@@ -85,7 +85,7 @@ def upright(room: Room) -> tuple[Room, float]:
     return (room.rotated(-lean) if lean else room), lean
 
 
-def ways(room: Room, item: Item) -> tuple[float, ...]:
+def distinct_rotations(room: Room, item: Item) -> tuple[float, ...]:
     """Return the rotations, in degrees, in which an item looks different: its own if given, else along the walls."""
     if item.rotation is not None:
         return (item.rotation,)
@@ -93,7 +93,7 @@ def ways(room: Room, item: Item) -> tuple[float, ...]:
 
 
 def _apart(one: float, other: float) -> float:
-    return off(one - other, 90.0)
+    return angle_off(one - other, 90.0)
 
 
 def with_poses(brief: Room, poses: Mapping[int, Pose]) -> Room:

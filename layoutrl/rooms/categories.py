@@ -21,7 +21,7 @@ from layoutrl.rooms.room import MAIN_ITEM
 
 OBSTACLE, DECOR, NO_ROOM = "obstacle", "decor", "no_room"  # keys of the file that are no categories
 RUG = "rug"  # a key of the file: floor, on which furniture may stand
-NOTHING = (DECOR, RUG)  # not read as furniture of a home
+NOT_FURNITURE = (DECOR, RUG)  # not read as furniture of a home
 NOTED = 20  # unknown names that notes list at most
 LARGEST_FILE = 2**20  # bytes of a user's own file
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
@@ -37,7 +37,7 @@ BRACKETS = re.compile(r"\(.*?\)|\[.*?\]|\uff08.*?\uff09")  # what is in them doe
 SHAPES = {  # words of names of plain shapes, for which another name, given by the user, says more
     *("box", "cylinder", "triangle", "cube", "sphere", "cone", "pyramid", "prism", "shape", "texturable", "half"),
 }
-SIZES = {  # words that may follow an English name, with numbers or without
+SIZE_WORDS = {  # words that may follow an English name, with numbers or without
     *("cm", "mm", "m", "inch", "inches", "ft", "feet", "wide", "high", "deep", "long"),
     *("seats", "seater", "sitzer", "persons", "personen", "people", "places", "plazas", "posti"),
     *("left", "right", "links", "rechts", "gauche", "droite", "round", "rund", "rond", "ronde"),
@@ -103,7 +103,7 @@ class Names:
     @cached_property
     def categories(self) -> list[str]:
         """The known categories of furniture, sorted; obstacles, decor and rugs are none."""
-        return sorted(set(self._furniture.values()) - {OBSTACLE, *NOTHING})
+        return sorted(set(self._furniture.values()) - {OBSTACLE, *NOT_FURNITURE})
 
     def category(self, *names: str | None) -> tuple[str, bool] | None:
         """Return (category, whether it is a known one) of a thing with these names; None for decor and rugs.
@@ -115,7 +115,7 @@ class Names:
         if part := self._known(given):
             found = self._furniture[part]
             called = part.replace(" ", "_") if found == OBSTACLE else found
-            return None if found in NOTHING else (called, found != OBSTACLE)
+            return None if found in NOT_FURNITURE else (called, found != OBSTACLE)
         called = (plain(given[0]) if given else "").replace(" ", "_")[:40] or OBSTACLE
         self.unknown[given[-1][:40] if given else "without a name", called] += 1
         return called, False
@@ -130,7 +130,7 @@ class Names:
     def kind(self, *names: str | None) -> str | None:
         """Return the category of a thing with these names; None for obstacles, decor, rugs and unknown names."""
         found = self._furniture.get(self._known([name for name in names if name]) or "")
-        return None if found in (OBSTACLE, *NOTHING) else found
+        return None if found in (OBSTACLE, *NOT_FURNITURE) else found
 
     def knows(self, *names: str | None) -> bool:
         """Whether a name is that of a category."""
@@ -139,7 +139,7 @@ class Names:
     def is_decor(self, *names: str | None) -> bool:
         """Whether a name is that of decor, or of a rug."""
         part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] in NOTHING
+        return part is not None and self._furniture[part] in NOT_FURNITURE
 
     def ours(self, document: Any) -> Any:
         """Return a room's document with known names of furniture replaced by categories; all else is unchanged."""
@@ -189,7 +189,7 @@ class Names:
         if len(names) < 2:
             return part
         found = {name: self._furniture.get(self._saying([name]) or "", DECOR) for name in names}
-        placed = [name for name in names if found[name] not in (OBSTACLE, *NOTHING)]
+        placed = [name for name in names if found[name] not in (OBSTACLE, *NOT_FURNITURE)]
         seated = [name for name in placed if found[name] in HOSTS] if placed and found[placed[0]] in SEATS else []
         standing = [name for name in names if found[name] == OBSTACLE]
         return next(chain(seated, placed, standing), part)
@@ -217,7 +217,7 @@ class Names:
         """
         for last in range(len(words) - 1, 0, -1):
             begin = " ".join(words[:last])
-            if begin in self._first or SIZES.issuperset(words[last:]):
+            if begin in self._first or SIZE_WORDS.issuperset(words[last:]):
                 yield begin
 
     def room_type(self, name: str | None, furniture: Iterable[str]) -> str | None:

@@ -117,6 +117,6 @@ def period(item: Item) -> float:
     return 180.0 if item.size[0] != item.size[1] else 90.0
 
 
-def off(degrees: Angle, period: Angle) -> Angle:
+def angle_off(degrees: Angle, period: Angle) -> Angle:
     """How far angles are from the nearest multiple of a period, in degrees. Below 45 two items face alike."""
     return abs((degrees + period / 2) % period - period / 2)

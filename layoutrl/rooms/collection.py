@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import LEVEL, facings, ways
-from layoutrl.rooms.clearances import off
+from layoutrl.rooms.brief import LEVEL, distinct_rotations, facings
+from layoutrl.rooms.clearances import angle_off
 from layoutrl.rooms.fitting import fits
 from layoutrl.rooms.room import FIT, Item, Room
 
@@ -118,9 +118,9 @@ def all_standing(collection: Collection) -> Collection:
 
 def _fits_along_walls(room: Room, item: Item) -> bool:
     """Whether an item that stands at any angle would fit into the empty room along its walls."""
-    if off(item.degrees - facings(room)[0], 90.0) < LEVEL:
+    if angle_off(item.degrees - facings(room)[0], 90.0) < LEVEL:
         return True
-    return fits(room.envelope, item, ways(room, replace(item, rotation=None)))
+    return fits(room.envelope, item, distinct_rotations(room, replace(item, rotation=None)))
 
 
 def _after(collection: Collection, chosen: str) -> Collection:

@@ -59,7 +59,8 @@ SMALLEST = 1e-12  # metres: what is nearer to zero is read as zero, since geomet
 MOST = 1000  # corners of a polygon, or entries of any other list, at most
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
-ELSEWHERE = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}  # other names
+# Names that others give our fields: an item that has one of them instead is refused.
+MISNAMED_FIELDS = {"position": "center", "pos": "center", "x": "center", "y": "center", "angle": "rotation"}
 EXPECTED = {  # what messages say of a field that is missing or has another name
     "id": "a name",
     "room_type": f"one of {', '.join(MAIN_ITEM)}",
@@ -283,7 +284,7 @@ def _furniture(entries: list[Any]) -> tuple[Item, ...]:
 
 def _item(entry: Any, field: str) -> Item:
     _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
-    for name, ours in ELSEWHERE.items():  # else an item that stands would count as one to be placed
+    for name, ours in MISNAMED_FIELDS.items():  # else an item that stands would count as one to be placed
         if name in entry and ours not in entry:
             raise RoomError(f"{field}.{name}", f"unknown field; expected {EXPECTED[ours]}")
     depth, width = _pair(entry["size"], f"{field}.size")

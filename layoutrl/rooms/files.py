@@ -83,9 +83,9 @@ def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
     Path(path).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8", newline="\n")
 
 
-def check_unsaid(rooms: Path | str, **said: object) -> None:
+def check_not_given(rooms: Path | str, **given: object) -> None:
     """Raise InputError for an option that is given (not None) though rooms in JSON say it themselves."""
-    for name, value in said.items():
+    for name, value in given.items():
         if value is not None:
             raise InputError(f"{name}: rooms of {rooms} say themselves what and where they are; expected no {name}=")
 

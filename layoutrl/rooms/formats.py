@@ -20,10 +20,10 @@ from typing import Protocol
 from shapely import Point
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.brief import to_place_anew
 from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import FORMATS, HOMES, check_new, check_unsaid, files_below, write_rooms
+from layoutrl.rooms.files import FORMATS, HOMES, check_new, check_not_given, files_below, write_rooms
 from layoutrl.rooms.files import SUFFIXES as JSON_SUFFIXES
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.sources import read_homes
@@ -126,7 +126,7 @@ def opened(
     path = Path(path)
     kind = format_of(path)
     if kind == "json":
-        check_unsaid(path, into=into, categories=categories)
+        check_not_given(path, into=into, categories=categories)
     elif unit != "auto":
         raise InputError(f"unit: {path} says itself how long a metre is; expected no unit=")
     if kind == "sweethome3d" and path.is_file():
@@ -204,4 +204,4 @@ def to_place(room: Room, move: str | None) -> Room:
     named = names_in(move)
     free = [(k, item.category) for k, item in enumerate(room.furniture) if not item.locked]
     those = {k for k, category in free if category in named or ALL in named}
-    return replace(room, furniture=lifted(room.furniture, those))
+    return replace(room, furniture=to_place_anew(room.furniture, those))

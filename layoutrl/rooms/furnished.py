@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from layoutrl.rooms.brief import largest_first
-from layoutrl.rooms.clearances import off, period
+from layoutrl.rooms.clearances import angle_off, period
 from layoutrl.rooms.room import Item, Point, Room
 
 APART = 0.3  # metres: layouts count as the same if their items stand closer than this
@@ -44,7 +44,8 @@ def best_layouts(who: Furnishes, briefs: Sequence[Room]) -> list[Room]:
     return [best.layout for best, *_ in who.furnish(briefs, 1, 0)]
 
 
-Layouts = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]  # (briefs, seeds) -> a layout of each brief
+# (briefs, seeds) -> a layout of each brief
+LayoutMaker = Callable[[Sequence[Room], Sequence[int]], Iterable[Furnished]]
 
 
 def laid_out(brief: Room, layout: Room, value: float) -> Furnished:
@@ -53,12 +54,12 @@ def laid_out(brief: Room, layout: Room, value: float) -> Furnished:
     return Furnished(layout, value, [(k, item.center, item.degrees) for k, item in items if item.center is not None])
 
 
-def several(layouts: Layouts, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
-    """Return for each brief up to `choices` layouts that differ, best first: `layouts` is called with several seeds."""
+def several(make: LayoutMaker, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
+    """Return for each brief up to `choices` layouts that differ, best first: `make` is called with several seeds."""
     found: list[list[Furnished]] = [[] for _ in briefs]
     for attempt in range(TRIES * choices if choices > 1 else 1):
         if short := [k for k, answers in enumerate(found) if len(answers) < choices]:
-            for k, answer in zip(short, layouts([briefs[k] for k in short], [seed, attempt]), strict=True):
+            for k, answer in zip(short, make([briefs[k] for k in short], [seed, attempt]), strict=True):
                 if not any(same(answer.layout, other.layout) for other in found[k]):
                     found[k].append(answer)
     return [sorted(answers, key=lambda answer: -answer.value) for answers in found]
@@ -78,10 +79,10 @@ def _alike(one: Item, other: Item) -> bool:
         return False
     if one.center is None or other.center is None:
         return one.center == other.center
-    turned = off((one.rotation or 0) - (other.rotation or 0), period(one))
+    turned = angle_off((one.rotation or 0) - (other.rotation or 0), period(one))
     return math.dist(one.center, other.center) < APART and (one.form == "circle" or turned < TURNED)
 
 
-def dice(brief: Room, seeds: Sequence[int]) -> np.random.Generator:
+def rng_of(brief: Room, seeds: Sequence[int]) -> np.random.Generator:
     """Return a random generator for a room, the same in whichever file, shard or block the room is."""
     return np.random.default_rng([*seeds, zlib.crc32(brief.id.encode())])

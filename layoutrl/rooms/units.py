@@ -14,8 +14,9 @@ from statistics import median
 from typing import Any
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}  # in a metre
-LONGEST = {"m": 60.0, "cm": 1300.0}  # side of a room, by unit: no room is below 1.3 m, few are above 13 m
-WIDEST = {"m": 8.0, "cm": 300.0}  # narrowest door or window, by unit: that of most rooms is between 0.3 and 3 m
+LONGEST_ROOM_SIDE = {"m": 60.0, "cm": 1300.0}  # side of a room, by unit: no room is below 1.3 m, few are above 13 m
+# Of the narrowest door or window, by unit: that of most rooms is between 0.3 and 3 m.
+MAX_NARROWEST_OPENING = {"m": 8.0, "cm": 300.0}
 DOOR = (0.6, 2.0)  # metres: the width of most doors
 INCHES = (20.0, 45.0)  # the width of most doors in inches; in centimetres nobody fits through
 LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
@@ -58,8 +59,8 @@ def _guess(document: Any, by_doors: bool = True) -> str | None:
     """Return the unit of a room's document, m, cm or mm; None if it is no room.
 
     It is the first in which its median door is as wide as a DOOR and the room no narrower than the least of these.
-    Where there is none, or without `by_doors`, it is the first in which the room is no longer than LONGEST or its
-    narrowest opening no wider than WIDEST, else mm.
+    Where there is none, or without `by_doors`, it is the first in which the room is no longer than LONGEST_ROOM_SIDE or
+    its narrowest opening no wider than MAX_NARROWEST_OPENING, else mm.
     """
     try:
         across, side = sorted(_extents(document["outline"]))
@@ -67,11 +68,12 @@ def _guess(document: Any, by_doors: bool = True) -> str | None:
             for unit in ("m", "cm", "mm"):
                 if DOOR[0] <= median(doors) / UNITS[unit] <= DOOR[1] and across / UNITS[unit] >= DOOR[0]:
                     return unit
-        if side <= LONGEST["m"]:
+        if side <= LONGEST_ROOM_SIDE["m"]:
             return "m"
         widths = [_extent(door["polygon"]) for kind in ("doors", "windows") for door in document[kind]]
         narrowest = min(widths, default=inf)
-        return next((unit for unit in WIDEST if side <= LONGEST[unit] or narrowest <= WIDEST[unit]), "mm")
+        limits = ((unit, LONGEST_ROOM_SIDE[unit], widest) for unit, widest in MAX_NARROWEST_OPENING.items())
+        return next((unit for unit, longest, widest in limits if side <= longest or narrowest <= widest), "mm")
     except (LookupError, TypeError, ValueError, ArithmeticError):  # no room: it is left out later, with the reason
         return None
 

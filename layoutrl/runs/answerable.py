@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from layoutrl.rooms import fitting
-from layoutrl.rooms.brief import missing, standing, ways
+from layoutrl.rooms.brief import distinct_rotations, missing, standing
 from layoutrl.rooms.categories import own_names
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.doors import door_widths
@@ -133,4 +133,4 @@ def _stacked(one: Item, other: Item) -> bool:
 
 def fits(room: Room, item: Item) -> bool:
     """Whether an item fits somewhere into the empty room, in one of the ways that it may face."""
-    return fitting.fits(room.indoor, item, ways(room, item))
+    return fitting.fits(room.indoor, item, distinct_rotations(room, item))

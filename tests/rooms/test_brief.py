@@ -8,7 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from layoutrl.rooms.brief import brief_of, facings, largest_first, lifted, missing, ways, with_poses
+from layoutrl.rooms.brief import (
+    brief_of,
+    distinct_rotations,
+    facings,
+    largest_first,
+    missing,
+    to_place_anew,
+    with_poses,
+)
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Item, Ring
@@ -52,8 +60,8 @@ def test_what_is_to_be_placed_is_not_locked() -> None:
     bed = Item("bed", (2.0, 1.5), (1.0, 0.75), locked=True)
     room = rectangular_room(4, 3, bed)
     assert not brief_of(room).furniture[0].locked
-    assert not lifted([bed], {0})[0].locked
-    assert lifted([bed], set())[0].locked
+    assert not to_place_anew([bed], {0})[0].locked
+    assert to_place_anew([bed], set())[0].locked
     assert room_from_dict(room_to_dict(brief_of(room))).furniture == brief_of(room).furniture
 
 
@@ -86,8 +94,8 @@ def test_the_ways_of_an_item_look_different() -> None:
     room = rectangular_room()
     sizes = {"bed": ((1.0, 1.0), 4), "table": ((1.0, 2.0), 2), "stool": ((0.4, 0.4), 1)}
     for category, (size, count) in sizes.items():
-        assert ways(room, Item(category, size, None, None)) == facings(room)[:count]
-    assert ways(room, Item("bed", (1.0, 2.0), None, 30.0)) == (30.0,)
+        assert distinct_rotations(room, Item(category, size, None, None)) == facings(room)[:count]
+    assert distinct_rotations(room, Item("bed", (1.0, 2.0), None, 30.0)) == (30.0,)
 
 
 def test_a_layout_is_the_brief_with_poses() -> None:

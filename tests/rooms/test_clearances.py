@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import pytest
 
-from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, off, passage, period
+from layoutrl.rooms.clearances import FRONT_DEPTH, HOSTS, RAISED, RUGS, angle_off, passage, period
 from layoutrl.rooms.designer.generator import ROOM_TYPES, design_room
 from layoutrl.rooms.designer.search import Piece
 from layoutrl.rooms.room import Item
@@ -51,4 +51,4 @@ def test_degrees_after_which_items_look_as_before() -> None:
     assert period(Item("table", (1.0, 2.0))) == 180
     assert period(Item("table", (1.0, 1.0))) == 90
     assert period(Item("shower", (1.0, 1.0), form="circle")) == 90
-    assert [off(degrees, 180.0) for degrees in (0, 90, 180, -10, 350)] == [0, 90, 0, 10, 10]
+    assert [angle_off(degrees, 180.0) for degrees in (0, 90, 180, -10, 350)] == [0, 90, 0, 10, 10]

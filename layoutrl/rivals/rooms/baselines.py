@@ -12,7 +12,7 @@ import shapely
 from layoutrl.env.geometry import CONTACT
 from layoutrl.rivals.rules import play
 from layoutrl.rooms.brief import Pose, facings, missing, standing, with_poses
-from layoutrl.rooms.clearances import off
+from layoutrl.rooms.clearances import angle_off
 from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
@@ -173,7 +173,7 @@ def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:
 
 
 def _nearest_facing(room: Room, degrees: float) -> float:
-    return min(facings(room), key=lambda facing: off(facing - degrees, 360))
+    return min(facings(room), key=lambda facing: angle_off(facing - degrees, 360))
 
 
 def _fitting(room: Room, item: Item, degrees: float) -> shapely.Geometry:

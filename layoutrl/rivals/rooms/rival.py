@@ -14,7 +14,7 @@ from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.search import Searching, search
 from layoutrl.rooms.faults import faults
-from layoutrl.rooms.furnished import Furnished, dice, laid_out, several
+from layoutrl.rooms.furnished import Furnished, laid_out, rng_of, several
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import designer_cache
 
@@ -47,7 +47,7 @@ class Rival:
         return several(lambda some, seeds: [self._layout(brief, seeds) for brief in some], briefs, choices, seed)
 
     def _layout(self, brief: Room, seeds: Sequence[int]) -> Furnished:
-        spent, rng = self.budget(), dice(brief, seeds)
+        spent, rng = self.budget(), rng_of(brief, seeds)
         relations, (_, attempt) = self.relations(brief.room_type), seeds
         often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
         weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}

@@ -8,7 +8,7 @@ from typing import Literal
 from layoutrl import InputError
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.collection import Collection
-from layoutrl.rooms.files import check_unsaid, read_rooms
+from layoutrl.rooms.files import check_not_given, read_rooms
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources import designer_rooms, floorplans, front3d, procthor, sweethome3d
 
@@ -64,6 +64,6 @@ def read_homes(
     there are no files, and where `categories` are given for json.
     """
     if source == "json":
-        check_unsaid(root, categories=categories)
+        check_not_given(root, categories=categories)
         return read_rooms(root, strict, unit, room_type)
     return READERS[source](root, names_of(categories), room_type)

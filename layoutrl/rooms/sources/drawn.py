@@ -13,12 +13,12 @@ from typing import Generic, TypeVar
 import shapely
 from shapely.geometry import Polygon
 
-from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.brief import to_place_anew
 from layoutrl.rooms.categories import NO_ROOM, NOTED, Names
 from layoutrl.rooms.clearances import HOSTS, PASSAGE
 from layoutrl.rooms.collection import NOBODYS, ODD, UNTOLD, taken_for
 from layoutrl.rooms.room import FILM, Item, Room, RoomError
-from layoutrl.rooms.sources.floors import NARROW, ROOM, tidy
+from layoutrl.rooms.sources.floors import MIN_FLOOR_WIDTH, MIN_ROOM_AREA, tidy
 from layoutrl.rooms.sources.walls import ACROSS, LEAST, NEAR, DrawnOpening, Wall, room_of
 
 MOST_OPENINGS = 30  # that are considered for one room
@@ -52,13 +52,13 @@ class DrawnRoom(Generic[P]):
 class Storey(Generic[P]):
     """The drawing of one level. The ids of its rooms begin with `prefix`.
 
-    Fill it in this order, since unions of shapes are cached: all `walls`, all rooms (`draw`), all pieces (`put`).
-    Set `gaps` before `finished` makes rooms of it.
+    Fill it in this order, since unions of shapes are cached: all `walls`, all rooms (`add_room`), all pieces
+    (`add_piece`). Set `openings` before `make_rooms` is called.
     """
 
     prefix: str
     walls: list[Wall] | None = None  # None where the format draws none
-    gaps: list[DrawnOpening] = field(default_factory=list)
+    openings: list[DrawnOpening] = field(default_factory=list)
     rooms: list[DrawnRoom[P]] = field(default_factory=list)
     left_out: list[tuple[str, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -73,17 +73,18 @@ class Storey(Generic[P]):
 
     @property
     def enclosed(self) -> list[Polygon]:
-        """The areas that walls enclose, the largest first, without those of at most ROOM.
+        """The areas that walls enclose, the largest first, without those of at most MIN_ROOM_AREA.
 
-        Gaps in walls that are narrower than NARROW count as closed, as in `tidy`.
+        Gaps in walls that are narrower than MIN_FLOOR_WIDTH count as closed, as in `tidy`.
         """
         if self._bodies is None:
             return []
-        closed = self._bodies.buffer(NARROW / 2, join_style="mitre").buffer(-NARROW / 2, join_style="mitre")
+        half = MIN_FLOOR_WIDTH / 2
+        closed = self._bodies.buffer(half, join_style="mitre").buffer(-half, join_style="mitre")
         floors = shapely.get_parts(_filled(closed).difference(closed))
-        return sorted((part for part in floors if part.area > ROOM), key=lambda part: -part.area)
+        return sorted((part for part in floors if part.area > MIN_ROOM_AREA), key=lambda part: -part.area)
 
-    def draw(self, name: str | None, label: str, floor: Callable[[], Polygon]) -> None:
+    def add_room(self, name: str | None, label: str, floor: Callable[[], Polygon]) -> None:
         """Add a room, or several where walls cut its floor.
 
         `floor` returns the floor as traced; where it raises RoomError, the room is left out.
@@ -98,7 +99,7 @@ class Storey(Generic[P]):
     def _traced(self) -> shapely.STRtree:
         return shapely.STRtree([room.traced for room in self.rooms])
 
-    def put(self, piece: P) -> bool:
+    def add_piece(self, piece: P) -> bool:
         """Put a piece into the room that its centre is in, and return whether there is one.
 
         Where rooms overlap, it is the one whose tidied floor is nearest, then one with a name, then the smallest:
@@ -130,7 +131,7 @@ class Storey(Generic[P]):
         """The union of all rooms, all walls and what walls enclose."""
         return shapely.union_all([_filled(self._bodies), *(room.traced for room in self.rooms)])
 
-    def leave(self, piece: P) -> None:
+    def add_immovable(self, piece: P) -> None:
         """Add a piece that stands in no room to the room that it reaches into most, if by more than LEAST.
 
         It is marked as not known, so that it stays where it is.
@@ -142,21 +143,24 @@ class Storey(Generic[P]):
         if most is not None and shared[most] > LEAST:
             beside[most].pieces.append(replace(piece, known=False))
 
-    def _passages(self, room: DrawnRoom[P], walls: Sequence[Wall], gaps: Sequence[DrawnOpening]) -> list[DrawnOpening]:
+    def _passages(
+        self, room: DrawnRoom[P], walls: Sequence[Wall], openings: Sequence[DrawnOpening]
+    ) -> list[DrawnOpening]:
         """Return where a floor adjoins another room's with no wall or opening between, as doors.
 
         Each lies along one side of the floor, is at least PASSAGE wide, and keeps NEAR off corners, walls and openings.
         """
         near = [self.rooms[k] for k in sorted(self._traced.query(room.floor.buffer(NEAR), predicate="intersects"))]
         floors = [other.floor for other in near if other is not room]
-        beside = [floor for floor in floors if floor.intersection(room.floor).area < ROOM]  # without slabs and ceilings
-        solid = [*(wall.body for wall in walls), *(gap.shape for gap in gaps)]
+        # Without slabs and ceilings.
+        beside = [floor for floor in floors if floor.intersection(room.floor).area < MIN_ROOM_AREA]
+        solid = [*(wall.body for wall in walls), *(opening.shape for opening in openings)]
         border = room.floor.exterior.intersection(shapely.union_all(beside).buffer(NEAR))
         ends = shapely.MultiPoint(room.floor.exterior.coords)
         ways = shapely.get_parts(border.difference(shapely.union_all([*solid, ends]).buffer(NEAR)))
         return [DrawnOpening("door", way.buffer(FILM, cap_style="flat"), way) for way in ways if way.length >= PASSAGE]
 
-    def finished(
+    def make_rooms(
         self,
         names: Names,
         group: str,
@@ -182,7 +186,7 @@ class Storey(Generic[P]):
                 self.notes.append(f"{self.prefix}: {said}: {called}{more}{why}")
         taken: set[str] = set()
         bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
-        shapes = shapely.STRtree([gap.shape for gap in self.gaps])
+        shapes = shapely.STRtree([opening.shape for opening in self.openings])
         for drawn in self.rooms:
             room_id = f"{self.prefix}/{unused(drawn.label, taken)}"
             told = names.room_type(drawn.name, [piece.item.category for piece in drawn.pieces])
@@ -193,16 +197,17 @@ class Storey(Generic[P]):
                 continue
             standing = _tucked([piece.item for piece in drawn.pieces])
             pieces = [replace(piece, item=item) for piece, item in zip(drawn.pieces, standing, strict=True)]
-            items = lifted(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
+            items = to_place_anew(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
-            near = [self.gaps[k] for k in sorted(shapes.query(about, predicate="intersects"))]
-            gaps = sorted(near, key=lambda gap: gap.kind != "door")  # doors first: of two in one place the first counts
-            del gaps[MOST_OPENINGS:]
+            near = [self.openings[k] for k in sorted(shapes.query(about, predicate="intersects"))]
+            # Doors first: of two in one place the first counts.
+            openings = sorted(near, key=lambda opening: opening.kind != "door")
+            del openings[MOST_OPENINGS:]
             walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
             if walls:
-                gaps += self._passages(drawn, walls, gaps)
+                openings += self._passages(drawn, walls, openings)
             try:
-                room, held = room_of(room_id, kind, drawn.floor, walls, gaps, items, group)
+                room, held = room_of(room_id, kind, drawn.floor, walls, openings, items, group)
             except RoomError as error:
                 self.left_out.append((room_id, str(error)))
                 continue

@@ -23,11 +23,11 @@ from layoutrl.rooms.sources.plans import (
     WET_ROOMS,
     BadRow,
     Plan,
-    gaps_in,
     icons_in,
     inner_area,
     kind_of,
     near_copies,
+    openings_in,
     read_plan,
 )
 
@@ -109,8 +109,8 @@ def _room(room_id: str, plan: Plan, face: int, room_type: str, snapped: bool, gr
     outline = metres(inner.exterior.coords)
     holes = tuple(metres(hole.coords) for hole in inner.interiors)
     openings: list[Opening] = []
-    for gap in gaps_in(plan, face, inner):
-        opening = Opening(gap.kind, metres(gap.shape.exterior.coords))
+    for in_plan in openings_in(plan, face, inner):
+        opening = Opening(in_plan.kind, metres(in_plan.shape.exterior.coords))
         if not is_drawn_before(opening.shape, [other.shape for other in openings]):
             openings.append(opening)
     drawn, moved = [], []

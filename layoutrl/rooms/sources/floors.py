@@ -14,10 +14,10 @@ from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.room import RoomError, without_narrow
 from layoutrl.rooms.sources.fields import lengths
 
-NARROW = 0.18  # metres: narrower parts of a floor do not count
-JOG = 0.04  # metres: smaller jogs of a floor's border are slips of the hand
+MIN_FLOOR_WIDTH = 0.18  # metres: narrower parts of a floor do not count
+MAX_JOG = 0.04  # metres: smaller jogs of a floor's border are slips of the hand
 LEAN = 1.0  # degrees: sides of a floor that lean less from an axis do so by a slip
-ROOM = 1.0  # square metres: smaller areas that walls cut off or enclose are no rooms
+MIN_ROOM_AREA = 1.0  # square metres: smaller areas that walls cut off or enclose are no rooms
 MOST_CROSSING = 100  # corners: a border with more must not cross itself
 
 
@@ -43,23 +43,23 @@ def tidy(floor: Polygon, walls: shapely.Geometry | None) -> list[Polygon]:
     """Return the parts of a floor that walls leave, without narrow strips and small jogs, the largest first.
 
     People trace thresholds of doors and jogs of a few centimetres, and one floor through a door frame, on both sides of
-    a wall. Parts of at most ROOM are left out, but for the largest. Raises RoomError where nothing is left.
+    a wall. Parts of at most MIN_ROOM_AREA are left out, but for the largest. Raises RoomError where nothing is left.
     """
     free = floor if walls is None else floor.difference(walls)
-    first, *others = parts_of(without_narrow(free, NARROW))
-    return [_straight(part) for part in (first, *(part for part in others if part.area > ROOM))]
+    first, *others = parts_of(without_narrow(free, MIN_FLOOR_WIDTH))
+    return [_straight(part) for part in (first, *(part for part in others if part.area > MIN_ROOM_AREA))]
 
 
 def _straight(part: Polygon) -> Polygon:
     # Normalised first: a ring that starts at its lowest left point starts at a true corner.
-    simple = part.normalize().simplify(JOG)
+    simple = part.normalize().simplify(MAX_JOG)
     straight = Polygon(_upright(simple.exterior.coords[:-1]), [h.coords for h in simple.interiors])
     return orient(straight if straight.is_valid else simple)
 
 
 def parts_of(shape: shapely.Geometry) -> list[Polygon]:
     """Return the parts of a floor, the largest first, without tiny ones. Raises RoomError where none is left."""
-    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon) and part.area > NARROW**2]
+    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon) and part.area > MIN_FLOOR_WIDTH**2]
     if not parts:
         raise RoomError("outline", "expected a floor; it has no area to stand on")
     return sorted(parts, key=lambda part: -part.area)

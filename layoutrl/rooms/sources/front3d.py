@@ -84,7 +84,7 @@ def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
         house: Storey[Piece] = Storey(name)
         with collection.or_left_out(str(file)):
             _draw(house, loaded(_text(file)), models, names)
-            collection.rooms += [room for room, _ in house.finished(names, name, room_type)]
+            collection.rooms += [room for room, _ in house.make_rooms(names, name, room_type)]
         collection.left_out += house.left_out
         collection.notes += house.notes
     collection.notes += names.notes()
@@ -132,15 +132,15 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
         placed += children
         drawn = [meshes[ref] for _, ref in children if ref in meshes]
         floors = [mesh for mesh in drawn if mesh["type"] == "Floor"]
-        house.draw(name, label, partial(_floor, floors))
-        house.gaps += [gap for mesh in drawn if mesh["type"] in OPENINGS and (gap := _gap(mesh))]
+        house.add_room(name, label, partial(_floor, floors))
+        house.openings += [opening for mesh in drawn if mesh["type"] in OPENINGS and (opening := _opening(mesh))]
     astray = sum(ref is not None and ref not in meshes and ref not in furniture for _, ref in placed)
     for piece in [each for each in unnamed if not names.is_decor(*_said(each))][:astray]:  # only so many can be placed
         house.odd[_called(piece)] += 1
     titled = [(child, furniture[ref]) for child, ref in placed if _title(furniture.get(ref)) in WIDTH]
-    for child, given in titled if not house.gaps else ():  # these count only where no mesh is an opening
+    for child, given in titled if not house.openings else ():  # these count only where no mesh is an opening
         with house.or_left_out(_called(given)):
-            house.gaps.append(_titled(child, _title(given)))
+            house.openings.append(_titled(child, _title(given)))
     for child, ref in placed:
         given = furniture.get(ref)
         if ref is None:
@@ -148,7 +148,7 @@ def _draw(house: Storey[Piece], document: Any, models: Mapping[str, Any], names:
         elif given and given.get("valid") is not False and _title(given) not in WIDTH:  # it is False for broken ones
             with house.or_left_out(_called(given), partial(names.is_decor, *_said(given))):
                 if piece := _piece(child, given, models, names, house.unsized):
-                    house.put(piece)
+                    house.add_piece(piece)
 
 
 def _ref(child: Any) -> str | int | None:
@@ -209,7 +209,7 @@ def _corners(mesh: Any) -> np.ndarray:
     return points[:, [0, 2]] * (1, -1)
 
 
-def _gap(mesh: Any) -> DrawnOpening | None:
+def _opening(mesh: Any) -> DrawnOpening | None:
     shape = shapely.MultiPoint(_corners(mesh)).minimum_rotated_rectangle
     if not isinstance(shape, Polygon) or shape.area < TOLERANCE**2:
         return None

@@ -109,7 +109,7 @@ def opens(element: Element) -> bool:
     return element.tag == OPENING or element.flag("doorOrWindow", False)
 
 
-def gaps_of(element: Element) -> list[DrawnOpening]:
+def openings_of(element: Element) -> list[DrawnOpening]:
     """Return the part of a door or window that lies in its wall, without an open leaf or a sill of the model.
 
     The list is empty where that part is too small.
@@ -134,11 +134,11 @@ def gaps_of(element: Element) -> list[DrawnOpening]:
     return [DrawnOpening("window" if window or high else "door", shape, axis)]
 
 
-def stack(elements: list[Element], held: set[int], on: dict[int, list[Element]]) -> None:
-    """Find which pieces others carry: add to `held` those that are carried, and to `on` those that stand on each.
+def find_supports(elements: list[Element], carried: set[int], standing_on: dict[int, list[Element]]) -> None:
+    """Find which pieces others carry: add these to `carried`, and to `standing_on` those that stand on each.
 
-    Both know pieces by `Element.start`. A piece is held if its centre is over another that begins lower and reaches up
-    to it. It stands on that one if it begins no lower than its top, or than its `dropOnTopElevation`: of several, on
+    Both know pieces by `Element.start`. A piece is carried if its centre is over another that begins lower and reaches
+    up to it. It stands on that one if it begins no lower than its top, or than its `dropOnTopElevation`: of several, on
     the largest, and only if the home lets it move.
     """
 
@@ -157,25 +157,25 @@ def stack(elements: list[Element], held: set[int], on: dict[int, list[Element]])
         reached = over & (low > low[k]) & (low < high[k] + TOP)
         hung |= reached
         host[reached & (low > max(top[k] - TOP, FLATTEST))] = k
-    held |= {elements[k].start for k in np.flatnonzero(hung)}
+    carried |= {elements[k].start for k in np.flatnonzero(hung)}
     for element, k in zip(elements, host, strict=True):
         if k >= 0 and element.flag("movable", True):
-            on.setdefault(elements[k].start, []).append(element)
+            standing_on.setdefault(elements[k].start, []).append(element)
 
 
-def aboard(start: int, on: Mapping[int, list[Element]]) -> list[Element]:
+def all_standing_on(start: int, standing_on: Mapping[int, list[Element]]) -> list[Element]:
     """Return what stands on a piece, directly or on what stands on it."""
-    found = [*on.get(start, ())]
+    found = [*standing_on.get(start, ())]
     for each in found:  # also those that are added here
-        found += on.get(each.start, ())
+        found += standing_on.get(each.start, ())
     return found
 
 
-def piece_of(element: Element, names: Names, held: bool) -> HomePiece | None:
+def piece_of(element: Element, names: Names, carried: bool) -> HomePiece | None:
     """Return a piece that stands on the floor, or None.
 
     A group is one piece, its bounding box, called by its own name or, if that is unknown, as its largest known part.
-    What hangs over the floor of bathrooms is in the way there, unless it is `held` by another piece. Bathtubs and
+    What hangs over the floor of bathrooms is in the way there, unless it is `carried` by another piece. Bathtubs and
     shower trays count however low they are: they are no rugs.
     """
     elevation, height = element.number("elevation", 0.0) / 100, element.number("height", 100.0) / 100
@@ -189,7 +189,7 @@ def piece_of(element: Element, names: Names, held: bool) -> HomePiece | None:
     parts = sorted(inner, key=lambda e: -e.number("width") * e.number("depth"))
     called = next((part for part in (element, *parts) if names.knows(*part.names)), element)
     kind = names.kind(*called.names)
-    highest = HUNG if kind in DESIGNED["bathroom"] and height >= FLATTEST and not held else HIGHEST
+    highest = HUNG if kind in DESIGNED["bathroom"] and height >= FLATTEST and not carried else HIGHEST
     if elevation > highest or (height < FLATTEST and kind not in FLAT):
         return None
     found = names.category(*called.names)

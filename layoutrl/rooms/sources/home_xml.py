@@ -61,7 +61,7 @@ class Element:
             raise RoomError(f"{self.called}: {name}", f"expected a number of at most {LARGEST:g}; got {found}")
         return value
 
-    def has(self, name: str, value: float) -> bool:
+    def equals(self, name: str, value: float) -> bool:
         """Whether an attribute has this value already, up to rounding and full turns; a missing one is 0."""
         off = self.number(name, 0.0) - value
         if name == "angle":

@@ -77,7 +77,7 @@ class Row(NamedTuple):
         return LineString(self.ends)
 
 
-class Gap(NamedTuple):
+class FaceOpening(NamedTuple):
     """A door or window in the wall of one face, in pixels: a band just outside the inner outline."""
 
     kind: Literal["door", "window"]
@@ -287,7 +287,7 @@ def inner_area(plan: Plan, face: int) -> Polygon:
     return orient(largest.normalize().simplify(CORNER))
 
 
-def gaps_in(plan: Plan, face: int, inner: Polygon) -> Iterator[Gap]:
+def openings_in(plan: Plan, face: int, inner: Polygon) -> Iterator[FaceOpening]:
     """The doors and windows in the walls of a face, each clipped to the wall that it lies in."""
     corners = np.array(inner.exterior.coords)
     lengths = np.hypot(*np.diff(corners, axis=0).T)
@@ -312,7 +312,7 @@ def gaps_in(plan: Plan, face: int, inner: Polygon) -> Iterator[Gap]:
             continue
         near = _slack(ENTRANCE, plan.extent)
         entrance = any(row.line.distance(entrance.box) <= near for entrance in plan.rows["entrance"])
-        yield Gap(
+        yield FaceOpening(
             "window" if beyond is None and not entrance else "door",
             Polygon((p, p + across, q + across, q)),
             [] if beyond is None else plan.labels[beyond],
@@ -342,11 +342,11 @@ def _scales(plan: Plan) -> Iterator[float]:
         x0, y0, x1, y1 = inner.bounds
         sides = sorted((x1 - x0, y1 - y0))
         yield from (known / side for known, side in zip(ROOM_SIZE.get(kind, ()), sides, strict=False))
-        for gap in gaps_in(plan, face, inner):
+        for opening in openings_in(plan, face, inner):
             # Only hinged doors between rooms: those of closets and balconies are wider.
-            between_rooms = not {"closet", "balcony"}.intersection(map(kind_of, gap.beyond))
-            if gap.kind == "door" and gap.drawn.style in HINGED and between_rooms:
-                yield DOOR_WIDTH[kind] / gap.drawn.line.length
+            between_rooms = not {"closet", "balcony"}.intersection(map(kind_of, opening.beyond))
+            if opening.kind == "door" and opening.drawn.style in HINGED and between_rooms:
+                yield DOOR_WIDTH[kind] / opening.drawn.line.length
     for category in ICONS:
         for row in plan.rows[category]:
             short, long = sorted((abs(row.x1 - row.x0), abs(row.y1 - row.y0)))

@@ -143,13 +143,13 @@ def _add(
         document = loaded(house) if isinstance(house, bytes) else house
         for room in document["rooms"]:
             number = str(room["id"]).rpartition("|")[2]
-            storey.draw(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
-        storey.gaps = list(_gaps(document))
+            storey.add_room(str(room["roomType"]), f"{room['roomType']} {number}"[:60], partial(_floor, room))
+        storey.openings = list(_openings(document))
         for thing in document["objects"]:
             with storey.or_left_out(_called(thing)):
                 if piece := _piece(thing, sizes, names, storey.unsized):
-                    storey.put(piece)
-        collection.rooms += [room for room, _ in storey.finished(names, label, room_type)]
+                    storey.add_piece(piece)
+        collection.rooms += [room for room, _ in storey.make_rooms(names, label, room_type)]
     collection.left_out += storey.left_out
     collection.notes += storey.notes
 
@@ -168,7 +168,7 @@ def _foot(wall: Any) -> tuple[tuple[float, float], tuple[float, float]]:
     return first, last
 
 
-def _gaps(house: Any) -> Iterator[DrawnOpening]:
+def _openings(house: Any) -> Iterator[DrawnOpening]:
     """Yield the doors and windows. Walls have no thickness here: openings are as deep as the walls that are assumed."""
     kinds: tuple[Literal["door", "window"], ...] = ("door", "window")
     pierced = {opening["wall0"] for kind in kinds for opening in house[f"{kind}s"]}

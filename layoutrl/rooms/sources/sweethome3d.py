@@ -19,7 +19,7 @@ from xml.parsers import expat
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import lifted
+from layoutrl.rooms.brief import to_place_anew
 from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
@@ -27,11 +27,11 @@ from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.sources.drawn import Storey, unused
 from layoutrl.rooms.sources.home_parts import (
     HomePiece,
-    aboard,
-    gaps_of,
+    all_standing_on,
+    find_supports,
+    openings_of,
     opens,
     piece_of,
-    stack,
     traced,
     visible,
     walls_of,
@@ -151,8 +151,8 @@ def _home(
     moved = None if move is None else names_in(move)
     levels: dict[str, str | None] = {}  # of rooms, by their ids
     for level, storey in storeys.items():
-        held = storey.finished(names, name, room_type, lambda piece: _moves(piece, moved, False), or_else)
-        for read, pieces in held:
+        made = storey.make_rooms(names, name, room_type, lambda piece: _moves(piece, moved, False), or_else)
+        for read, pieces in made:
             home.collection.rooms.append(read)
             home.pieces[read.id] = pieces
             levels[read.id] = level
@@ -241,30 +241,30 @@ def _storeys(
         if element.tag == "wall" and storey.walls is not None:
             storey.walls += walls_of(element)
         for each in visible(element):
-            storey.gaps += gaps_of(each) if opens(each) else []
+            storey.openings += openings_of(each) if opens(each) else []
     for level in hidden:
         if beside := storeys.get(first[heights[level]]):
             name = named[level].attributes.get("name") or str(level)
             beside.notes.append(f"{beside.prefix}: the level {name!r} of its elevation is hidden, and is not read")
     _draw_rooms(elements, storeys, level_of)
     furniture = [e for e in elements if e.tag in (*PIECES, GROUP) and not opens(e) and e.flag("visible", True)]
-    held: set[int] = set()
-    on: dict[int, list[Element]] = {}
+    carried: set[int] = set()
+    standing_on: dict[int, list[Element]] = {}
     for level in storeys:
-        stack([element for element in furniture if level_of[element.start] == level], held, on)
-    resting = {each.start for those in on.values() for each in those}
-    seen = {e.start: piece for e in furniture if (piece := piece_of(e, names, e.start in held))}
+        find_supports([element for element in furniture if level_of[element.start] == level], carried, standing_on)
+    resting = {each.start for those in standing_on.values() for each in those}
+    seen = {e.start: piece for e in furniture if (piece := piece_of(e, names, e.start in carried))}
     pieces = {k: piece for k, piece in seen.items() if piece.known or k not in resting}  # a bed may rest on a platform
     outside, walled = [], []
     for start, piece in pieces.items():
         level = level_of[start]
         storey = storeys[level]
-        piece = replace(piece, on=tuple(e for e in aboard(start, on) if e.start not in pieces))
-        if storey.put(piece):
+        piece = replace(piece, on=tuple(e for e in all_standing_on(start, standing_on) if e.start not in pieces))
+        if storey.add_piece(piece):
             continue
         if storey.building.intersects(piece.item.footprint):
             if piece.known:  # others, as a rail or a gutter, are part of the building
-                storey.leave(piece)
+                storey.add_immovable(piece)
             walled.append(piece)
         else:
             outside.append((level, piece))
@@ -287,11 +287,11 @@ def _draw_rooms(
         raise RoomError("room", f"expected at most {MOST_PAIRS // walls} rooms beside {walls} walls; got {count}")
     for number, element in enumerate(rooms, 1):
         called = (element.attributes.get("name") or "").strip()
-        storeys[level_of[element.start]].draw(called, _label(called or f"room {number}"), partial(traced, element))
+        storeys[level_of[element.start]].add_room(called, _label(called or f"room {number}"), partial(traced, element))
     for level, floors in enclosed.items():
         storey = storeys[level]
         for number, floor in enumerate(floors, 1):
-            storey.draw("", f"room {number}", partial(Polygon, floor))
+            storey.add_room("", f"room {number}", partial(Polygon, floor))
         if floors:
             said = "no room is drawn; what walls enclose is taken for one (Create rooms draws them, with names)"
             storey.notes.append(f"{storey.prefix}: {said}")
@@ -365,7 +365,7 @@ def _park(
         home.collection.notes.append(f"{chosen}: gets {called} {said}")
     for k, room in enumerate(home.rooms):
         items = (*room.furniture, *given[room.id])
-        home.rooms[k] = replace(room, furniture=lifted(items, range(len(room.furniture), len(items))))
+        home.rooms[k] = replace(room, furniture=to_place_anew(items, range(len(room.furniture), len(items))))
 
 
 def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:
@@ -387,7 +387,7 @@ def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:
         place = new + (complex(each.number("x"), each.number("y")) - old) * cmath.rect(1, turn)
         angle = (each.number("angle", 0.0) + turn) % math.tau
         values = {"x": place.real, "y": place.imag, "angle": angle}
-        changes[each.start] = {name: value for name, value in values.items() if not each.has(name, value)}
+        changes[each.start] = {name: value for name, value in values.items() if not each.equals(name, value)}
         if piece.level is not None:
             changes[each.start]["level"] = piece.level
     return changes

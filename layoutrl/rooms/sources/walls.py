@@ -75,14 +75,14 @@ def room_of(
     room_type: str,
     floor: Polygon,
     walls: Sequence[Wall] | None,
-    gaps: Iterable[DrawnOpening],
+    drawn_openings: Iterable[DrawnOpening],
     furniture: Sequence[Item],
     group: str,
 ) -> tuple[Room, dict[int, Item]]:
     """Return a room around a tidy floor, and the items of `furniture` that it holds, by index, as `cut_to` has them.
 
     `walls` are all that are near, of which each side takes the one along it; None where the format draws none. Those of
-    `gaps` that lie in its walls become its doors and windows. Raises RoomError where no room can be made.
+    `drawn_openings` that lie in its walls become its doors and windows. Raises RoomError where no room can be made.
     """
     floor = shapely.set_precision(floor, 10.0**-DIGITS)
     floor = orient(parts_of(floor)[0])
@@ -90,21 +90,21 @@ def room_of(
     strips = _strips(outline, walls)
     band = shapely.union_all(strips).difference(Polygon(outline))
     openings: list[DrawnOpening] = []
-    for gap in gaps:
-        width = math.hypot(*gap.sides[0])
-        for ring in rings(_drawn_out(gap).intersection(band)):
+    for drawn in drawn_openings:
+        width = math.hypot(*drawn.sides[0])
+        for ring in rings(_drawn_out(drawn).intersection(band)):
             shape = Polygon(ring)
             beside = shape.buffer(TOLERANCE).intersection(floor.exterior).length
             if beside > width / 2 and not is_drawn_before(shape, [other.shape for other in openings]):
-                openings.append(DrawnOpening(gap.kind, shape))
+                openings.append(DrawnOpening(drawn.kind, shape))
     document: dict[str, object] = {
         "id": room_id,
         "room_type": room_type,
         "outline": [list(corner) for corner in outline],
         "holes": [[list(corner) for corner in hole] for hole in holes],
         "walls": [{"polygon": wall} for wall in _walls(strips, floor, openings)],
-        "doors": [{"polygon": _list(gap.shape)} for gap in openings if gap.kind == "door"],
-        "windows": [{"polygon": _list(gap.shape)} for gap in openings if gap.kind == "window"],
+        "doors": [{"polygon": _list(opening.shape)} for opening in openings if opening.kind == "door"],
+        "windows": [{"polygon": _list(opening.shape)} for opening in openings if opening.kind == "window"],
         "furniture": [],
         "group": group,
     }
@@ -171,7 +171,7 @@ def _depth(
 
 def _walls(strips: list[Polygon], floor: Polygon, openings: list[DrawnOpening]) -> list[list[list[float]]]:
     """Return the walls: strips without floor, openings and earlier strips, and columns, which are solid."""
-    taken = shapely.union_all([Polygon(floor.exterior), *(gap.shape for gap in openings)])
+    taken = shapely.union_all([Polygon(floor.exterior), *(opening.shape for opening in openings)])
     walls = [[list(corner) for corner in hole.coords[:-1]] for hole in floor.interiors]
     for strip in strips:
         kept = without_films(strip.difference(taken), 1e-6)
@@ -180,11 +180,11 @@ def _walls(strips: list[Polygon], floor: Polygon, openings: list[DrawnOpening]) 
     return walls
 
 
-def _drawn_out(gap: DrawnOpening) -> Polygon:
+def _drawn_out(opening: DrawnOpening) -> Polygon:
     """An opening, deeper by ACROSS on both sides."""
-    along, through = gap.sides
+    along, through = opening.sides
     degrees = math.degrees(math.atan2(along[1], along[0]))
-    center = gap.shape.minimum_rotated_rectangle.centroid
+    center = opening.shape.minimum_rotated_rectangle.centroid
     return oblong(center.x, center.y, math.hypot(*along), math.hypot(*through) + 2 * ACROSS, degrees)
 
 
