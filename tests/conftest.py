@@ -88,7 +88,7 @@ def small_planit(small_networks: None, monkeypatch: pytest.MonkeyPatch) -> None:
 CONTENT = {
     "layoutrl.evaluation.furnishing.AFRESH": 1,
     "layoutrl.evaluation.furnishing.ELSEWHERE": 1,
-    "layoutrl.evaluation.choosing.LOOKED_AT": (1, 4),
+    "layoutrl.evaluation.choosing.TRIED_UP_TO": (1, 4),
 }
 
 

@@ -59,7 +59,7 @@ class EveryMove:
         pose, action = torch.ones_like(legal).nonzero().unbind(1)
         room, before = room[pose], position[pose]
         times = 2 ** torch.randint(self.repeats.bit_length(), room.shape, generator=generator, device=room.device)
-        after, stands = before.clone(), self.worth(room, before)
+        after, stands = before.clone(), self.reward(room, before)
         gained, discounts = torch.zeros_like(stands), torch.ones_like(stands)
         goes = torch.arange(len(room), device=room.device)  # the moves that are still repeated
         for made in range(self.repeats):
@@ -70,26 +70,26 @@ class EveryMove:
             length, can = (each.gather(1, action[goes, None]).squeeze(1) for each in reach)
             goes, length = goes[can], length[can]
             there = simulator.moved(room[goes], after[goes], action[goes], length)
-            worth = self.worth(room[goes], there)
-            keeps = worth - stands[goes] >= (-MAY_LOSE if made else -torch.inf)
-            goes, there, worth = goes[keeps], there[keeps], worth[keeps]
-            gained[goes] += discounts[goes] * (worth - stands[goes])
+            reward = self.reward(room[goes], there)
+            keeps = reward - stands[goes] >= (-MAY_LOSE if made else -torch.inf)
+            goes, there, reward = goes[keeps], there[keeps], reward[keeps]
+            gained[goes] += discounts[goes] * (reward - stands[goes])
             discounts[goes] *= discount
-            after[goes], stands[goes] = there, worth
+            after[goes], stands[goes] = there, reward
         return legal, Transitions(room, before, action, gained, discounts, after, simulator.reach(room, after)[1])
 
-    def worth(self, room: Tensor, position: Tensor) -> Tensor:
+    def reward(self, room: Tensor, position: Tensor) -> Tensor:
         """Return the rewards of poses (B,), divided by REWARD_SCALE."""
         return self.simulator.reward(room, position).total / REWARD_SCALE
 
-    def q_made(self, learned: Tensor, legal: Tensor, action: Tensor, worth: Tensor, updates: int) -> Tensor:
+    def q_made(self, learned: Tensor, legal: Tensor, action: Tensor, reward: Tensor, updates: int) -> Tensor:
         """Return Q (B,) of one action (B,) of each pose, of rewards / 100, as `DQN.update` learns it.
 
-        It follows from the network's output `learned` (B, A) and the `worth` (B,) of the poses: Q of the gains is
-        (1 - discount) Q - worth. Where no move is legal, nothing is gained.
+        It follows from the network's output `learned` (B, A) and the `reward` (B,) of the poses: Q of the gains is
+        (1 - discount) Q - reward. Where no move is legal, nothing is gained.
         """
         gained = gains(learned, legal).gather(1, action[:, None]).squeeze(1).where(legal.any(1), 0.0)
-        return (worth + gained) / (1 - self.discount_at(updates))
+        return (reward + gained) / (1 - self.discount_at(updates))
 
     @torch.no_grad()
     def target(

@@ -30,7 +30,7 @@ from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.brief import brief_of, upright
 from layoutrl.rooms.room import Room
 
-LOOKED_AT = 1024  # starts tried at once: the first block mostly tells whether an item can move
+STARTS_AT_ONCE = 1024  # starts tried at once: the first block mostly tells whether an item can move
 
 
 class Agent(NamedTuple):
@@ -137,7 +137,7 @@ def can_move(simulator: BatchSimulator) -> bool:
     """Return whether a move is legal from any of the starts that are drawn, one or more in each room."""
     generator = torch.Generator(simulator.device).manual_seed(0)  # its own: training does not depend on it
     rooms = len(simulator.rooms)
-    starts = torch.tensor(np.resize(np.arange(rooms), max(rooms, LOOKED_AT)), device=simulator.device)
+    starts = torch.tensor(np.resize(np.arange(rooms), max(rooms, STARTS_AT_ONCE)), device=simulator.device)
     return any(
-        bool(simulator.reach(room, simulator.starts(room, generator))[1].any()) for room in starts.split(LOOKED_AT)
+        bool(simulator.reach(room, simulator.starts(room, generator))[1].any()) for room in starts.split(STARTS_AT_ONCE)
     )

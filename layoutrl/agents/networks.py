@@ -22,7 +22,7 @@ WAVES = (1.0, 0.25)  # metres: wavelengths of its sines, so that a centimetre is
 BLOCK = 32  # pictures convolved at once on a CPU
 SHOWN = len(SCALES) + 2 * len(WAVES)  # numbers for a distance
 RELATIONS = 6 * SHOWN  # numbers for four gaps and two offsets of an element
-WAYS = (12 + 6 + 4) * SHOWN  # for clearances, differences of opposite ones, and slides
+CLEARANCE_NUMBERS = (12 + 6 + 4) * SHOWN  # for clearances, differences of opposite ones, and slides
 
 
 @contextmanager
@@ -88,12 +88,12 @@ class GeometryNetwork(nn.Module):
             nn.ReLU(inplace=True),
         )
         self.itself = nn.Linear(element_width, element_width)
-        self.others = nn.Linear(pooled + seen + WAYS, element_width)
+        self.others = nn.Linear(pooled + seen + CLEARANCE_NUMBERS, element_width)
         self.again = nn.Sequential(
             nn.ReLU(inplace=True), nn.Linear(element_width, element_width), nn.ReLU(inplace=True)
         )
         self.trunk = nn.Sequential(
-            nn.Linear(2 * pooled + seen + WAYS, width),
+            nn.Linear(2 * pooled + seen + CLEARANCE_NUMBERS, width),
             nn.ReLU(inplace=True),
             nn.Linear(width, width),
             nn.ReLU(inplace=True),
@@ -103,7 +103,11 @@ class GeometryNetwork(nn.Module):
     def knowing(self, more: int) -> GeometryNetwork:
         """Return a copy whose input has `more` further columns, the last ones, with weights of zero."""
         wider = copy.deepcopy(self)
-        for layer, behind in ((wider.element[0], RELATIONS), (wider.others, WAYS), (wider.trunk[0], WAYS)):
+        for layer, behind in (
+            (wider.element[0], RELATIONS),
+            (wider.others, CLEARANCE_NUMBERS),
+            (wider.trunk[0], CLEARANCE_NUMBERS),
+        ):
             assert isinstance(layer, nn.Linear)
             seen, rest = layer.weight.tensor_split([-behind], 1)
             layer.weight = nn.Parameter(torch.cat([seen, seen.new_zeros(len(seen), more), rest], 1))
@@ -127,8 +131,8 @@ class GeometryNetwork(nn.Module):
         clearance = torch.stack([to_border, to_item, torch.minimum(to_border, to_item)])  # (3, 4, B)
         uncentred = clearance[:, ::3] - clearance[:, 1:3]  # right less left, up less below
         slides = _slides(gap, border, item, ahead)
-        ways = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), slides]).T
-        known = torch.cat([_pooled(described), elements[:, 0, Y + 1 :], _shown(ways)], -1)
+        distances = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), slides]).T
+        known = torch.cat([_pooled(described), elements[:, 0, Y + 1 :], _shown(distances)], -1)
 
         heard = self.itself(described.flatten(0, 1)).unflatten(0, shape) + self.others(known)[:, None]
         described = self.again(heard.flatten(0, 1)).unflatten(0, shape) * present

@@ -125,7 +125,7 @@ class Training:
         with self._watch("act"):
             observation = self._observe(running.room, running.position)
             greedy = self.agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
-            epsilon = running.explore_by(self._epsilon(self.agent.updates))
+            epsilon = running.set_exploration(self._epsilon(self.agent.updates))
             action = explore(greedy, running.legal, epsilon, self._explore_rng)
         with self._watch("simulate"):
             step = running.step(action)
@@ -154,7 +154,7 @@ class Training:
         """An update from the moves that were made."""
         with self._watch("sample"):
             next_observation = self._observe(sampled.room, sampled.next_position)
-            turned = _turned(self._observe, self._symmetries, sampled, observation, next_observation)
+            turned = _in_every_symmetry(self._observe, self._symmetries, sampled, observation, next_observation)
         with self._watch("learn"):
             return self.agent.update(*turned)
 
@@ -165,14 +165,14 @@ class Training:
             next_observation = self._observe(moves.room, moves.next_position)
         with self._watch("learn"):
             target = every_move.target(self.agent.target, legal, moves, observation, next_observation)
-            legal, target = (_in_turn(self._symmetries, values) for values in (legal, target))
-            action, updates = _moves_in_turn(self._symmetries, sampled.action), self.updates
-            worth = every_move.worth(sampled.room, sampled.position)
+            legal, target = (_values_in_every_symmetry(self._symmetries, values) for values in (legal, target))
+            action, updates = _moves_in_every_symmetry(self._symmetries, sampled.action), self.updates
+            reward = every_move.reward(sampled.room, sampled.position)
             return self.agent.update_every_move(
                 legal,
                 target,
                 in_every_view(self._observe, self._symmetries, observation),
-                lambda learned: every_move.q_made(learned, legal, action, worth, updates),
+                lambda learned: every_move.q_made(learned, legal, action, reward, updates),
             )
 
     def _report(self) -> Progress:
@@ -230,7 +230,7 @@ def transitions(step: Step, discount: float) -> Transitions:
     return Transitions(step.room, step.position, step.action, reward, discounts, step.next_position, step.next_legal)
 
 
-def _turned(
+def _in_every_symmetry(
     observe: Observe, symmetries: Sequence[Symmetry], batch: Transitions, observation: Tensor, next_observation: Tensor
 ) -> tuple[Transitions, Tensor, Tensor]:
     """Return the transitions with an equal share of them in each symmetry: moves, legal moves and observations.
@@ -238,18 +238,18 @@ def _turned(
     Poses are left as they are: only their observations are read from here on.
     """
     turned = batch._replace(
-        action=_moves_in_turn(symmetries, batch.action),
-        next_legal=_in_turn(symmetries, batch.next_legal),
+        action=_moves_in_every_symmetry(symmetries, batch.action),
+        next_legal=_values_in_every_symmetry(symmetries, batch.next_legal),
     )
     observation, next_observation = (in_every_view(observe, symmetries, o) for o in (observation, next_observation))
     return turned, observation, next_observation
 
 
-def _moves_in_turn(symmetries: Sequence[Symmetry], action: Tensor) -> Tensor:
+def _moves_in_every_symmetry(symmetries: Sequence[Symmetry], action: Tensor) -> Tensor:
     """Map moves (B,) to what they become in the symmetries, an equal share of them in each."""
     return torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, action)])
 
 
-def _in_turn(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
+def _values_in_every_symmetry(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
     """Reorder values per move (B, A) to what the moves become in the symmetries, an equal share of rows in each."""
     return torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, by_move)])

@@ -18,7 +18,7 @@ from layoutrl.rooms.room import Room
 Begun = TypeVar("Begun")
 
 
-def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
+def rooms_or_default(rooms: Sequence[Room] | None) -> Sequence[Room]:
     """The rooms, or ten designed bedrooms where None are given. Raises InputError for any but a list of one or more."""
     if rooms is None:
         return design_rooms("bedroom", "train", seed=0, count=10).rooms
@@ -29,9 +29,9 @@ def given_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
     return rooms
 
 
-def standing_or_some(rooms: Sequence[Room] | None) -> Sequence[Room]:
-    """As `given_or_some`. Raises ValueError, too, where a room has no target, and InputError where it has no center."""
-    rooms = given_or_some(rooms)
+def rooms_with_targets_or_default(rooms: Sequence[Room] | None) -> Sequence[Room]:
+    """As `rooms_or_default`; also raises ValueError where a room has no target, InputError where that has no center."""
+    rooms = rooms_or_default(rooms)
     for room in rooms:
         if room.moving.center is None:
             raise InputError(

@@ -13,7 +13,7 @@ from layoutrl.env.geometry import snap
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.scenes import Scenes
 
-NEAR = (0.1, 0.3, 1.0)  # metres: standard deviations, equally likely, of starts near the designer's place
+NEAR_DEVIATIONS = (0.1, 0.3, 1.0)  # metres: standard deviations, equally likely, of starts near the designer's place
 
 
 class Step(NamedTuple):
@@ -59,8 +59,8 @@ class Episodes:
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
-    def explore_by(self, epsilon: float) -> float | Tensor:
-        """Return the probability of a random action at this exploration rate: here the same in all episodes."""
+    def set_exploration(self, epsilon: float) -> float | Tensor:
+        """Set the exploration rate; return the probability of a random action: here that rate, in all episodes."""
         return epsilon
 
     def step(self, action: Tensor) -> Step:
@@ -131,7 +131,7 @@ class Episodes:
             return room, anywhere
         share, designed = self._near
         chance = torch.rand(2, count, generator=self._generator, device=device)
-        deviation = torch.tensor(NEAR, device=device)[(chance[0] * len(NEAR)).long(), None]
+        deviation = torch.tensor(NEAR_DEVIATIONS, device=device)[(chance[0] * len(NEAR_DEVIATIONS)).long(), None]
         off = deviation * torch.randn(count, 2, generator=self._generator, device=device)
         beside = snap(designed[room] + off.double())
         begins_near = (chance[1] < share) & self._simulator.is_legal(room, beside)

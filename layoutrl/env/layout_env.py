@@ -18,7 +18,7 @@ from layoutrl.env.arguments import (
     checked_options,
     checked_room,
     given_or_default,
-    standing_or_some,
+    rooms_with_targets_or_default,
 )
 from layoutrl.env.geometry import snap
 from layoutrl.env.observation import observation_of
@@ -76,7 +76,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
             raise ValueError(f"on_illegal: expected drop or stop; got {on_illegal!r}")
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
-        rooms = standing_or_some(rooms)
+        rooms = rooms_with_targets_or_default(rooms)
         check_spaces(rooms, categories, elements, observation)
         self.simulator = Simulator(rooms, *given_or_default(moves, reward))
         self.max_moves = max_moves

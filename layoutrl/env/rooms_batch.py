@@ -31,15 +31,15 @@ class BatchRoomsSimulator:
         self.actions = simulator.actions
         self.device = torch.device(device)
         self.simulator = BatchSimulator(simulator.simulator, device, dtype)
-        self.count, self.ways, self.entry = (
-            torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.entry)
+        self.count, self.ways, self.room_index = (
+            torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.room_index)
         )
         quarters = np.floor(simulator.degrees / 90 + 0.5).astype(int) % 4  # halves up, not to even
         self.turns = torch.tensor(quarters, device=device)  # (rooms, N, 4): quarters, rounded, from facing right
         self._turns = torch.tensor(TURNS, device=device)
         # Footprints of the items (rooms, N), at their first rotation and a quarter further.
         like = torch.empty(0, device=device, dtype=dtype)
-        rows, most = simulator.entry.shape[:2]
+        rows, most = simulator.room_index.shape[:2]
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
         # If the reward counts it, the floor that is to be free before each item; if any of it fits, a simulator of it.
@@ -48,9 +48,9 @@ class BatchRoomsSimulator:
         if self._floors_count:
             floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
             self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
-            self._floor_entry, self._ahead, self._welcome = (
+            self._floor_index, self._ahead, self._welcome = (
                 torch.tensor(table, device=device)
-                for table in (simulator.floor_entry, simulator.ahead, simulator.welcome)
+                for table in (simulator.floor_index, simulator.ahead, simulator.welcome)
             )
 
         # The designer's places that each item may take, (rooms * N, T), and what their IoU counts in each quarter.
@@ -71,12 +71,12 @@ class BatchRoomsSimulator:
 
     def begin(self, room: Tensor, generator: torch.Generator) -> State[Tensor]:
         """Return rooms (B,) with none of the items to place, and draw the pose that each will have when it is taken."""
-        entry = self.entry.index_select(0, room)
-        chance = torch.rand(entry.shape, generator=generator, device=self.device)
-        quarter = chance.masked_fill(entry < 0, -1.0).argmax(2)
-        entry = entry.gather(2, quarter[..., None])[..., 0]
-        center = self.simulator.starts(entry.clamp(min=0).flatten(), generator).view(*entry.shape, 2)
-        return State(room, center, quarter, torch.zeros_like(entry, dtype=torch.bool), torch.zeros_like(room))
+        room_index = self.room_index.index_select(0, room)
+        chance = torch.rand(room_index.shape, generator=generator, device=self.device)
+        quarter = chance.masked_fill(room_index < 0, -1.0).argmax(2)
+        room_index = room_index.gather(2, quarter[..., None])[..., 0]
+        center = self.simulator.starts(room_index.clamp(min=0).flatten(), generator).view(*room_index.shape, 2)
+        return State(room, center, quarter, torch.zeros_like(room_index, dtype=torch.bool), torch.zeros_like(room))
 
     def put(self, state: State[Tensor], item: Tensor, center: Tensor, quarter: Tensor) -> State[Tensor]:
         """The states in which an item (B,) stands at centers (B, 2), turned by quarters (B,), and is what moves."""
@@ -96,7 +96,7 @@ class BatchRoomsSimulator:
         ways = self.ways[state.room, state.moving]
         turns = []
         for turn in self._turns:
-            as_turned = self.entry[state.room, state.moving, (quarter + turn) % ways]
+            as_turned = self.room_index[state.room, state.moving, (quarter + turn) % ways]
             fits = self.simulator.is_legal(as_turned.clamp(min=0), center)
             turns.append(fits & (ways > 1) & (as_turned >= 0))
         stands = state.stands.gather(1, state.moving[:, None])
@@ -107,8 +107,8 @@ class BatchRoomsSimulator:
 
     def steps(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
         """As `reach`, but of the moves and slides alone: (B, moves) each."""
-        entry, center, _ = self._moving(state)
-        return self.simulator.reach(entry, center, self._others(state))
+        room_index, center, _ = self._moving(state)
+        return self.simulator.reach(room_index, center, self._others(state))
 
     def moved(self, state: State[Tensor], action: Tensor, length: Tensor) -> State[Tensor]:
         """Return the states after an action (B,), which leads `length` (B,) metres far."""
@@ -121,27 +121,27 @@ class BatchRoomsSimulator:
 
     def reward(self, state: State[Tensor]) -> RewardTerms[Tensor]:
         """The reward of the moving item where it stands, among what stands now: terms (B,), 0 until one is taken."""
-        entry, center, quarter = self._moving(state)
-        which = state.room * self.entry.shape[1] + state.moving
+        room_index, center, quarter = self._moving(state)
+        which = state.room * self.room_index.shape[1] + state.moving
         if self._target_counts.shape[1]:
             there = self._target_center.index_select(0, which)
             targets = self._targets.footprints(which, there, torch.zeros_like(there[..., 0], dtype=torch.int64))
-            ious = self.simulator.ious(entry, center, targets)
+            ious = self.simulator.ious(room_index, center, targets)
             iou = (ious * self._target_counts[which, :, quarter]).amax(1)
         else:
-            iou = torch.zeros(len(entry), device=self.device, dtype=self._target_counts.dtype)
+            iou = torch.zeros(len(room_index), device=self.device, dtype=self._target_counts.dtype)
         taken = self._floor_taken(state) if self._floors_count else None
-        terms = self.simulator.reward(entry, center, self._others(state), iou, taken)
+        terms = self.simulator.reward(room_index, center, self._others(state), iou, taken)
         stands = state.stands.gather(1, state.moving[:, None])[:, 0]
         return RewardTerms(*(term * stands for term in terms))
 
     def _floor_taken(self, state: State[Tensor]) -> Tensor:
         """As `RoomsSimulator.floor_taken`: (B,)."""
-        entry, center, quarter = self._moving(state)
-        floor = self._floor_entry[state.room, state.moving, quarter]
+        room_index, center, quarter = self._moving(state)
+        floor = self._floor_index[state.room, state.moving, quarter]
         middle = center + self._ahead[state.room, state.moving, quarter]
         item, stand = torch.arange(state.stands.shape[1], device=self.device), _others_stand(state)
-        taken = self._target_counts.new_zeros(len(entry))
+        taken = self._target_counts.new_zeros(len(room_index))
         if self._floors is not None:
             others = self._items.some(state, state.center, stand & ~self._welcome[state.room, state.moving])
             terms = self._floors.reward(floor.clamp(min=0), middle, others, taken)
@@ -149,14 +149,14 @@ class BatchRoomsSimulator:
         in_the_way = stand & ~self._welcome[state.room[:, None], item, state.moving[:, None]]
         middles = state.center + self._ahead[state.room[:, None], item, state.quarter]
         theirs = self._floor_table.some(state, middles, in_the_way)
-        return taken + self.simulator.ious(entry, center, theirs).sum(1)
+        return taken + self.simulator.ious(room_index, center, theirs).sum(1)
 
     def _moving(self, state: State[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Return the room of `simulator` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
         index = state.moving[:, None]
         quarter = state.quarter.gather(1, index)[:, 0]
         center = state.center.gather(1, index[..., None].expand(-1, 1, 2))[:, 0]
-        return self.entry[state.room, state.moving, quarter], center, quarter
+        return self.room_index[state.room, state.moving, quarter], center, quarter
 
     def _others(self, state: State[Tensor]) -> Footprints:
         """What stands and does not move."""

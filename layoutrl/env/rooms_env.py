@@ -21,7 +21,7 @@ from layoutrl.env.arguments import (
     checked_options,
     checked_room,
     given_or_default,
-    given_or_some,
+    rooms_or_default,
 )
 from layoutrl.env.measures import measured
 from layoutrl.env.render import furnished_picture
@@ -151,7 +151,7 @@ def simulator_of(
     items: int | None,
 ) -> tuple[RoomsSimulator, list[Room | None]]:
     """Return the simulator of the rooms and their designs, None for briefs. Raises ValueError for invalid arguments."""
-    given = given_or_some(rooms)
+    given = rooms_or_default(rooms)
     check_spaces(given, categories, elements)
     if items is not None:
         check_at_least_one(items=items)

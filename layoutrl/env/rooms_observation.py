@@ -68,7 +68,7 @@ class RoomsObservation:
         shell = np.insert(np.nan_to_num(padded(shell, of, len(rooms))), [STANDS, STANDS], 0.0, axis=2)
         shell[..., STANDS] = shell[..., PRESENT]
 
-        rows, most = simulator.entry.shape[:2]
+        rows, most = simulator.room_index.shape[:2]
         total = enough(elements, most + shell.shape[1])
         shell = np.pad(shell, ((0, 0), (0, total - most - shell.shape[1]), (0, 0)))
         items = np.zeros((rows, most, 4, len(ROOM_COLUMNS) + len(names)))

@@ -51,9 +51,9 @@ class RoomsSimulator:
     - `count` (rooms,): how many each room has to place
     - `ways` (rooms, N): in how many ways that look different an item can face
     - `degrees` (rooms, N, 4): its rotation in each of them
-    - `entry` (rooms, N, 4): the room of `simulator` in which it moves when turned so, -1 where it does not fit
+    - `room_index` (rooms, N, 4): the room of `simulator` in which it moves when turned so, -1 where it does not fit
 
-    If the reward has a fourth term, the floor that is to be free before an item moves with it, in room `floor_entry`
+    If the reward has a fourth term, the floor that is to be free before an item moves with it, in room `floor_index`
     (rooms, N, 4) of the simulator `floors`. Its middle is the item's plus `ahead` (rooms, N, 4, 2), in metres.
     `welcome` (rooms, N, N) tells which other items may stand there.
 
@@ -89,15 +89,15 @@ class RoomsSimulator:
                 first, *others = distinct_rotations(room, item)
                 self.ways[r, n] = 1 + len(others)
                 self.degrees[r, n] = first + 90 * np.arange(4)
-        entries, self.entry = self._entries(self.items, lambda *_: True)
+        turned_rooms, self.room_index = self._turned_rooms(self.items, lambda *_: True)
         for r, items in enumerate(self.items):
             for n, item in enumerate(items):
-                if (self.entry[r, n] < 0).all():
+                if (self.room_index[r, n] < 0).all():
                     raise InputError(f"room {briefs[r].id}: the {item.category} does not fit into it")
-        self.simulator = Simulator(entries, moves, reward)
+        self.simulator = Simulator(turned_rooms, moves, reward)
         self.floor = [[floor_before(item) if reward.theta4 else None for item in items] for items in self.items]
-        entries, self.floor_entry = self._entries(self.floor, _takes_floor)
-        self.floors = Simulator(entries, moves, Reward(0.0, 1.0, 1.0)) if entries else None
+        turned_rooms, self.floor_index = self._turned_rooms(self.floor, _takes_floor)
+        self.floors = Simulator(turned_rooms, moves, Reward(0.0, 1.0, 1.0)) if turned_rooms else None
         self.ahead, self.welcome = np.zeros((*shape, 4, 2)), np.zeros((*shape, shape[1]), dtype=bool)
         for r, n, floor in self._all_floors():
             item, turn = self.items[r][n], np.radians(self.degrees[r, n])
@@ -113,9 +113,9 @@ class RoomsSimulator:
     @property
     def actions(self) -> int:
         """The number of actions: those of Moves, a quarter turn to the left and to the right, and to take each item."""
-        return self.moves.count + len(TURNS) + self.entry.shape[1]
+        return self.moves.count + len(TURNS) + self.room_index.shape[1]
 
-    def _entries(
+    def _turned_rooms(
         self, things: Sequence[Sequence[Item | None]], meets: Callable[[Item, Item], bool]
     ) -> tuple[list[Room], np.ndarray]:
         """Return a room for each thing (rooms, N) and way to face, with those never-moving items that it `meets`.
@@ -123,9 +123,9 @@ class RoomsSimulator:
         Those with the same footprint that meet the same items share a room. Also return the index of each room,
         (rooms, N, 4): -1 where there is no such thing or way, and where it does not fit.
         """
-        entries: list[Room] = []
+        turned_rooms: list[Room] = []
         index: dict[tuple[object, ...], int] = {}
-        entry = np.full(self.degrees.shape, -1)
+        room_index = np.full(self.degrees.shape, -1)
         for r, (room, row) in enumerate(zip(self.rooms, things, strict=True)):
             if not any(row):
                 continue
@@ -140,14 +140,14 @@ class RoomsSimulator:
                     lies = thing.size if (first // 90 + q) % 2 == 0 else thing.size[::-1]
                     key = r, thing.form, lies, first % 90, met
                     if key not in index:
-                        index[key] = len(entries)
+                        index[key] = len(turned_rooms)
                         turned = replace(thing, center=inside, rotation=float(self.degrees[r, n, q]))
-                        entries.append(_with(shell, turned, room.envelope))
-                    entry[r, n, q] = index[key]
-        regions = fitting_positions(envelopes(entries), np.array([room.moving.template for room in entries]))
+                        turned_rooms.append(_with(shell, turned, room.envelope))
+                    room_index[r, n, q] = index[key]
+        regions = fitting_positions(envelopes(turned_rooms), np.array([room.moving.template for room in turned_rooms]))
         fits = ~shapely.is_empty(regions)
         number = np.append(np.where(fits, np.cumsum(fits) - 1, -1), -1)
-        return [room for room, fit in zip(entries, fits, strict=True) if fit], number[entry]
+        return [room for room, fit in zip(turned_rooms, fits, strict=True) if fit], number[room_index]
 
     def _all_floors(self) -> Iterator[tuple[int, int, Item]]:
         """Yield the indices of room and item, and the floor before the item, for all items that have one."""
@@ -171,7 +171,7 @@ class RoomsSimulator:
                 center[r, n], quarter[r, n] = target.center, np.argmax(alike)
         return center, quarter
 
-    def sequence(self) -> np.ndarray:
+    def size_rank(self) -> np.ndarray:
         """Return each item's rank (rooms, N) in the order of placing, from 0: the largest footprint first.
 
         Items that are the same share a rank; columns without an item have the last, N.
@@ -193,11 +193,11 @@ class RoomsSimulator:
 
         Both the way that an item faces and its place are uniform over those with which it fits.
         """
-        entry = self.entry[room]
-        quarter = np.argmax(rng.random(entry.shape) * (entry >= 0), 2)
-        entry = np.take_along_axis(entry, quarter[..., None], 2)[..., 0]
-        center = np.zeros((*entry.shape, 2))
-        center[entry >= 0] = self.simulator.starts(entry[entry >= 0], rng)
+        room_index = self.room_index[room]
+        quarter = np.argmax(rng.random(room_index.shape) * (room_index >= 0), 2)
+        room_index = np.take_along_axis(room_index, quarter[..., None], 2)[..., 0]
+        center = np.zeros((*room_index.shape, 2))
+        center[room_index >= 0] = self.simulator.starts(room_index[room_index >= 0], rng)
         return self.empty(room)._replace(center=center, quarter=quarter)
 
     def put(
@@ -212,11 +212,11 @@ class RoomsSimulator:
     def destinations(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return which item every action moves (B, A), to which center (B, A, 2) and quarter (B, A), and whether it is
         legal (B, A). Until an item is taken, only taking one is legal."""
-        entry, center, quarter = self._moving(state)
-        reached, legal = self.simulator.destinations(entry, center, self._others(state))
+        room_index, center, quarter = self._moving(state)
+        reached, legal = self.simulator.destinations(room_index, center, self._others(state))
         ways = self.ways[state.room, state.moving][:, None]
         turned = (quarter[:, None] + TURNS) % ways
-        as_turned = self.entry[state.room[:, None], state.moving[:, None], turned]
+        as_turned = self.room_index[state.room[:, None], state.moving[:, None], turned]
         there = np.repeat(center[:, None], len(TURNS), 1)
         fits = (ways > 1) & (as_turned >= 0) & self.simulator.is_legal(as_turned, there)
         stands = np.take_along_axis(state.stands, state.moving[:, None], 1)
@@ -232,14 +232,14 @@ class RoomsSimulator:
 
     def reward(self, state: State[np.ndarray]) -> RewardTerms[np.ndarray]:
         """The reward of the moving item where it stands, among what stands now: terms (B,), 0 until one is taken."""
-        entry, center, quarter = self._moving(state)
-        iou = np.zeros(len(entry))
+        room_index, center, quarter = self._moving(state)
+        iou = np.zeros(len(room_index))
         for b, (room, item) in enumerate(zip(state.room, state.moving, strict=True)):
             degrees = self.degrees[room, item, quarter[b]]
             for target in self.targets[room][item]:
-                found = self.simulator.ious(entry[[b]], center[[b]], np.array([[target.footprint]])).item()
+                found = self.simulator.ious(room_index[[b]], center[[b]], np.array([[target.footprint]])).item()
                 iou[b] = max(iou[b], found * (1 if faces_alike(target, degrees) else self.reward_function.faces_away))
-        terms = self.simulator.reward(entry, center, self._others(state), iou, self.floor_taken(state))
+        terms = self.simulator.reward(room_index, center, self._others(state), iou, self.floor_taken(state))
         return RewardTerms(*(term * state.stands[np.arange(len(iou)), state.moving] for term in terms))
 
     def floor_taken(self, state: State[np.ndarray]) -> np.ndarray:
@@ -250,11 +250,11 @@ class RoomsSimulator:
         summed IoU of their floor with the moving item. Items that are `welcome` do not count. 0 if theta4 is 0.
         """
         every, moving = np.arange(len(state.room)), state.moving
-        entry, center, quarter = self._moving(state)
+        room_index, center, quarter = self._moving(state)
         taken = np.zeros(len(every))
         if not self.reward_function.theta4:
             return taken
-        floor, middle = self.floor_entry[state.room, moving, quarter], self.ahead[state.room, moving, quarter] + center
+        floor, middle = self.floor_index[state.room, moving, quarter], self.ahead[state.room, moving, quarter] + center
         b = np.flatnonzero(floor >= 0)  # a floor that fits nowhere is left out
         others = self._others(state)
         others[self.welcome[state.room, moving]] = None
@@ -263,13 +263,13 @@ class RoomsSimulator:
             taken[b] = terms.r2 + terms.r3
         floors = self._others(state, floors=True)
         floors[self.welcome[state.room[:, None], np.arange(floors.shape[1]), moving[:, None]]] = None
-        return taken + self.simulator.ious(entry, center, floors).sum(1)
+        return taken + self.simulator.ious(room_index, center, floors).sum(1)
 
     def _moving(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the room of `simulator` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
         every = np.arange(len(state.room))
         quarter = state.quarter[every, state.moving]
-        return self.entry[state.room, state.moving, quarter], state.center[every, state.moving], quarter
+        return self.room_index[state.room, state.moving, quarter], state.center[every, state.moving], quarter
 
     def _others(self, state: State[np.ndarray], floors: bool = False) -> np.ndarray:
         """The footprints (B, N) of what stands and does not move, or the floor before it; None for none."""

@@ -16,9 +16,9 @@ from layoutrl.env.scenes import Scenes
 
 SETTLING = 0.3  # share of an item's moves, the last ones, without exploration: where it ends is the agent's own choice
 ANY_ORDER = 1.0  # scale of the noise on the log of a footprint: the largest waiting item is usually among the next
-REACH = 0.4  # metres: standard deviation of starts near the designer's place
-LEFT = 0.25  # share of rooms left after each item: the first items, about which least is known, come most often
-LEFT_FURNISHED = 0.5  # the same once all items stand
+NEAR_DEVIATION = 0.4  # metres: standard deviation of starts near the designer's place
+LEAVE_SHARE = 0.25  # share of rooms left after each item: the first items, about which least is known, come most often
+LEAVE_SHARE_FURNISHED = 0.5  # the same once all items stand
 
 
 class SceneEpisodes(Episodes):
@@ -60,7 +60,7 @@ class SceneEpisodes(Episodes):
         self._own = torch.zeros(len(ages), dtype=torch.bool, device=device)
         super().__init__(scenes, ages, max_moves, generator)
 
-    def explore_by(self, epsilon: float) -> Tensor:
+    def set_exploration(self, epsilon: float) -> Tensor:
         """Set the exploration rate; return the probability of a random action in each room, float32 (B,).
 
         It is `epsilon`, but 0 in the last moves of an item. The lower `epsilon` is, the more of the rooms that begin
@@ -88,7 +88,7 @@ class SceneEpisodes(Episodes):
             quarter=state.quarter.where(own[:, None], self._designed_quarter[state.room]),
         )
         complete = state.stands.sum(1) == (self._size[state.room] > -torch.inf).sum(1)
-        begins = self._uniform(len(ended)) < torch.where(complete, LEFT_FURNISHED, LEFT)
+        begins = self._uniform(len(ended)) < torch.where(complete, LEAVE_SHARE_FURNISHED, LEAVE_SHARE)
         fresh = self._empty(len(ended))
         state = either(begins, fresh, state)
         own = torch.where(begins, self._uniform(len(ended)) < self._own_share * self._keeps, own)
@@ -116,7 +116,7 @@ class SceneEpisodes(Episodes):
         chance = -(-self._uniform(*size.shape).clamp(min=1e-9).log()).log()  # Gumbel
         drawn = chance * ANY_ORDER + size.where(~complete, 0.0)
         moving = drawn.masked_fill(~free, -torch.inf).argmax(1)
-        fits = scenes.simulator.entry[state.room, moving] >= 0
+        fits = scenes.simulator.room_index[state.room, moving] >= 0
         quarter = self._uniform(*fits.shape).masked_fill(~fits, -1.0).argmax(1)
         designed = self._designed_quarter[state.room, moving]
         # An item that the designer turned by less than a quarter may not fit in the quarter next to that.
@@ -125,7 +125,7 @@ class SceneEpisodes(Episodes):
         quarters = state.quarter.scatter(1, moving[:, None], quarter[:, None])
         scene = scenes.of(state._replace(moving=moving, quarter=quarters))
         anywhere = scenes.starts(scene, self._generator)
-        off = REACH * torch.randn(anywhere.shape, generator=self._generator, device=anywhere.device).double()
+        off = NEAR_DEVIATION * torch.randn(anywhere.shape, generator=self._generator, device=anywhere.device).double()
         beside = snap(self._designed_center[state.room, moving] + off)
         return scene, torch.where((near & scenes.is_legal(scene, beside))[:, None], beside, anywhere)
 

@@ -65,15 +65,15 @@ class Scenes:
 
     def starts(self, scene: Tensor, generator: torch.Generator) -> Tensor:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope, as it is turned."""
-        return self.simulator.simulator.starts(self._entry(scene), generator)
+        return self.simulator.simulator.starts(self._room_index(scene), generator)
 
     def starts_at(self, scene: Tensor, uniform: Tensor) -> Tensor:
         """Map random numbers from 0 to 1, float64 (3, B), to starts (B, 2): each is the same in any batch."""
-        return self.simulator.simulator.starts_at(self._entry(scene), uniform)
+        return self.simulator.simulator.starts_at(self._room_index(scene), uniform)
 
     def is_legal(self, scene: Tensor, position: Tensor) -> Tensor:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
-        return self.simulator.simulator.is_legal(self._entry(scene), position)
+        return self.simulator.simulator.is_legal(self._room_index(scene), position)
 
     def reach(self, scene: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
         """How far every action leads, in metres, and whether it is legal: (B, A) each."""
@@ -90,8 +90,8 @@ class Scenes:
         """The reward of standing at `position`: terms of shape (B,)."""
         return self.simulator.reward(self.state(scene, position))
 
-    def _entry(self, scene: Tensor) -> Tensor:
-        return self.simulator.entry[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
+    def _room_index(self, scene: Tensor) -> Tensor:
+        return self.simulator.room_index[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
 
 
 def destinations(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor) -> tuple[Tensor, Tensor]:

@@ -20,7 +20,7 @@ from layoutrl.env.arguments import (
     check_spaces,
     given_or_default,
     refuse_options,
-    standing_or_some,
+    rooms_with_targets_or_default,
 )
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.device import usable_device
@@ -72,7 +72,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         check_render_mode(render_mode)
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         device = usable_device(device)
-        rooms = standing_or_some(rooms)
+        rooms = rooms_with_targets_or_default(rooms)
         check_spaces(rooms, categories, elements, observation)
         self.num_envs = num_envs
         self.max_moves = max_moves

@@ -20,7 +20,7 @@ from layoutrl.rooms.oddities import item_oddities
 from layoutrl.rooms.room import Room
 
 FAULT = 1000  # an item with a fault is as wrong as so many odd ones: no room has more items
-LOOKED_AT = 1, 4, 12, 24  # poses of highest value that are tried, until one has nothing wrong; blocks save time
+TRIED_UP_TO = 1, 4, 12, 24  # poses of highest value that are tried, until one has nothing wrong; blocks save time
 APART = 0.5  # metres: layouts differ if their largest items stand this far apart, or face different ways
 
 
@@ -32,7 +32,7 @@ class Options(NamedTuple):
     value: np.ndarray  # (B, K), -inf where there is no pose
     way: list[list[np.ndarray]]  # the path to each pose: centers (moves + 1, 2), metres
 
-    def of(self, b: np.ndarray) -> Options:
+    def take(self, b: np.ndarray) -> Options:
         """Return the options of items b (n,)."""
         return Options(self.center[b], self.quarter[b], self.value[b], [self.way[n] for n in b])
 
@@ -46,7 +46,7 @@ class Chosen(NamedTuple):
     way: np.ndarray  # (B,) of arrays, the path to each pose: centers (moves + 1, 2), metres
     harm: np.ndarray  # (B,): how much it adds to what is `wrong`; below 0 where it helps, a huge number for no pose
 
-    def of(self, b: np.ndarray) -> Chosen:
+    def take(self, b: np.ndarray) -> Chosen:
         """Return the poses of items b (n,)."""
         return Chosen(*(values[b] for values in self))
 
@@ -57,22 +57,22 @@ class Chosen(NamedTuple):
             values[b] = those
         return new
 
-    def less_wrong(self, b: np.ndarray, others: Chosen) -> Chosen:
+    def replaced_where_better(self, b: np.ndarray, others: Chosen) -> Chosen:
         """Return a copy in which those of items b (n,) whose pose in `others` (n,) does less harm have that pose."""
         better = others.harm < self.harm[b]
-        return self.replaced(b[better], others.of(better))
+        return self.replaced(b[better], others.take(better))
 
 
 def best_of(rooms: RoomsSimulator, state: State[np.ndarray], before: np.ndarray, options: Options) -> Chosen:
     """Return for each item (B,) the option of highest value with which no more is wrong than `before`.
 
     If there is none, it is the option with which the least is wrong. `before` (B,) is what is `wrong_at` these states.
-    At most the last number of LOOKED_AT are tried, those of the highest value.
+    At most the last number of TRIED_UP_TO are tried, those of the highest value.
     """
     every = np.arange(len(state.room))
     order = np.argsort(-options.value, 1, kind="stable")
     best, least = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
-    for first, last in pairwise((0, *LOOKED_AT)):
+    for first, last in pairwise((0, *TRIED_UP_TO)):
         k = order[:, first:last]
         some = np.isfinite(np.take_along_axis(options.value, k[:, :1], 1)).any(1)
         b = np.flatnonzero(some & (least > before))

@@ -26,7 +26,7 @@ REPAIRS = 1  # further such sweeps, in rooms in which something is wrong
 AFRESH = 3  # times that a room is furnished anew, its most wrong items first, while something is wrong
 ELSEWHERE = 2  # further times, with its largest item elsewhere, while a fault is left
 Task = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, the order of its items, the ids of layouts to differ from
-WAYS = ("ahead", "back", "to its right", "to its left")  # the four directions, as seen from the item
+DIRECTION_NAMES = ("ahead", "back", "to its right", "to its left")  # the four directions, as seen from the item
 BLOCK = 128  # rooms furnished at once, for the sake of memory, not speed
 
 
@@ -85,17 +85,17 @@ class Furnisher:
         (n,) are those of the best facing there, and degrees (n,) that facing. Raises InputError if the item, or another
         that is still to be placed, does not fit into the room in any facing.
         """
-        placing, state, n, lean = self._one(room, item)
+        placing, state, n, lean = self._placing_of_item(room, item)
         x0, y0, x1, y1 = room.envelope.bounds
         grid = np.stack(np.meshgrid(np.arange(x0, x1, step) + step / 2, np.arange(y0, y1, step) + step / 2), -1)
         centers, turn = grid.reshape(-1, 2), rotation(lean)  # from the right, it turns points back
         value = np.full((4, len(centers)), -np.inf)
-        for quarter in np.flatnonzero(placing.rooms.entry[0, n] >= 0):
-            entry = np.repeat(placing.rooms.entry[0, n, quarter], len(centers))
-            fits = placing.rooms.simulator.is_legal(entry, centers @ turn)
+        for quarter in np.flatnonzero(placing.rooms.room_index[0, n] >= 0):
+            room_index = np.repeat(placing.rooms.room_index[0, n, quarter], len(centers))
+            fits = placing.rooms.simulator.is_legal(room_index, centers @ turn)
             here = centers[fits] @ turn
             scene = placing.scenes_of(state, np.zeros(1, int), np.array([quarter])).expand(len(here), -1)
-            value[quarter, fits] = placing.best(scene, here)
+            value[quarter, fits] = placing.best_values(scene, here)
         known = np.isfinite(value).any(0)
         return centers[known], value.max(0)[known], placing.rooms.degrees[0, n, value.argmax(0)][known] + lean
 
@@ -109,7 +109,7 @@ class Furnisher:
         center, degrees = room.furniture[item].center, room.furniture[item].rotation
         if center is None:
             raise ValueError(f"item {item} of room {room.id} stands nowhere: it has no moves")
-        placing, state, _, lean = self._one(room, item, degrees)
+        placing, state, _, lean = self._placing_of_item(room, item, degrees)
         turn = rotation(lean)
         scene = placing.scenes_of(state, np.zeros(1, int), np.zeros(1, int))
         here = snap(torch.tensor(np.array([center]) @ turn, dtype=torch.float64, device=scene.device))
@@ -120,12 +120,15 @@ class Furnisher:
         every = scene.expand(len(action), -1), here.expand(len(action), -1)
         reached = (placing.scenes.moved(*every, action, length[0, action]).cpu().numpy() @ turn.T).tolist()
         value = self._policy.q(placing.observe, scene, here)[0, action].tolist()
-        names = [f"{100 * s:g} cm {way}" for s in self._moves.lengths(placing.rooms.rooms[0]) for way in WAYS]
-        names += [f"slide {way}" for way in WAYS]
+        lengths = self._moves.lengths(placing.rooms.rooms[0])
+        names = [f"{100 * s:g} cm {direction}" for s in lengths for direction in DIRECTION_NAMES]
+        names += [f"slide {direction}" for direction in DIRECTION_NAMES]
         found = [(names[a], (x, y), q) for a, (x, y), q in zip(action.tolist(), reached, value, strict=True)]
         return sorted(found, key=lambda move: -move[2])
 
-    def _one(self, room: Room, k: int, degrees: float | None = None) -> tuple[Placing, State[np.ndarray], int, float]:
+    def _placing_of_item(
+        self, room: Room, k: int, degrees: float | None = None
+    ) -> tuple[Placing, State[np.ndarray], int, float]:
         """Prepare a room in which item k is to be placed, at a rotation of `degrees` if given.
 
         Returns the upright room as a `Placing`, its state with item k moving, the index of that item among those to
@@ -163,7 +166,7 @@ class Furnisher:
                     best[b], least[b] = layout, latest[b].sum()
             return found
 
-        rank = placing.rooms.sequence()
+        rank = placing.rooms.size_rank()
         found = furnish(range(len(known)), rank, known)
         for _ in range(AFRESH):
             if not (which := [b for b in found if least[b]]):
@@ -178,7 +181,7 @@ class Furnisher:
                 tried[b].append(layout)
             if not (which := [b for b in found if least[b] >= FAULT]):
                 break
-            found = furnish(which, placing.rooms.sequence(), tried)
+            found = furnish(which, placing.rooms.size_rank(), tried)
         for b, layout in best.items():
             known[b].append(layout)
 
@@ -192,7 +195,7 @@ class Furnisher:
         """
         rooms, paths, taken = placing.rooms, [list[Placement]() for _ in which], [list[int]() for _ in which]
         order, count = rank[which].argsort(1, kind="stable"), rooms.count[which]
-        largest = rooms.sequence()[which].argmin(1)
+        largest = rooms.size_rank()[which].argmin(1)
         to_differ = np.array([bool(known[r]) for r in which])  # rooms in which the largest item is to stand elsewhere
         state = rooms.empty(which)
 

@@ -13,7 +13,7 @@ from layoutrl.agents.gains import gains
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import Observe
 from layoutrl.env.scenes import Scenes, destinations
-from layoutrl.evaluation.rollout import MeanQ, Rollout, been, first_poses
+from layoutrl.evaluation.rollout import MeanQ, Rollout, first_poses, visited
 
 FRUITLESS = 120  # moves in a row that gain nothing end an episode: a room's length
 
@@ -55,7 +55,7 @@ class GainsPolicy:
                 lost = q.gather(1, made ^ 1).squeeze(1) - self.discount * left[t - 1, active]
                 value[t, active] = value[t - 1, active] + (gained - lost) / 2
             fruitless = t - value[: t + 1, active].argmax(0) >= FRUITLESS
-            closed = been(path[: t + 1, active], reached) | ~legal | fruitless[:, None]
+            closed = visited(path[: t + 1, active], reached) | ~legal | fruitless[:, None]
             highest, action = q.masked_fill(closed, -torch.inf).max(1, keepdim=True)
             goes_on = highest.isfinite().squeeze(1)
             active, made, promised = active[goes_on], action[goes_on], highest[goes_on].squeeze(1)

@@ -61,9 +61,9 @@ class Placing:
             if not len(b):
                 break
             some = rows(state, b)
-            options = self._beside(some, ends.of(b)) if beside else starts.of(b)
+            options = self._beside(some, ends.take(b)) if beside else starts.take(b)
             options = unlike(self.rooms, some, options, [known[n] for n in b.tolist()])
-            chosen = chosen.less_wrong(b, best_of(self.rooms, some, before[b], options))
+            chosen = chosen.replaced_where_better(b, best_of(self.rooms, some, before[b], options))
         if not self.moves.slide:
             return chosen
         placed = np.flatnonzero(np.isfinite(chosen.value))
@@ -89,7 +89,7 @@ class Placing:
         """
         if not len(b):
             return chosen
-        scenes, those = self.scenes, chosen.of(b)
+        scenes, those = self.scenes, chosen.take(b)
         scene = self.scenes_of(state, b, those.quarter)
         here = torch.as_tensor(those.center, device=scene.device)
         slides = self.moves.first_slide + torch.tensor(ways, device=scene.device)
@@ -102,26 +102,26 @@ class Placing:
             length_back, legal = (values.gather(1, opposite)[:, 0] for values in scenes.reach(scene, place))
             near &= ~(legal & (length_back < length + TOUCHING))
         goes = near.cpu().numpy()
-        b, those, there = b[goes], those.of(goes), place.cpu().numpy()[goes]
+        b, those, there = b[goes], those.take(goes), place.cpu().numpy()[goes]
         paths = [[np.concatenate([way, end[None]])] for way, end in zip(those.way, there, strict=True)]
         options = Options(there[:, None], those.quarter[:, None], those.value[:, None], paths)
         slid = best_of(self.rooms, rows(state, b), before[b], options)
         taken = slid.harm <= those.harm
-        return chosen.replaced(b[taken], slid.of(taken))
+        return chosen.replaced(b[taken], slid.take(taken))
 
     def _starts(self, state: State[np.ndarray], uniform: np.ndarray) -> Options:
         """Return the start places that numbers (3, QUARTERS * STARTS) give: STARTS for each facing, in order.
 
         Those of a facing in which the item does not fit are at 0, 0, with value -inf.
         """
-        b, quarter = np.nonzero(self.rooms.entry[state.room, state.moving] >= 0)
+        b, quarter = np.nonzero(self.rooms.room_index[state.room, state.moving] >= 0)
         scene = self.scenes_of(state, b, quarter).repeat_interleave(STARTS, 0)
         b, column = b.repeat(STARTS), (quarter[:, None] * STARTS + np.arange(STARTS)).ravel()
         start = self.scenes.starts_at(scene, torch.as_tensor(uniform[:, column], device=scene.device))
         value = np.full((len(state.room), QUARTERS * STARTS), -np.inf)
         center = np.zeros((*value.shape, 2))
         center[b, column] = start.cpu().numpy()
-        value[b, column] = self.best(scene, start)
+        value[b, column] = self.best_values(scene, start)
         quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
         return Options(center, quarters, value, [list(those[:, None]) for those in center])
 
@@ -156,7 +156,7 @@ class Placing:
         here = torch.as_tensor(ends.center[every, best], device=scene.device)
         reached, legal = destinations(scenes, scene, here)
         whose = scene.repeat_interleave(legal.shape[1], 0)
-        value = self.best(whose, reached.flatten(0, 1)).reshape(legal.shape)
+        value = self.best_values(whose, reached.flatten(0, 1)).reshape(legal.shape)
         center = reached.cpu().numpy()
         return Options(
             center,
@@ -193,10 +193,10 @@ class Placing:
 
     def value(self, state: State[np.ndarray], b: np.ndarray, quarter: np.ndarray, center: np.ndarray) -> np.ndarray:
         """Return the value (n,) of the best move from poses (n,) of the moving items of states b (n,)."""
-        return self.best(self.scenes_of(state, b, quarter), center)
+        return self.best_values(self.scenes_of(state, b, quarter), center)
 
-    def best(self, scene: Tensor, center: np.ndarray | Tensor) -> np.ndarray:
-        """The value of the best move from centers (n, 2) of the moving items of scenes (n, ...)."""
+    def best_values(self, scene: Tensor, center: np.ndarray | Tensor) -> np.ndarray:
+        """The values of the best moves from centers (n, 2) of the moving items of scenes (n, ...)."""
         return self.policy.q.best_moves(self.scenes, self.observe, scene, center)[1]
 
     def scenes_of(self, state: State[np.ndarray], b: np.ndarray, quarter: np.ndarray) -> Tensor:

@@ -16,7 +16,7 @@ from layoutrl.env.observation import Observe, out_of_line
 from layoutrl.env.scenes import Scenes, destinations, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.gains_policy import GainsPolicy
-from layoutrl.evaluation.rollout import MeanQ, Remembered, Rollout, been, first_poses
+from layoutrl.evaluation.rollout import MeanQ, Remembered, Rollout, first_poses, visited
 
 SHORTLIST = 8  # places of an episode that may be the stopping place
 
@@ -54,7 +54,7 @@ class GreedyPolicy:
         for t in range(self.max_moves):
             here = path[t, active]
             reached, legal = destinations(simulator, rooms[active], here)
-            been_there = been(path[: t + 1, active], reached)
+            been_there = visited(path[: t + 1, active], reached)
             closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
             q = q_of(rooms[active], here)
             highest, action = q.masked_fill(closed, -torch.inf).max(1)

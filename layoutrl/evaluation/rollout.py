@@ -149,6 +149,6 @@ def first_poses(
     return torch.as_tensor(room, device=simulator.device), path, value
 
 
-def been(path: Tensor, reached: Tensor) -> Tensor:
+def visited(path: Tensor, reached: Tensor) -> Tensor:
     """Whether places (B, A, 2) are on the way (T, B, 2) so far: (B, A)."""
     return (path[:, :, None] == reached).all(-1).any(0)

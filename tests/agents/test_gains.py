@@ -126,12 +126,12 @@ def test_what_is_learned_tells_the_q_of_the_papers_reward():
     place = torch.tensor([(0.5, 0.5), (2.0, 1.5), (2.5, 1.5), (3.5, 2.5)]).double()
     whose, learns = torch.zeros(4, dtype=torch.int64), EveryMove(BatchSimulator(exact), 0, (0.5, discount))
     legal = torch.tensor(exact.destinations(whose.numpy(), place.numpy())[1])
-    action, worth = legal.int().argmax(1), learns.worth(whose, place)
+    action, reward = legal.int().argmax(1), learns.reward(whose, place)
     q = torch.tensor(perfect_values(exact, whose.numpy(), place.numpy(), discount)).gather(1, action[:, None])[:, 0]
     learned = perfect_at_gains(exact, discount)(place)
-    torch.testing.assert_close(learns.q_made(learned, legal, action, worth, 0), q.float(), rtol=0, atol=1e-4)
-    nowhere = learns.q_made(learned, torch.zeros_like(legal), action, worth, 0)  # it stays for ever
-    torch.testing.assert_close(nowhere, worth / (1 - discount))
+    torch.testing.assert_close(learns.q_made(learned, legal, action, reward, 0), q.float(), rtol=0, atol=1e-4)
+    nowhere = learns.q_made(learned, torch.zeros_like(legal), action, reward, 0)  # it stays for ever
+    torch.testing.assert_close(nowhere, reward / (1 - discount))
 
 
 def test_where_no_move_is_legal_nothing_follows():

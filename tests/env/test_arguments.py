@@ -21,8 +21,8 @@ from layoutrl.env.arguments import (
     checked_action,
     checked_options,
     checked_room,
-    given_or_some,
-    standing_or_some,
+    rooms_or_default,
+    rooms_with_targets_or_default,
 )
 from layoutrl.rooms.room import MAIN_ITEM, Item
 from tests.builders import l_room, random_room, rectangular_room
@@ -81,11 +81,11 @@ def test_the_options_of_a_reset_have_the_names_that_it_knows(options: dict[str, 
 
 def test_rooms_are_those_that_are_given_and_where_one_item_moves_it_stands_somewhere() -> None:
     rooms = (l_room(), rectangular_room(id="open", item=Item("bed", (1.0, 1.0), None)))
-    assert given_or_some(rooms) is rooms
-    assert standing_or_some(rooms[:1]) == rooms[:1]
+    assert rooms_or_default(rooms) is rooms
+    assert rooms_with_targets_or_default(rooms[:1]) == rooms[:1]
     with pytest.raises(InputError, match=r"^rooms: the bed of open has no center; "):
-        standing_or_some(rooms)
-    for take in (given_or_some, standing_or_some):
+        rooms_with_targets_or_default(rooms)
+    for take in (rooms_or_default, rooms_with_targets_or_default):
         with pytest.raises(InputError, match=r"^rooms: expected at least one room$"):
             take([])
         with pytest.raises(InputError, match=r"^rooms: expected a list of rooms, .* got "):

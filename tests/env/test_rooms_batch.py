@@ -73,10 +73,10 @@ def test_items_start_where_and_as_they_fit_and_as_the_generator_says() -> None:
 
     state = begun(0)
     assert not state.stands.any()
-    for n in range(simulator.entry.shape[1]):
+    for n in range(simulator.room_index.shape[1]):
         there = n < simulator.count[room]
-        entry = simulator.entry[room, n, state.quarter[:, n]][there]
-        assert simulator.simulator.is_legal(entry, state.center[:, n].numpy()[there]).all()
+        room_index = simulator.room_index[room, n, state.quarter[:, n]][there]
+        assert simulator.simulator.is_legal(room_index, state.center[:, n].numpy()[there]).all()
     assert len(state.quarter[:, 0].unique()) == 4
     assert all(torch.equal(one, other) for one, other in zip(begun(0), state, strict=True))
     assert not torch.equal(begun(1).center, state.center)

@@ -33,7 +33,7 @@ def standing(simulator: RoomsSimulator, seed: int, batch: int = 6, share: float 
     """Rooms with some of their items put anywhere, one of which moves."""
     rng = np.random.default_rng(seed)
     state = simulator.begin(rng.integers(len(simulator.rooms), size=batch), rng)
-    for n in rng.permutation(simulator.entry.shape[1]):
+    for n in rng.permutation(simulator.room_index.shape[1]):
         here = (n < simulator.count[state.room]) & (rng.random(batch) < share)
         state.stands[:, n] = here
     moving = (rng.random(batch) * simulator.count[state.room]).astype(int)
@@ -197,7 +197,7 @@ def test_equal_items_have_a_place_each_and_one_turn_though_one_alone_may_stand_u
     simulator = RoomsSimulator([brief], [design], Moves(), Reward())
     center, _ = simulator.designed()
     assert center.tolist() == [[[1.0, 1.0], [3.0, 1.0]]]
-    assert simulator.sequence().tolist() == [[0, 0]]
+    assert simulator.size_rank().tolist() == [[0, 0]]
 
 
 def test_an_item_may_stand_where_the_designer_has_locked_it() -> None:
@@ -211,7 +211,7 @@ def test_a_turn_stays_in_place_and_is_legal_where_the_item_fits_so_turned() -> N
     wardrobe = Item("wardrobe", (0.6, 2.8), (0.3, 1.5), 0.0)
     simulator = simulator_of(rectangular_room(2.0, 3.0, wardrobe))  # 2.4 m wide with its walls
     state = simulator.begin(np.array([0]), np.random.default_rng(0))
-    assert simulator.entry[0, 0, 1] == simulator.entry[0, 0, 3] == -1 == simulator.entry[0, 0].min()
+    assert simulator.room_index[0, 0, 1] == simulator.room_index[0, 0, 3] == -1 == simulator.room_index[0, 0].min()
     lengthwise = simulator.put(state, np.array([0]), np.array([[1.0, 1.5]]), np.array([0]))
     first = Moves().count
     _item, center, quarter, legal = simulator.destinations(lengthwise)
@@ -289,7 +289,7 @@ def test_items_of_one_size_that_are_given_other_rotations_lie_otherwise() -> Non
     lengthwise, across = (Item("desk", (0.6, 2.6), None, degrees) for degrees in (0.0, 90.0))
     brief = rectangular_room(4.0, 3.0, lengthwise, others=(across,), target=None)
     simulator = RoomsSimulator([brief], None, Moves(), Reward())
-    bounds = simulator.simulator.item_bounds[simulator.entry[0, :, 0]]
+    bounds = simulator.simulator.item_bounds[simulator.room_index[0, :, 0]]
     np.testing.assert_allclose(bounds[:, 2:], [(0.3, 1.3), (1.3, 0.3)])
 
 

@@ -12,7 +12,7 @@ from layoutrl.env.episodes import Step
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_simulator import RoomsSimulator
-from layoutrl.env.scene_episodes import LEFT, LEFT_FURNISHED, SceneEpisodes
+from layoutrl.env.scene_episodes import LEAVE_SHARE, LEAVE_SHARE_FURNISHED, SceneEpisodes
 from layoutrl.env.scenes import Scenes
 from layoutrl.env.simulator import Moves
 from layoutrl.rooms.brief import brief_of
@@ -47,7 +47,7 @@ def played(running: SceneEpisodes, steps: int, epsilon: float, seed: int = 0) ->
     for _ in range(steps):
         chance = torch.rand(len(running.room), generator=generator)
         drawn = torch.rand(running.legal.shape, generator=generator).masked_fill(~running.legal, -1).argmax(1)
-        explores = chance < running.explore_by(epsilon)
+        explores = chance < running.set_exploration(epsilon)
         yield running.step(drawn.where(explores, running.legal.int().argmax(1)))
 
 
@@ -94,11 +94,11 @@ def test_items_are_taken_until_all_stand_and_then_again_until_another_room_begin
             rows = complete == which
             began[which][0] += int((begins & rows).sum())
             began[which][1] += int(rows.sum())
-        entry = scenes.simulator.entry[after.room, after.moving, scenes.quarter(running.room[step.ended])]
-        assert scenes.simulator.simulator.is_legal(entry, running.position[step.ended]).all()
+        room_index = scenes.simulator.room_index[after.room, after.moving, scenes.quarter(running.room[step.ended])]
+        assert scenes.simulator.simulator.is_legal(room_index, running.position[step.ended]).all()
         assert goes_on.any() or len(step.ended) < 10
-    assert began[True][0] / began[True][1] == pytest.approx(LEFT_FURNISHED, abs=0.06)
-    assert began[False][0] / began[False][1] == pytest.approx(LEFT, abs=0.06)  # at times the same room again
+    assert began[True][0] / began[True][1] == pytest.approx(LEAVE_SHARE_FURNISHED, abs=0.06)
+    assert began[False][0] / began[False][1] == pytest.approx(LEAVE_SHARE, abs=0.06)  # at times the same room again
 
 
 def test_items_begin_anywhere_or_near_the_designers_place(scenes, simulator) -> None:
@@ -143,7 +143,7 @@ def test_what_stands_is_the_designers_or_where_the_agent_left_it(scenes, simulat
 
 def test_nothing_is_drawn_in_the_last_moves_of_an_item(scenes, simulator) -> None:
     running = episodes(scenes, simulator)
-    assert running.explore_by(0.5).tolist() == [0.5 if k % MOST < 3 else 0.0 for k in range(30)]
+    assert running.set_exploration(0.5).tolist() == [0.5 if k % MOST < 3 else 0.0 for k in range(30)]
 
 
 def test_the_larger_an_item_the_sooner_it_is_taken(scenes, simulator) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import FAULT, LOOKED_AT, Chosen, Options, best_of, blame, wrong, wrong_at
+from layoutrl.evaluation.choosing import FAULT, TRIED_UP_TO, Chosen, Options, best_of, blame, wrong, wrong_at
 from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
@@ -51,8 +51,8 @@ def test_a_pose_by_which_nothing_is_wrong_is_taken_before_those_that_are_valued_
     assert two.harm.tolist() != [0]
     free = Options(options.center[:, 2:], options.quarter[:, 2:], options.value[:, 2:], [options.way[0][2:]])
     assert chosen_of(rooms, state, free).center.tolist() == [[1.0, 2.25]]
-    assert two.less_wrong(np.array([0]), best).center.tolist() == [[1.0, 2.25]]
-    assert best.less_wrong(np.array([0]), two).center.tolist() == [[1.0, 2.25]]
+    assert two.replaced_where_better(np.array([0]), best).center.tolist() == [[1.0, 2.25]]
+    assert best.replaced_where_better(np.array([0]), two).center.tolist() == [[1.0, 2.25]]
     first = np.zeros(1, dtype=int)
     layouts = [rooms.layout(rooms.put(state, first, options.center[:, k], first), 0) for k in (0, 2)]
     assert (wrong(layouts) > 0).tolist() == [True, False]
@@ -89,7 +89,7 @@ def test_the_best_of_each_room_is_the_one_that_is_found_one_by_one(odd: list[boo
         (before,) = wrong([rooms.layout(one, 0)])
         assert before == odd[b]
         best, least = order[0], np.iinfo(int).max
-        for k in order[: LOOKED_AT[-1]]:
+        for k in order[: TRIED_UP_TO[-1]]:
             (found,) = wrong([rooms.layout(rooms.put(one, one.moving, center[b, k : k + 1], quarter[b, :1]), 0)])
             if least > before and np.isfinite(values[b, k]) and found < least:
                 best, least = k, found

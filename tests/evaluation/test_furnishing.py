@@ -17,7 +17,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import choosing, furnishing
-from layoutrl.evaluation.choosing import APART, FAULT, LOOKED_AT, Chosen, Options, wrong
+from layoutrl.evaluation.choosing import APART, FAULT, TRIED_UP_TO, Chosen, Options, wrong
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, Placing, spread
 from layoutrl.rooms.brief import brief_of, missing
@@ -81,7 +81,7 @@ def remembered(furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def thorough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let as many poses be looked at as usual."""
-    monkeypatch.setattr(choosing, "LOOKED_AT", LOOKED_AT)
+    monkeypatch.setattr(choosing, "TRIED_UP_TO", TRIED_UP_TO)
 
 
 def test_all_items_are_placed_where_they_fit_and_what_stands_stays(furnisher: Furnisher, designs: list[Room]) -> None:
@@ -153,7 +153,7 @@ def test_what_is_to_stand_elsewhere_does_not_hang_on_what_else_is_furnished(furn
     """A layout of each is known. Where one room looks for another place for its largest item, the other does not."""
     briefs = [brief_of(room) for room in designs[:2]]
     world = Placing(briefs, furnisher._policy, Moves(), furnisher._categories)
-    rank = world.rooms.sequence()
+    rank = world.rooms.size_rank()
     # The largest item of the second room comes last: the rooms are at theirs at different steps.
     rank[1] = rank[1].max() - rank[1]
     known = [[found] for found in alone[:2]]
@@ -317,7 +317,7 @@ def test_where_a_fault_is_left_the_largest_item_goes_elsewhere_and_the_best_is_k
     assert (faults_left[2] <= faults_left[1]).all()
     assert (faults_left[1] <= faults_left[0]).all()
     assert (faults_left[2] < faults_left[0]).any()
-    largest = RoomsSimulator(briefs, None, furnisher._moves, Reward()).sequence().argmin(1)
+    largest = RoomsSimulator(briefs, None, furnisher._moves, Reward()).size_rank().argmin(1)
     for k, (before, after) in enumerate(zip(layouts[0], layouts[2], strict=True)):
         assert (faults_left[2][k] < faults_left[0][k]) == (after != before)
         if after != before:

@@ -91,16 +91,16 @@ def train_rooms_pointer(
 ) -> RoomsPointer:
     """Train a pointer to give the designer's pose of the next item a high likelihood.
 
-    A random number of the designer's items stand already, the first in the order of `RoomsSimulator.sequence`. Of items
-    that are the same (category, size, form) and still to come, each may stand where any of them does. Each batch has an
-    equal share in every symmetry, or in the four that only turn where mirrored rooms are not furnished alike.
+    A random number of the designer's items stand already, the first in the order of `RoomsSimulator.size_rank`. Of
+    items that are the same (category, size, form) and still to come, each may stand where any of them does. Each batch
+    has an equal share in every symmetry, or in the four that only turn where mirrored rooms are not furnished alike.
     """
     simulator = RoomsSimulator([brief_of(room) for room in designs], designs, Moves(), Reward())
     categories = categories_of(designs)
     observe = RoomsObservation(simulator, categories, device)
     views = symmetries(simulator.moves, device, mirrors_alike)
     center, quarter = (torch.tensor(table, device=device) for table in simulator.designed())
-    tables = simulator.sequence(), simulator.count, np.arange(QUARTERS) < simulator.ways[..., None]
+    tables = simulator.size_rank(), simulator.count, np.arange(QUARTERS) < simulator.ways[..., None]
     rank, count, ways = (torch.tensor(table, device=device) for table in tables)
 
     def draw(generator: torch.Generator) -> tuple[Tensor, Poses]:
@@ -152,8 +152,8 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
     simulator = RoomsSimulator(briefs, None, Moves(), Reward())
     observe = RoomsObservation(simulator, network.categories, device)
     views = symmetries(simulator.moves, device, network.mirrors_alike)
-    order = simulator.sequence().argsort(1, kind="stable")
-    can_face, stays_off = simulator.entry >= 0, _stays_off(simulator, observe.space.shape[0])
+    order = simulator.size_rank().argsort(1, kind="stable")
+    can_face, stays_off = simulator.room_index >= 0, _stays_off(simulator, observe.space.shape[0])
     every = np.arange(len(briefs))
     state = simulator.empty(every)
     for n in range(order.shape[1]):
@@ -164,7 +164,7 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
             told = State(*(torch.as_tensor(values, device=device) for values in now))
             ways, solid = (torch.as_tensor(table[room, item], device=device) for table in (can_face, stays_off))
             center, quarter = (t.cpu().numpy() for t in _pointed(network, observe, told, ways, solid, views))
-            center = _pushed(simulator.simulator.legal[simulator.entry[room, item, quarter]], center)
+            center = _pushed(simulator.simulator.legal[simulator.room_index[room, item, quarter]], center)
             for values, new in zip(state, simulator.put(now, item, center, quarter), strict=True):
                 values[room] = new
     return [simulator.layout(state, b) for b in range(len(briefs))]
