@@ -371,7 +371,7 @@ def test_what_the_search_placed_where_an_agent_failed_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rival, "DESIGNED", 20)
-    search = rival.Rival(composed("place", "rooms=any.jsonl").search, lambda: updates_budget(2))
+    search = rival.SearchRival(composed("place", "rooms=any.jsonl").search, lambda: updates_budget(2))
     helped = Hired(Helped(Middle(), search), lambda room_type: search.relations(room_type).alone)
     monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: helped)
     (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [bare(DOCUMENTS[0])]))))

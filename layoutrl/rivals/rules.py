@@ -27,7 +27,7 @@ def wall_places(room: Room) -> np.ndarray:
     around = shapely.box(*room.moving.template.bounds)
     fits = fitting_positions(np.array([room.indoor]), np.array([around]), CONTACT)[0]
     if fits.is_empty:
-        fits = shapely.box(*np.concatenate(play(room, room.moving)))
+        fits = shapely.box(*np.concatenate(center_range(room, room.moving)))
     border, _ = edges(np.array([fits.simplify(TOLERANCE)]))
     middles = shapely.points((border[:, :2] + border[:, 2:]) / 2)
     middles = shapely.get_coordinates(shapely.shortest_line(fits, middles))[::2]  # else some lie past a corner
@@ -71,7 +71,7 @@ def far_end_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:
     """
     places = []
     for k in room:
-        low, high = play(simulator.rooms[k], simulator.rooms[k].moving)
+        low, high = center_range(simulator.rooms[k], simulator.rooms[k].moving)
         axis = int(np.argmax(high - low))
         x0, y0, x1, y1 = simulator.rooms[k].indoor.bounds
         ends = np.array([(x0, x1), (y0, y1)])[axis]
@@ -88,7 +88,7 @@ def nearest_wall_place(simulator: Simulator, room: np.ndarray, starts: np.ndarra
     """For each of B starts the item moved straight to the nearest side of the outline's bounding box."""
     nearest = []
     for k, start in zip(room, starts, strict=True):
-        low, high = play(simulator.rooms[k], simulator.rooms[k].moving)
+        low, high = center_range(simulator.rooms[k], simulator.rooms[k].moving)
         ways = np.array([(low[0], start[1]), (high[0], start[1]), (start[0], low[1]), (start[0], high[1])])
         nearest.append(ways[np.argmin(np.abs(ways - start).sum(1))])
     return np.array(nearest)
@@ -127,17 +127,17 @@ def _features(room: Room) -> np.ndarray:
 
 
 def _relative_place(room: Room) -> np.ndarray:
-    """Return the designer's place (2,) between the lowest and highest centre of `play`: 0 to 1 along each axis."""
-    low, high = play(room, room.moving)
+    """Return the designer's place (2,) between the ends of `center_range`: 0 to 1 along each axis."""
+    low, high = center_range(room, room.moving)
     return (np.array(room.moving.center) - low) / np.maximum(high - low, 1e-9)
 
 
 def _from_relative(room: Room, relative: np.ndarray) -> np.ndarray:
-    low, high = play(room, room.moving)
+    low, high = center_range(room, room.moving)
     return low + np.clip(relative, 0, 1) * np.maximum(high - low, 0)
 
 
-def play(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
+def center_range(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest centre at which the item, as it is turned, lies within the outline's bounding box."""
     bounds, around = np.array(room.indoor.bounds), np.array(item.template.bounds)
     return bounds[:2] - around[:2], bounds[2:] - around[2:]

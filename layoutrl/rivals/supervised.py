@@ -24,7 +24,7 @@ from layoutrl.env.observation import PRESENT, GeometryObservation, in_every_view
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
-from layoutrl.rivals.rules import play
+from layoutrl.rivals.rules import center_range
 
 SIDE = 11  # candidates along each side of the grid
 NEAR = (0.005, 0.5)  # metres: least and greatest standard deviation of training places around the designer's
@@ -80,7 +80,7 @@ def regressed_places(
 
     Along each axis the median over the `views`.
     """
-    return starts + _agreed(_said(network, observe, room, starts, views), views)
+    return starts + _agreed(_outputs(network, observe, room, starts, views), views)
 
 
 class PointingNetwork(nn.Module):
@@ -102,9 +102,9 @@ class PointingNetwork(nn.Module):
 
     def forward(self, elements: Tensor) -> tuple[Tensor, Tensor]:
         """Log weights and centres, (B, 2, elements x ANCHORS) each, of elements (B, elements, columns)."""
-        return self.places(elements, self.told(elements))
+        return self.decode(elements, self.encode(elements))
 
-    def told(self, elements: Tensor) -> Tensor:
+    def encode(self, elements: Tensor) -> Tensor:
         """Return the state of each element after the rounds: (B, elements, width)."""
         middle, half = (t.movedim(0, -1) for t in upright_box(elements.movedim(-1, 0)))
         state = self.embed(torch.cat([elements, middle - half, middle + half], -1))
@@ -112,7 +112,7 @@ class PointingNetwork(nn.Module):
             state = state + out((own(state) + heard(pooled(elements, state))[:, None]).relu())
         return state
 
-    def places(self, elements: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+    def decode(self, elements: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Return log weights and centres, as `forward` does, from the elements' states (B, elements, width)."""
         middle, half = (t.movedim(0, -1)[..., None] for t in upright_box(elements.movedim(-1, 0)))  # (B, N, 2, 1)
         weight, offset = self.head(state).unflatten(-1, (2, ANCHORS, 2)).unbind(-1)  # (B, N, 2, ANCHORS)
@@ -168,7 +168,7 @@ def train_pointer(
 def pointed_places(network: PointingNetwork, observe: GeometryObservation, views: Sequence[Symmetry]) -> np.ndarray:
     """Where the pointer points in each room, legal or not: (rooms, 2). Along each axis the median over the `views`."""
     origin = observe.origin.cpu().numpy()
-    return origin + _agreed(_said(network.point, observe, np.arange(len(origin)), origin, views), views)
+    return origin + _agreed(_outputs(network.point, observe, np.arange(len(origin)), origin, views), views)
 
 
 def train_scorer(
@@ -218,7 +218,7 @@ def scored_places(
     places = candidates(simulator)
     room, which = np.nonzero(~np.isnan(places[..., 0]))
     score = np.full(places.shape[:2], -np.inf)
-    score[room, which] = _said(network, observe, room, places[room, which], views).mean(0)[:, 0]
+    score[room, which] = _outputs(network, observe, room, places[room, which], views).mean(0)[:, 0]
     return places[np.arange(len(places)), score.argmax(1)]
 
 
@@ -233,7 +233,7 @@ def candidates(simulator: Simulator) -> np.ndarray:
     for k, room in enumerate(simulator.rooms):
         places.append(shapely.get_coordinates(shapely.point_on_surface(simulator.legal[k])))
         rooms.append(np.array([k]))
-        low, high = play(room, room.moving)
+        low, high = center_range(room, room.moving)
         for x, y in (_contact_coordinates(simulator.contacts[k]), np.linspace(low, high, SIDE).T):
             places.append(np.stack(np.meshgrid(x, y), -1).reshape(-1, 2))
             rooms.append(np.full(len(places[-1]), k))
@@ -283,8 +283,8 @@ def trained(
 
 
 @torch.no_grad()
-def _said(
-    say: Callable[[Tensor], Tensor],
+def _outputs(
+    network: Callable[[Tensor], Tensor],
     observe: GeometryObservation,
     room: np.ndarray,
     position: np.ndarray,
@@ -292,15 +292,15 @@ def _said(
 ) -> Tensor:
     """Return a network's outputs for rooms (B,) and positions (B, 2) in each view: (views, B, n), on the CPU."""
     device = observe.origin.device
-    said = []
+    outputs = []
     for first in range(0, len(room), BLOCK):
         block = slice(first, first + BLOCK)
         seen = observe(torch.as_tensor(room[block], device=device), torch.as_tensor(position[block], device=device))
-        said.append(torch.stack([say(observe.turned(seen, view)) for view in views]))
-    return torch.cat(said, 1).cpu()
+        outputs.append(torch.stack([network(observe.turned(seen, view)) for view in views]))
+    return torch.cat(outputs, 1).cpu()
 
 
-def _agreed(said: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
+def _agreed(offsets: Tensor, views: Sequence[Symmetry]) -> np.ndarray:
     """Turn offsets (views, B, 2) back and return their median along each axis: a few at another wall have no say."""
-    ways = [way @ view.matrix.cpu() for way, view in zip(said, views, strict=True)]  # the inverse is the transpose
+    ways = [way @ view.matrix.cpu() for way, view in zip(offsets, views, strict=True)]  # the inverse is the transpose
     return np.median(torch.stack(ways).numpy(), 0)

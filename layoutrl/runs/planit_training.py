@@ -14,7 +14,7 @@ from layoutrl import InputError
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.planit.graph import ARCHITECTURE, Scene, scene_of
 from layoutrl.rivals.planit.model import PlanIT, counted
-from layoutrl.rivals.planit.placement import Placer, Search
+from layoutrl.rivals.planit.placement import Choosing, Placer
 from layoutrl.rivals.planit.scoring import given_query, scored
 from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
@@ -140,5 +140,5 @@ def probed(placer: Placer) -> float:
     """Return the mean IoU of the moving items at their likeliest places, given the graphs of the designer's rooms."""
     queries = [given_query(placer, room) for room in range(len(placer.rooms))]
     heats = placer.heat(queries)
-    items = [placer.target(query, heat, Search()) for query, heat in zip(queries, heats, strict=True)]
+    items = [placer.target(query, heat, Choosing()) for query, heat in zip(queries, heats, strict=True)]
     return scored(placer.rooms, items).score.mean_iou

@@ -17,7 +17,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pad_sequence
 
-from layoutrl.rivals.planit.graph import ADJACENT, ARCHITECTURE, FRONT, TYPES, Graph, Kept, Relation, Scene, edge_type
+from layoutrl.rivals.planit.graph import (
+    ADJACENT,
+    ARCHITECTURE,
+    FRONT,
+    TYPES,
+    Graph,
+    KeptTypes,
+    Relation,
+    Scene,
+    edge_type,
+)
 
 STATE, HIDDEN, ROUNDS = 64, 128, 3
 NO_EDGE = math.log(10)  # the logit of adding no further edge; all others are learned relative to it
@@ -227,7 +237,7 @@ def sample(
     network: GraphNetwork,
     scene: Scene,
     categories: Sequence[str],
-    kept: Kept,
+    kept: KeptTypes,
     most: int,
     rng: np.random.Generator,
     given: Sequence[str] | None = None,
@@ -263,7 +273,7 @@ def sample(
 
 
 def _edges(
-    network: GraphNetwork, graph: Partial, categories: Sequence[str], kept: Kept, rng: np.random.Generator
+    network: GraphNetwork, graph: Partial, categories: Sequence[str], kept: KeptTypes, rng: np.random.Generator
 ) -> list[Relation]:
     """Draw edges to the graph's last node one after the other, at most one from each anchor."""
     new = len(graph.category) - 1

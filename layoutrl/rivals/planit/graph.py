@@ -211,7 +211,7 @@ def _visible(box: np.ndarray, anchor: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptTypes:
     """The types of edges that pruning leaves for a room type, by the categories of anchor and target."""
 
     types: Mapping[tuple[str, str], frozenset[int]]
@@ -221,7 +221,7 @@ class Kept:
         return type in self.types.get((anchor, target), ())
 
 
-def kept(scenes: Sequence[Scene]) -> Kept:
+def kept_types(scenes: Sequence[Scene]) -> KeptTypes:
     """Return the types of edges that pruning leaves: the frequent ones, and some that always tell.
 
     Frequencies are shares of all pairs of the two categories in one room. What always tells is support, adjacent to a
@@ -247,13 +247,13 @@ def kept(scenes: Sequence[Scene]) -> Kept:
             or count / pairs[anchor, target] >= OFTEN[distance]
         ):
             types.setdefault((anchor, target), set()).add(type)
-    return Kept({pair: frozenset(found) for pair, found in types.items()})
+    return KeptTypes({pair: frozenset(found) for pair, found in types.items()})
 
 
 Graph = dict[int, list[Relation]]  # the edges that lead to each item, in the order in which they are placed
 
 
-def graph_of(scene: Scene, kept: Kept, order: Sequence[int]) -> Graph:
+def graph_of(scene: Scene, kept: KeptTypes, order: Sequence[int]) -> Graph:
     """Return the graph of items that are placed in this order; others are left out.
 
     An item to which no kept edge leads gets the cheapest of its edges.
@@ -271,7 +271,7 @@ def graph_of(scene: Scene, kept: Kept, order: Sequence[int]) -> Graph:
     return graph
 
 
-def graph_with_last(scene: Scene, kept: Kept, order: Sequence[int], last: int) -> Graph:
+def graph_with_last(scene: Scene, kept: KeptTypes, order: Sequence[int], last: int) -> Graph:
     """Return the graph of items in this order, and of one more after all of them.
 
     The others' edges are those of the room without it: before it is placed, it hides nothing.

@@ -14,7 +14,7 @@ from torch import nn
 from layoutrl.agents.networks import weights_of
 from layoutrl.rivals.planit.canvas import FIXED_CHANNELS, box_of, overlapping
 from layoutrl.rivals.planit.generator import GraphNetwork
-from layoutrl.rivals.planit.graph import ARCHITECTURE, Kept, Scene, kept
+from layoutrl.rivals.planit.graph import ARCHITECTURE, KeptTypes, Scene, kept_types
 from layoutrl.rivals.planit.networks import LocationNetwork, PictureNetwork, SizeNetwork
 from layoutrl.rooms.brief import standing
 from layoutrl.rooms.room import Room
@@ -25,7 +25,7 @@ class Statistics:
     """Counts of the training rooms."""
 
     categories: list[str]  # of furniture, the most important (frequent and large) first
-    kept: Kept  # types of edges that pruning leaves
+    kept: KeptTypes  # types of edges that pruning leaves
     sizes: dict[str, list[tuple[float, float, bool]]]  # of each category: depth, width (metres), round
     tucked: list[tuple[str, str]]  # categories of which the first stands partly under the second
     span: float  # metres: no training room is longer
@@ -49,7 +49,7 @@ def counted(rooms: Sequence[Room], scenes: Sequence[Scene]) -> Statistics:
     bounds = np.array([room.envelope.bounds for room in rooms])
     return Statistics(
         [category for category, _ in sorted(weight.items(), key=lambda entry: (-entry[1], entry[0]))],
-        kept(scenes),
+        kept_types(scenes),
         {category: sorted(found) for category, found in sorted(sizes.items())},
         sorted({pair for room in rooms for pair in _tucked(room)}),
         float((bounds[:, 2:] - bounds[:, :2]).max()),

@@ -65,7 +65,7 @@ class Layout:
 
 
 @dataclass
-class Search:
+class Choosing:
     """How places, facings and sizes are chosen: the likeliest, or drawn by `rng`, sizes by `noise`."""
 
     rng: np.random.Generator | None = None
@@ -137,7 +137,7 @@ class Placer:
         self,
         query: Query,
         heat: np.ndarray,
-        search: Search,
+        choosing: Choosing,
         *,
         size: Item | None = None,
         tolerance: float = 0.0,
@@ -148,14 +148,14 @@ class Placer:
         `size` is an item whose size, form and, if it has one, rotation are taken; `avoid` are centres that were tried
         before.
         """
-        tried = self._trials(query, heat, search, size, avoid)
+        tried = self._trials(query, heat, choosing, size, avoid)
         return next((item for item, held in tried if held >= 1 - tolerance), None)
 
-    def target(self, query: Query, heat: np.ndarray, search: Search, size: Item | None = None) -> Item | None:
+    def target(self, query: Query, heat: np.ndarray, choosing: Choosing, size: Item | None = None) -> Item | None:
         """Return the item, while all others stay, at the first legal place of TRIALS at which all edges hold, or else
         at the one at which they hold best; None if no place is legal."""
         best: tuple[float, Item | None] = (-1.0, None)
-        for item, held in self._trials(query, heat, search, size):
+        for item, held in self._trials(query, heat, choosing, size):
             if held > best[0]:
                 best = held, item
             if held == 1:
@@ -163,7 +163,7 @@ class Placer:
         return best[1]
 
     def _trials(
-        self, query: Query, heat: np.ndarray, search: Search, size: Item | None, avoid: Sequence[Point] = ()
+        self, query: Query, heat: np.ndarray, choosing: Choosing, size: Item | None, avoid: Sequence[Point] = ()
     ) -> Iterator[tuple[Item, float]]:
         """Yield the item at each legal place, in the order in which they are tried, and how well edges hold, 0 to 1."""
         cells, heat = self.cells[query.room], heat.copy()
@@ -173,13 +173,13 @@ class Placer:
         for together in (1, TRIALS - 1):  # the first is often good; the others are cheaper all at once
             centres: list[np.ndarray] = []
             while len(centres) < together and heat.sum() > 0:
-                centres.append(self._centre(heat, cells, search))
+                centres.append(self._centre(heat, cells, choosing))
                 trial += 1
                 self._forget(heat, cells, centres[-1], trial)
-            for item in self._items(query, np.array(centres), search, size) if centres else ():
+            for item in self._items(query, np.array(centres), choosing, size) if centres else ():
                 snapped = self._snapped(query, item)
                 met = self._collisions(query, snapped)
-                search.in_the_way.update(met)
+                choosing.in_the_way.update(met)
                 if not met and self._indoors(query.room, snapped):
                     yield snapped, self._held(query, snapped)
 
@@ -188,7 +188,7 @@ class Placer:
         room: int,
         names: Sequence[str],
         graph: Graph,
-        search: Search,
+        choosing: Choosing,
         sizes: Sequence[Item] | None = None,
     ) -> Layout:
         """Place all items of a graph in an empty room. `names` are their categories, from the scene's first item on.
@@ -209,14 +209,14 @@ class Placer:
             node = order[k]
             edges = [r for r in graph[node] if r.anchor < fixed or r.anchor in placed]
             query = Query(room, names[node - fixed], edges, dict(placed))
-            search.in_the_way.clear()
+            choosing.in_the_way.clear()
             known = node, *placed.items()
             if known not in heats:  # what is taken back is often put where it was
                 heats[known] = self.heat([query])[0]
             item = self.find(
                 query,
                 heats[known],
-                search,
+                choosing,
                 size=None if sizes is None else sizes[node - fixed],
                 tolerance=_tolerance(backtracks),
                 avoid=tried.get(node, ()),
@@ -229,7 +229,7 @@ class Placer:
                 k += 1
             else:
                 backtracks += 1
-                k = self._back_to(order, k, placed, search)
+                k = self._back_to(order, k, placed, choosing)
                 if order[k] in placed:
                     tried.setdefault(order[k], []).append(placed[order[k]].center or (0.0, 0.0))
                 for later in order[k + 1 :]:
@@ -239,9 +239,9 @@ class Placer:
         return Layout(placed, missing)
 
     @staticmethod
-    def _back_to(order: Sequence[int], k: int, placed: Mapping[int, Item], search: Search) -> int:
+    def _back_to(order: Sequence[int], k: int, placed: Mapping[int, Item], choosing: Choosing) -> int:
         """Return the step to take back: that of what was in the way most often, or the last that placed something."""
-        conflicts = [(count, node) for node, count in search.in_the_way.items() if node in placed]
+        conflicts = [(count, node) for node, count in choosing.in_the_way.items() if node in placed]
         if conflicts:
             return order.index(max(conflicts)[1])
         return max((n for n in range(k) if order[n] in placed), default=k)
@@ -254,16 +254,16 @@ class Placer:
         item = query.placed[node]
         return np.array(box_of(item)), int(item.degrees // 90) % 4
 
-    def _centre(self, heat: np.ndarray, cells: np.ndarray, search: Search) -> np.ndarray:
+    def _centre(self, heat: np.ndarray, cells: np.ndarray, choosing: Choosing) -> np.ndarray:
         """Return the middle (2,) of the likeliest cell, or of one that is drawn, averaged with its neighbours by heat.
 
         PlanIT has twice as many pixels a side, and takes a pixel's middle.
         """
-        if search.rng is None:
+        if choosing.rng is None:
             chosen = int(heat.argmax())
         else:
             chance = (heat / heat.max()) ** (1 / TEMPERATURE)
-            chosen = int(search.rng.choice(len(chance), p=chance / chance.sum()))
+            chosen = int(choosing.rng.choice(len(chance), p=chance / chance.sum()))
         near = np.abs(cells - cells[chosen]).max(1) < 1.5 * self.pixel
         return np.average(cells[near], axis=0, weights=heat[near])
 
@@ -272,7 +272,7 @@ class Placer:
         heat[np.linalg.norm(cells - centre, axis=1) <= self.pixel * (0.5 + 0.25 * times)] = 0.0
 
     @torch.no_grad()
-    def _items(self, query: Query, centres: np.ndarray, search: Search, size: Item | None) -> list[Item]:
+    def _items(self, query: Query, centres: np.ndarray, choosing: Choosing, size: Item | None) -> list[Item]:
         """Return the item at each of n centres, with the facing and the size that the networks predict unless given."""
         if size is not None and size.rotation is not None:
             return [replace(size, category=query.category, center=(float(x), float(y))) for x, y in centres]
@@ -289,14 +289,14 @@ class Placer:
             return canvas.draw(room, furniture, here, quarters, straight, reach=reach, side=SIDE)
 
         chance = model.orientation(picture(torch.zeros_like(room)), category).softmax(1).cpu().double().numpy()
-        draws = None if search.rng is None else search.rng.random((many, 1))
+        draws = None if choosing.rng is None else choosing.rng.random((many, 1))
         facing = chance.argmax(1) if draws is None else (chance.cumsum(1) > draws).argmax(1)
         if size is not None:
             return [
                 replace(size, category=query.category, center=(float(x), float(y)), rotation=90.0 * int(quarter))
                 for (x, y), quarter in zip(centres, facing, strict=True)
             ]
-        said = model.size(picture(torch.tensor(facing, device=model.device)), category, search.noise).cpu().numpy()
+        said = model.size(picture(torch.tensor(facing, device=model.device)), category, choosing.noise).cpu().numpy()
         known, sizes = self.sizes[query.category], model.statistics.sizes[query.category]
         nearest = np.linalg.norm(known - said[:, None] * reach, axis=-1).argmin(1)
         return [

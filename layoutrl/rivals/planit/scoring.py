@@ -18,7 +18,7 @@ from layoutrl.evaluation.metrics import Score, blocks_openings, score_of
 from layoutrl.evaluation.statistics import standard_error
 from layoutrl.rivals.planit.generator import sample
 from layoutrl.rivals.planit.graph import Graph, Relation, scene_of
-from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
+from layoutrl.rivals.planit.placement import Choosing, Layout, Placer, Query
 from layoutrl.rivals.planit.training import planned, with_last
 from layoutrl.rooms.brief import brief_of, standing
 from layoutrl.rooms.room import Item, Room
@@ -32,7 +32,7 @@ CHUNK = 64  # rooms whose heat maps are worked out at once
 
 
 @dataclass(frozen=True)
-class Places:
+class OneItemResult:
     """Where one item went, in each of B rooms; None where there was no place."""
 
     items: list[Item | None]
@@ -41,7 +41,7 @@ class Places:
     missing: float  # share of the rooms without a place
 
 
-def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Places]:
+def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, OneItemResult]:
     """Place the moving item of each of the placer's rooms among the others. Keys are "graph, choice, whose size".
 
     Where there is no place, what is drawn of the graph is drawn again, TRIES times in all. The true size comes with
@@ -55,14 +55,14 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Pla
             queries = [QUERIES[graph](placer, room, rng) for room in rooms]
             for query, heat in zip(queries, placer.heat(queries), strict=True):
                 for choice, whose in _variants(graph):
-                    search = Search(rng, noise) if choice == "sampled" else Search()
+                    choosing = Choosing(rng, noise) if choice == "sampled" else Choosing()
                     size = placer.rooms[query.room].moving if whose == "true size" else None
-                    item = placer.target(query, heat, search, size)
+                    item = placer.target(query, heat, choosing, size)
                     redrawing = rng.spawn(1)[0]  # of its own: drawing again does not change what rng draws
                     for _ in range(_tries(graph) - 1):
                         if item is None:
                             again = QUERIES[graph](placer, query.room, redrawing)
-                            item = placer.target(again, placer.heat([again])[0], search, size)
+                            item = placer.target(again, placer.heat([again])[0], choosing, size)
                     found.setdefault(f"{graph}, {choice}, {whose}", []).append(item)
     return {name: scored(placer.rooms, items) for name, items in found.items()}
 
@@ -162,7 +162,7 @@ QUERIES: dict[str, Callable[[Placer, int, np.random.Generator], Query]] = {
 GRAPHS = tuple(QUERIES)  # how much of it is the designer's
 
 
-def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
+def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> OneItemResult:
     """Score items in place of the rooms' moving ones. An item without a place has IoU 0 and overlaps nothing."""
     iou, overlap, outside, blocked = (np.zeros(len(rooms)) for _ in range(4))
     there = [k for k, item in enumerate(items) if item is not None]
@@ -177,7 +177,7 @@ def scored(rooms: Sequence[Room], items: Sequence[Item | None]) -> Places:
         overlap[there], outside[there] = simulator.overlap_and_outside(index, position)
         blocked[there] = blocks_openings(simulator, index, position)
     group = np.array([room.group for room in rooms])
-    return Places(list(items), iou, score_of(iou, overlap, outside, blocked, group), 1 - len(there) / len(rooms))
+    return OneItemResult(list(items), iou, score_of(iou, overlap, outside, blocked, group), 1 - len(there) / len(rooms))
 
 
 def _with(room: Room, item: Item | None) -> Room:
@@ -186,7 +186,7 @@ def _with(room: Room, item: Item | None) -> Room:
 
 
 @dataclass(frozen=True)
-class FromNothing:
+class WholeRoomResult:
     """All items of B rooms, placed from nothing."""
 
     layouts: list[list[Item]]
@@ -209,7 +209,7 @@ class FromNothing:
         return {name: getattr(self, name) for name in ("mean_iou", "standard_error", "missing")}
 
 
-def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, FromNothing]:
+def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, WholeRoomResult]:
     """Place all items of each of the placer's rooms from nothing. Keys are those of `place_targets`.
 
     Items are matched with the designer's within a category, so that the sum of their IoU is highest.
@@ -219,10 +219,10 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, FromN
     for room in tqdm(range(len(placer.rooms)), "all items", leave=False):
         for kind in GRAPHS:
             for choice, whose in _variants(kind):
-                search = Search(rng, noise) if choice == "sampled" else Search()
-                layout = _fullest(_layout(placer, room, kind, whose, rng, search) for _ in range(_tries(kind)))
+                choosing = Choosing(rng, noise) if choice == "sampled" else Choosing()
+                layout = _fullest(_layout(placer, room, kind, whose, rng, choosing) for _ in range(_tries(kind)))
                 found.setdefault(f"{kind}, {choice}, {whose}", []).append(layout)
-    return {name: from_nothing(placer.rooms, layouts) for name, layouts in found.items()}
+    return {name: scored_layouts(placer.rooms, layouts) for name, layouts in found.items()}
 
 
 def _fullest(layouts: Iterable[Layout]) -> Layout:
@@ -235,12 +235,12 @@ def _fullest(layouts: Iterable[Layout]) -> Layout:
     return min(made, key=lambda layout: len(layout.missing))
 
 
-def _layout(placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, search: Search) -> Layout:
+def _layout(placer: Placer, room: int, kind: str, whose: str, rng: np.random.Generator, choosing: Choosing) -> Layout:
     """A room furnished by one graph."""
     names, graph, stands_for = room_graph(placer, room, kind, rng)
     own = standing(placer.rooms[room])
     sizes = [own[k] for k in stands_for] if whose == "true size" else None
-    return placer.furnish(room, names, graph, search, sizes)
+    return placer.furnish(room, names, graph, choosing, sizes)
 
 
 def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
@@ -261,7 +261,7 @@ def furnished_rooms(placer: Placer, seed: np.random.SeedSequence) -> list[Room]:
         items = [brief.furniture[k] for k in order]
         names = [item.category for item in items]
         graphs = (_sampled(told, number, rng, names)[1] for _ in range(TRIES))
-        best = _fullest(told.furnish(number, names, graph, Search(), items) for graph in graphs)
+        best = _fullest(told.furnish(number, names, graph, Choosing(), items) for graph in graphs)
         furniture = list(brief.furniture)
         for n, k in enumerate(order):
             furniture[k] = best.placed.get(told.scenes[number].fixed + n, furniture[k])
@@ -282,7 +282,7 @@ def room_graph(placer: Placer, room: int, kind: str, rng: np.random.Generator) -
     return *_sampled(placer, room, rng, given), order
 
 
-def from_nothing(rooms: Sequence[Room], layouts: Sequence[Layout]) -> FromNothing:
+def scored_layouts(rooms: Sequence[Room], layouts: Sequence[Layout]) -> WholeRoomResult:
     """Score layouts of whole rooms."""
     missing, placed = (
         sum(map(len, counted)) for counted in zip(*((x.missing, x.placed) for x in layouts), strict=True)
@@ -291,7 +291,7 @@ def from_nothing(rooms: Sequence[Room], layouts: Sequence[Layout]) -> FromNothin
     ours = [replace(room, furniture=tuple(there)) for room, there in zip(rooms, items, strict=True)]
     found = matched(ours, rooms)
     iou, group = means(found.iou, found.room, len(rooms)), np.array([room.group for room in rooms])
-    return FromNothing(items, group, iou, missing / max(missing + placed, 1))
+    return WholeRoomResult(items, group, iou, missing / max(missing + placed, 1))
 
 
 def how_many(furnished: int, rooms: int) -> int:
@@ -301,7 +301,7 @@ def how_many(furnished: int, rooms: int) -> int:
 
 def score_all(
     placer: Placer, furnished: int, seed: np.random.SeedSequence
-) -> tuple[dict[str, Places], dict[str, FromNothing]]:
+) -> tuple[dict[str, OneItemResult], dict[str, WholeRoomResult]]:
     """Place one item in every room, and all items in the first `how_many` of them."""
     one_seed, all_seed = seed.spawn(2)
     few = how_many(furnished, len(placer.rooms))

@@ -92,16 +92,16 @@ class Training:
 
     def __iter__(self) -> Iterator[Report]:
         self.model.train()
-        elsewhere = self.share - self._spent(self.updates)  # spent before a resume: 0 of updates, which all count
+        spent_before = self.share - self._spent(self.updates)  # spent before a resume: 0 of updates, which all count
         while not self.stopping and self.share < 1:
             for optimizer in (self._optimizer, self._judging):
                 for group in optimizer.param_groups:
                     group["lr"] = self._learning_rate * (1 - self.share)
             self._update()
-            self.share = elsewhere + self._spent(self.updates)
+            self.share = spent_before + self._spent(self.updates)
             if self.updates % self._report_every == 0:
                 yield self._report()
-                elsewhere = self.share - self._spent(self.updates)
+                spent_before = self.share - self._spent(self.updates)
         if self._recent and not self.stopping:
             yield self._report()
         self.model.eval()

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from layoutrl.env.geometry import CONTACT
-from layoutrl.rivals.rules import play
+from layoutrl.rivals.rules import center_range
 from layoutrl.rooms.brief import Pose, facings, missing, standing, with_poses
 from layoutrl.rooms.clearances import angle_off
 from layoutrl.rooms.fitting import fitting_positions
@@ -164,7 +164,7 @@ def _pushed(brief: Room, item: Item, model: Room, other: Item) -> Pose | None:
     fits = _fitting(brief, item, degrees)
     if fits.is_empty:
         return None
-    low, high = play(model, other)
+    low, high = center_range(model, other)
     share = np.clip((np.array(other.center) - low) / np.maximum(high - low, 1e-9), 0, 1)
     x0, y0, x1, y1 = fits.bounds
     wanted = shapely.Point(np.array([x0, y0]) + share * (x1 - x0, y1 - y0))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from layoutrl.rivals.rooms.relations import ALONE_TERMS, PAIR_TERMS, Kept, Relations
+from layoutrl.rivals.rooms.relations import ALONE_TERMS, PAIR_TERMS, RelationCosts, Relations
 from layoutrl.rivals.rooms.scene import Array, Scene, boxes_at, daylight, depth, keep_free, unreached
 from layoutrl.rooms.room import TOLERANCE
 
@@ -20,7 +20,7 @@ class Cost:
 
     def __init__(self, scene: Scene, relations: Relations, weights: Mapping[str, float]):
         self.scene, self.weights = scene, weights
-        self.kept = Kept(scene, relations)
+        self.relation_costs = RelationCosts(scene, relations)
         names = [item.category for item in scene.brief.furniture]
         self.item = np.arange(len(names))
         self.doors = keep_free(scene, relations.clear)
@@ -61,8 +61,10 @@ class Cost:
     def pairs(self, box: Array, quarter: Array) -> Array:
         """Return the weighted cost (C,) of pairs: of every item with its cheapest partner in every category."""
         every = slice(None)
-        cost = self.kept.pairs(box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], every, every)
-        one_way = cost @ self.pair_weights
+        costs = self.relation_costs.pairs(
+            box[:, :, None], quarter[:, :, None], box[:, None], quarter[:, None], every, every
+        )
+        one_way = costs @ self.pair_weights
         both = np.where(self.itself, self.with_itself, one_way + one_way.swapaxes(1, 2))
         return self.best_partners(both, self.item).sum(1) / 2
 
@@ -81,7 +83,7 @@ class Cost:
 
     def preference(self, center: Array, quarter: Array, box: Array) -> Array:
         """Return the weighted cost (C,) of what is no fault: relations of items and of pairs, and visual balance."""
-        alone = self.kept.alone(box, quarter).sum(1) * self.alone_weights
+        alone = self.relation_costs.alone(box, quarter).sum(1) * self.alone_weights
         off = (self.area[:, None] * center).sum(1) / self.area.sum() - self.middle
         balance = self.weights["balance"] * np.hypot(off[:, 0], off[:, 1])
         return np.sum([*alone.T, self.pairs(box, quarter), balance], axis=0)

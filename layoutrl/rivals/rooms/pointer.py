@@ -63,11 +63,11 @@ class RoomsPointer(nn.Module):
         wide as deep. Then each is told how the item is turned.
         """
         shape = elements.shape[:2]
-        told = self.pointing.told(elements.mean(1))[:, None]
-        told = told + self.out((self.own(told) + self.turned(elements[:, :, :1])).relu())
-        elements, told = elements.flatten(0, 1), told.flatten(0, 1)
-        said = self.facing(pooled(elements, told))[:, 0], *self.pointing.places(elements, told)
-        score, weight, center = (t.unflatten(0, shape) for t in said)
+        encoded = self.pointing.encode(elements.mean(1))[:, None]
+        encoded = encoded + self.out((self.own(encoded) + self.turned(elements[:, :, :1])).relu())
+        elements, encoded = elements.flatten(0, 1), encoded.flatten(0, 1)
+        outputs = self.facing(pooled(elements, encoded))[:, 0], *self.pointing.decode(elements, encoded)
+        score, weight, center = (t.unflatten(0, shape) for t in outputs)
         return score, weight, center
 
 

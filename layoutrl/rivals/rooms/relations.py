@@ -196,7 +196,7 @@ ALONE_TERMS = ("back", "side", "door", "window", "looks")  # costs of an item
 PAIR_TERMS = ("near", "gap", "turn", "bearing", "along")  # costs of a pair
 
 
-class Kept:
+class RelationCosts:
     """Costs of how well the items of a scene keep relations: at best 0 for offsets, -1 for distances and shares.
 
     The tables by item (n, ...) and by pair (n, n, ...) hold what was mined. What was not mined costs nothing. `i` and

@@ -39,7 +39,7 @@ class Searching:
     weights: dict[str, float]  # of PREFERENCES
 
 
-class Places(NamedTuple):
+class CandidatePoses(NamedTuple):
     """Poses (N) of one item that break no rule of the bare room, with their boxes and the floor before them (N, 4)."""
 
     center: Array  # (N, 2)
@@ -48,13 +48,13 @@ class Places(NamedTuple):
     front: Array
     cost: Array  # (N,) weighted sum of ALONE_TERMS
 
-    def some(self, which: Array) -> Places:
+    def some(self, which: Array) -> CandidatePoses:
         """Return those that a mask or indices select."""
-        return Places(*(values[which] for values in self))
+        return CandidatePoses(*(values[which] for values in self))
 
-    def then(self, more: Places) -> Places:
-        """Return these places, followed by more."""
-        return Places(*map(np.concatenate, zip(self, more, strict=True)))
+    def then(self, more: CandidatePoses) -> CandidatePoses:
+        """Return these poses, followed by more."""
+        return CandidatePoses(*map(np.concatenate, zip(self, more, strict=True)))
 
 
 def search(brief: Room, relations: Relations, settings: Searching, spent: Spent, rng: np.random.Generator) -> Room:
@@ -75,7 +75,7 @@ class Finder:
         self.scene, self.settings, self.rng = scene, settings, rng
         self.cost = Cost(scene, relations, settings.weights)
         self.order = largest_first(scene.brief)
-        self.places = {i: self._legal(i, *self._grid(i)) for i in self.order}
+        self.poses = {i: self._legal(i, *self._grid(i)) for i in self.order}
         self.center, self.quarter = scene.center.copy(), scene.quarter.copy()  # of the layout in the making
         self.placed = ~np.isin(np.arange(len(scene.center)), scene.movable)
         self.lowest = (len(scene.center) + 1, np.inf)  # items without a place or out of reach, and cost
@@ -120,23 +120,23 @@ class Finder:
 
         The item, and as many of the standing ones as before, can be reached there, unless it may be `anywhere`.
         """
-        places = self.places[i]
+        poses = self.poses[i]
         if self.settings.flush and self.placed.any():
-            places = places.then(self._legal(i, *self._beside(i)))
+            poses = poses.then(self._legal(i, *self._beside(i)))
         others = np.flatnonzero(self.placed)
         box = self.cost.boxes(self.center[None], self.quarter[None])[0, others]
         front = self.cost.fronts(self.center[None], self.quarter[None])[0, others]
-        scene, kept, weights = self.scene, self.cost.kept, self.cost.pair_weights
-        clash = (depth(places.box[:, None], box) > FIT) & ~scene.may_overlap[i, others]
-        clash |= (depth(places.front[:, None], box) > FIT) & ~scene.may_stand_before[i, others]
-        clash |= (depth(places.box[:, None], front) > FIT) & ~scene.may_stand_before[others, i]
-        places = places.some(~clash.any(1))
-        mine, facing, its = places.box[:, None], places.quarter[:, None], self.quarter[others]
-        pairs = kept.pairs(mine, facing, box, its, i, others) + kept.pairs(box, its, mine, facing, others, i)
-        cost = places.cost + self.cost.best_partners(pairs @ weights, others)
+        scene, costs, weights = self.scene, self.cost.relation_costs, self.cost.pair_weights
+        clash = (depth(poses.box[:, None], box) > FIT) & ~scene.may_overlap[i, others]
+        clash |= (depth(poses.front[:, None], box) > FIT) & ~scene.may_stand_before[i, others]
+        clash |= (depth(poses.box[:, None], front) > FIT) & ~scene.may_stand_before[others, i]
+        poses = poses.some(~clash.any(1))
+        mine, facing, its = poses.box[:, None], poses.quarter[:, None], self.quarter[others]
+        pairs = costs.pairs(mine, facing, box, its, i, others) + costs.pairs(box, its, mine, facing, others, i)
+        cost = poses.cost + self.cost.best_partners(pairs @ weights, others)
         if self.restarts:
             cost = cost + self.settings.noise * self.rng.gumbel(size=len(cost))
-        best = places.some(np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best])
+        best = poses.some(np.argsort(cost, kind="stable")[: LOOKED_AT * self.settings.best])
         if not anywhere:
             boxes = np.tile(AWAY, (1 + len(best.box), len(self.placed), 1))
             boxes[:, others], boxes[1:, i] = box, best.box
@@ -187,7 +187,7 @@ class Finder:
     def _facings(self, i: int) -> Array:
         return np.arange(4) if self.scene.turnable[i] else self.scene.quarter[[i]]
 
-    def _legal(self, i: int, center: Array, quarter: Array) -> Places:
+    def _legal(self, i: int, center: Array, quarter: Array) -> CandidatePoses:
         """Return the poses, of those given, that break no rule in the bare room."""
         scene, cost = self.scene, self.cost
         box = boxes_at(center, scene.half[i, quarter])
@@ -195,5 +195,5 @@ class Finder:
         solids = np.concatenate([scene.solids, cost.doors, *([cost.windows] if cost.tall[i] else [])])
         fits = (depth(box[:, None], solids) <= FIT).all(1)
         fits &= (depth(front[:, None], scene.solids) <= FIT).all(1)
-        alone = cost.kept.alone(box[fits], quarter[fits], i) @ cost.alone_weights
-        return Places(center[fits], quarter[fits], box[fits], front[fits], alone)
+        alone = cost.relation_costs.alone(box[fits], quarter[fits], i) @ cost.alone_weights
+        return CandidatePoses(center[fits], quarter[fits], box[fits], front[fits], alone)

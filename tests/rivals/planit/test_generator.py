@@ -16,12 +16,22 @@ from layoutrl.rivals.planit.generator import (
     sample,
     with_items,
 )
-from layoutrl.rivals.planit.graph import ARCHITECTURE, TYPES, Graph, Kept, Relation, Scene, graph_of, kept, scene_of
+from layoutrl.rivals.planit.graph import (
+    ARCHITECTURE,
+    TYPES,
+    Graph,
+    KeptTypes,
+    Relation,
+    Scene,
+    graph_of,
+    kept_types,
+    scene_of,
+)
 from layoutrl.rooms.designer.generator import design_rooms
 
 SCENES = [scene_of(room) for room in design_rooms("bedroom", "train", 5, 6).rooms]
 NAMES = [*ARCHITECTURE, *sorted({scene.category[k] for scene in SCENES for k in scene.items})]
-KEPT = kept(SCENES)
+KEPT = kept_types(SCENES)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +134,7 @@ def test_given_categories_and_known_edges_are_taken_over(network: GraphNetwork) 
 
 def test_where_nothing_is_kept_nothing_is_drawn(network: GraphNetwork) -> None:
     given = [SCENES[0].category[k] for k in SCENES[0].items]
-    _, drawn = sample(network, SCENES[0], NAMES, Kept({}), 9, np.random.default_rng(0), given)
+    _, drawn = sample(network, SCENES[0], NAMES, KeptTypes({}), 9, np.random.default_rng(0), given)
     assert not any(drawn.values())
 
 

@@ -24,13 +24,13 @@ from layoutrl.rivals.planit.graph import (
     RIGHT,
     SUPPORT,
     TYPES,
-    Kept,
+    KeptTypes,
     Relation,
     Scene,
     edge_type,
     graph_of,
     graph_with_last,
-    kept,
+    kept_types,
     placing_order,
     scene_of,
     turned,
@@ -218,7 +218,7 @@ def test_what_intervals_see_is_what_rays_meet(seed: int) -> None:
 def test_pruning_keeps_the_frequent_and_what_always_tells() -> None:
     rooms = designed("bedroom", 60)
     scenes = [scene_of(room) for room in rooms]
-    left = kept(scenes)
+    left = kept_types(scenes)
     assert ("wall", "bed", edge_type(FRONT, ADJACENT)) in left
     assert ("bed", "nightstand", edge_type(LEFT, ADJACENT)) in left or (
         "bed",
@@ -241,7 +241,7 @@ def test_a_graph_leads_from_what_is_placed_before_and_ties_everything_up() -> No
     for room_type in MAIN_ITEM:
         rooms = designed(room_type, 8)
         scenes = [scene_of(room) for room in rooms]
-        for scene, types in ((s, k) for s in scenes for k in (kept(scenes), Kept({}))):
+        for scene, types in ((s, k) for s in scenes for k in (kept_types(scenes), KeptTypes({}))):
             order = list(scene.items)[::-1]
             graph = graph_of(scene, types, order)
             assert list(graph) == order
@@ -256,7 +256,7 @@ def test_a_graph_leads_from_what_is_placed_before_and_ties_everything_up() -> No
 def test_the_cheapest_edge_ties_up_what_nothing_else_does() -> None:
     scene = scene_of(bedroom(Item("nightstand", (0.4, 0.5), (0.2, 3.07), rotation=0)))
     bed, nightstand = scene.items
-    assert graph_of(scene, Kept({}), [bed, nightstand])[nightstand][0].type % 3 == ADJACENT
+    assert graph_of(scene, KeptTypes({}), [bed, nightstand])[nightstand][0].type % 3 == ADJACENT
 
 
 def test_of_a_graph_with_one_item_last_the_others_do_not_know_of_it() -> None:
@@ -264,7 +264,7 @@ def test_of_a_graph_with_one_item_last_the_others_do_not_know_of_it() -> None:
     for room_type in MAIN_ITEM:
         rooms = designed(room_type, 8)
         scenes = [scene_of(room) for room in rooms]
-        types = kept(scenes)
+        types = kept_types(scenes)
         for room, scene in zip(rooms, scenes, strict=True):
             last = scene.items[0]
             others = [k for k in scene.items if k != last]

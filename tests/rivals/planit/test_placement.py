@@ -32,7 +32,7 @@ from layoutrl.rivals.planit.graph import (
     turned,
 )
 from layoutrl.rivals.planit.networks import HEAT_SIDE
-from layoutrl.rivals.planit.placement import BACKTRACKS, TRIALS, Placer, Query, Search
+from layoutrl.rivals.planit.placement import BACKTRACKS, TRIALS, Choosing, Placer, Query
 from layoutrl.rivals.planit.scoring import scored
 from layoutrl.rivals.planit.training import planned, with_last
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item
@@ -44,8 +44,8 @@ LOWER_WALL = 0
 pytestmark = pytest.mark.usefixtures("small_networks")
 
 
-def search(seed: int) -> Search:
-    return Search(np.random.default_rng(seed), torch.Generator().manual_seed(seed))
+def choosing(seed: int) -> Choosing:
+    return Choosing(np.random.default_rng(seed), torch.Generator().manual_seed(seed))
 
 
 def test_a_room_without_walls_lets_nothing_reach_over_its_outline() -> None:
@@ -71,7 +71,7 @@ def test_nothing_is_put_outside_or_into_another(room_type: str, sampled: bool, m
         scene = placer.scenes[k]
         graph, _ = planned(placer.model.statistics, scene, list(room.furniture))
         names = [scene.category[node] for node in scene.items]
-        layout = placer.furnish(k, names, graph, search(k) if sampled else Search())
+        layout = placer.furnish(k, names, graph, choosing(k) if sampled else Choosing())
         assert sorted([*layout.placed, *layout.missing]) == list(scene.items)
         placed += len(layout.placed)
         for node, item in layout.placed.items():
@@ -101,7 +101,7 @@ def test_an_item_among_others_is_put_outside_or_into_none_of_them(seed: int, roo
     assert heat.sum() == pytest.approx(1)
     inside = shapely.contains_xy(rooms[room].indoor, placer.cells[room])
     assert not heat[~inside].any()
-    item = placer.target(query, heat, search(seed))
+    item = placer.target(query, heat, choosing(seed))
     if item is None:
         return
     assert rooms[room].indoor.buffer(TOLERANCE + 1e-6, join_style="mitre").covers(item.footprint)
@@ -144,7 +144,7 @@ def test_what_was_in_the_way_is_taken_back_and_put_elsewhere(monkeypatch: pytest
     graph: Graph = {fixed + k: [Relation(LOWER_WALL, fixed + k, edge_type(FRONT, DISTANT))] for k in range(3)}
     monkeypatch.setattr("layoutrl.rivals.planit.placement.placing_order", lambda *_: [*graph])
     monkeypatch.setattr(placer, "_held", lambda *_: 1.0)
-    layout = placer.furnish(0, ["bed", "lamp", "desk"], graph, Search(), [*items, desk])
+    layout = placer.furnish(0, ["bed", "lamp", "desk"], graph, Choosing(), [*items, desk])
     assert layout.missing == []
     assert asked == ["bed", "lamp", "desk"] * 2
     found = [layout.placed[fixed + k].center for k in range(3)]
@@ -168,7 +168,7 @@ def test_a_room_without_a_legal_place_ends_within_its_limits(monkeypatch: pytest
         return items(query, centres, *others)  # type: ignore[arg-type]
 
     monkeypatch.setattr(small, "_items", counting)
-    for how in (Search(), search(0)):
+    for how in (Choosing(), choosing(0)):
         layout = small.furnish(0, ["bed", "wardrobe"], graph, how)
         assert layout.missing == [first]
         assert list(layout.placed) == [first + 1]
@@ -183,11 +183,11 @@ def test_what_is_given_is_taken_and_sizes_come_from_training_rooms() -> None:
     placer = placer_of(rooms)
     query = Query(0, "toilet", [], {})
     heat = placer.heat([query])[0]
-    own = placer.find(query, heat, search(1), tolerance=1.0)
+    own = placer.find(query, heat, choosing(1), tolerance=1.0)
     assert own is not None
     assert (*own.size, False) in placer.model.statistics.sizes["toilet"]
     given_size = Item("toilet", (0.9, 0.31), (0, 0))
-    told = placer.find(query, heat, search(1), size=given_size, tolerance=1.0)
+    told = placer.find(query, heat, choosing(1), size=given_size, tolerance=1.0)
     assert told is not None
     assert told.size == (0.9, 0.31)
 

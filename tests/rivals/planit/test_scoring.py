@@ -14,18 +14,18 @@ import torch
 from layoutrl.env.measures import iou_of
 from layoutrl.rivals.planit import scoring
 from layoutrl.rivals.planit.graph import graph_of, scene_of
-from layoutrl.rivals.planit.placement import Layout, Placer, Query, Search
+from layoutrl.rivals.planit.placement import Choosing, Layout, Placer, Query
 from layoutrl.rivals.planit.scoring import (
     QUERIES,
     TRIES,
     evaluated,
-    from_nothing,
     furnish_all,
     furnished_rooms,
     given_query,
     place_targets,
     room_graph,
     scored,
+    scored_layouts,
     table,
 )
 from layoutrl.rooms.brief import brief_of, facings
@@ -64,7 +64,7 @@ def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
     rng = np.random.default_rng(0)
 
     def mean_iou(items: Sequence[Item]) -> float:
-        return from_nothing([room], [Layout(dict(enumerate(items)), [])]).mean_iou
+        return scored_layouts([room], [Layout(dict(enumerate(items)), [])]).mean_iou
 
     assert mean_iou(room.furniture) == pytest.approx(1.0)
     moved = [replace(item, center=tuple(np.add(item.center, rng.normal(0, 0.3, 2)))) for item in room.furniture[::-1]]
@@ -81,7 +81,7 @@ def test_items_are_matched_within_their_category_for_the_highest_sum() -> None:
 
 def test_an_item_too_few_counts_as_nothing() -> None:
     room = ROOMS[0]
-    found = from_nothing([room], [Layout({k: item for k, item in enumerate(room.furniture) if k}, [0])])
+    found = scored_layouts([room], [Layout({k: item for k, item in enumerate(room.furniture) if k}, [0])])
     assert found.mean_iou == pytest.approx(1 - 1 / len(room.furniture))
     assert found.missing == pytest.approx(1 / len(room.furniture))
 
@@ -90,7 +90,7 @@ def test_every_room_counts_alike_however_many_items_it_has() -> None:
     few, many = (
         replace(room, furniture=room.furniture[:n], target=None) for room, n in zip(ROOMS, (1, 3), strict=False)
     )
-    found = from_nothing([few, many], [Layout({0: few.furniture[0]}, []), Layout({}, [0, 1, 2])])
+    found = scored_layouts([few, many], [Layout({0: few.furniture[0]}, []), Layout({}, [0, 1, 2])])
     assert found.iou.tolist() == pytest.approx([1.0, 0.0])
     assert found.mean_iou == pytest.approx(0.5)
 
@@ -280,7 +280,7 @@ def test_who_is_told_no_rotation_faces_as_the_network_says(monkeypatch: pytest.M
     size = replace(ROOMS[0].moving, center=None, rotation=None, size=(0.4, 0.6))
     wanted = torch.tensor([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     monkeypatch.setattr(placer.model.orientation, "forward", lambda *_: wanted)
-    items = placer._items(query, np.array([(1.0, 1.0), (2.0, 1.0)]), Search(), size)
+    items = placer._items(query, np.array([(1.0, 1.0), (2.0, 1.0)]), Choosing(), size)
     assert items == [replace(size, center=(1.0, 1.0), rotation=180.0), replace(size, center=(2.0, 1.0), rotation=270.0)]
     told = replace(size, rotation=90.0)
-    assert placer._items(query, np.array([(1.0, 1.0)]), Search(), told) == [replace(told, center=(1.0, 1.0))]
+    assert placer._items(query, np.array([(1.0, 1.0)]), Choosing(), told) == [replace(told, center=(1.0, 1.0))]

@@ -17,7 +17,7 @@ from layoutrl.rivals.planit.generator import Decision
 from layoutrl.rivals.planit.graph import MIRRORED, scene_of
 from layoutrl.rivals.planit.model import PlanIT, counted
 from layoutrl.rivals.planit.networks import SIDE, signed_distance
-from layoutrl.rivals.planit.placement import Placer, Search
+from layoutrl.rivals.planit.placement import Choosing, Placer
 from layoutrl.rivals.planit.scoring import given_query
 from layoutrl.rivals.planit.training import DECISIONS, LOSSES, Training
 from tests.rivals.planit.rooms import designed
@@ -64,7 +64,7 @@ def test_the_item_goes_where_it_was_and_as_it_was(overfitted: tuple[PlanIT, list
     facings, away, errors = 0, [], []
     for query, heat in zip(queries, placer.heat(queries), strict=True):
         moving = ROOMS[query.room].moving
-        item = placer.target(query, heat, Search())
+        item = placer.target(query, heat, Choosing())
         assert item is not None
         away.append(np.linalg.norm(np.subtract(item.center, moving.center)))
         facings += item.rotation == moving.rotation

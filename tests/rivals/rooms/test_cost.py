@@ -115,7 +115,7 @@ def test_every_item_has_a_partner_in_every_category_the_one_that_suits_best(seed
     def between(i, j) -> float:
         ways = ((i, j), (j, i))
         return sum(
-            cost.kept.pairs(box[0, a], quarter[0, a], box[0, b], quarter[0, b], a, b) @ cost.pair_weights
+            cost.relation_costs.pairs(box[0, a], quarter[0, a], box[0, b], quarter[0, b], a, b) @ cost.pair_weights
             for a, b in ways
         )
 

@@ -243,4 +243,4 @@ def test_search_keeps_a_given_rotation_in_mind():
     finder = Finder(
         scene_of(rectangular_room(4, 3, desk, target=None)), relations_of("study"), SEARCHING, np.random.default_rng(0)
     )
-    assert set(finder.places[0].quarter.tolist()) == {1}
+    assert set(finder.poses[0].quarter.tolist()) == {1}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from layoutrl.rivals.rooms.relations import Kept, _off, _within, mine
+from layoutrl.rivals.rooms.relations import RelationCosts, _off, _within, mine
 from layoutrl.rivals.rooms.scene import boxes_at, scene_of
 from layoutrl.rooms.room import SYMMETRIES, Item
 from tests.builders import opening, rectangular_room
@@ -51,13 +51,13 @@ def test_relations_are_the_same_in_every_view(view):
 def test_the_rooms_they_are_mined_from_keep_them_best():
     rooms = [bedroom(0.1 * k) for k in range(3)]
     scene = scene_of(rooms[1])
-    kept = Kept(scene, mine(rooms))
+    costs = RelationCosts(scene, mine(rooms))
     item = np.arange(2)
 
     def cost(center, quarter):
         box = boxes_at(center, scene.half[item, quarter])
-        pairs = kept.pairs(box[:, None], quarter[:, None], box[None], quarter[None], slice(None), slice(None))
-        return kept.alone(box, quarter).sum() + pairs.sum()
+        pairs = costs.pairs(box[:, None], quarter[:, None], box[None], quarter[None], slice(None), slice(None))
+        return costs.alone(box, quarter).sum() + pairs.sum()
 
     rng, best = np.random.default_rng(0), cost(scene.center, scene.quarter)
     for _ in range(100):
