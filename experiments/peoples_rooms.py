@@ -28,7 +28,7 @@ from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults
 from layoutrl.rooms.files import FORMATS, files_below
 from layoutrl.rooms.formats import opened
 from layoutrl.rooms.oddities import oddities
-from layoutrl.runs.answered import Answered
+from layoutrl.runs.answer import Answer
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
 
@@ -44,13 +44,13 @@ def counted(found: Sequence[Sequence[Fault]]) -> dict[str, Any]:
     }
 
 
-def drawn(answers: Sequence[Answered]) -> list[list[Fault]]:
+def drawn(answers: Sequence[Answer]) -> list[list[Fault]]:
     """Return what was wrong with the same items where they were drawn, as `place` would report it of a layout."""
-    asked = [answer.asked.can.asked for answer in answers]
-    stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(asked, answers, strict=True)]
+    rooms = [answer.request.checked.room for answer in answers]
+    stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(rooms, answers, strict=True)]
     return [
-        new_faults(faults, was) + oddities(room, answer.asked.wanted)
-        for faults, was, room, answer in zip(faults_of_all(stood), faults_of_all(asked), stood, answers, strict=True)
+        new_faults(faults, was) + oddities(room, answer.request.wanted)
+        for faults, was, room, answer in zip(faults_of_all(stood), faults_of_all(rooms), stood, answers, strict=True)
     ]
 
 
@@ -73,10 +73,10 @@ def main() -> None:
     result: dict[str, Any] = {"read": len(rooms), "files": digest(said.folder)}
     check_kept(file := said.results / f"{said.name}.json", result)
     for name, by in WHO.items():
-        answers = [answer for answer in furnish(rooms, stood=source.stood, move="all", by=by) if answer.asked.wanted]
+        answers = [answer for answer in furnish(rooms, stood=source.stood, move="all", by=by) if answer.request.wanted]
         result[name] = counted([answer.wrong[0] for answer in answers])
         print(f"{said.name}, {name}: {json.dumps(result[name])}", flush=True)
-    result |= {"rooms": len(answers), "items": sum(len(answer.asked.wanted) for answer in answers)}
+    result |= {"rooms": len(answers), "items": sum(len(answer.request.wanted) for answer in answers)}
     result["as they were drawn"] = counted(drawn(answers))
     print(f"{said.name}, as they were drawn: {json.dumps(result['as they were drawn'])}", flush=True)
     said.results.mkdir(parents=True, exist_ok=True)

@@ -30,11 +30,11 @@ from layoutrl.rooms.files import FORMATS, check_new, check_not_given, files_belo
 from layoutrl.rooms.formats import Source, format_of, opened, other_formats, to_place
 from layoutrl.rooms.room import Item, Room
 from layoutrl.rooms.units import unit_line
-from layoutrl.runs.answered import Answered
-from layoutrl.runs.answering import Answering, matched
+from layoutrl.runs.answer import Answer
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
+from layoutrl.runs.room_placer import RoomPlacer, matched
 from layoutrl.runs.streams import (
     STANDARD,
     Entry,
@@ -73,7 +73,7 @@ def furnish(
     by: str | None = None,
     run: str | None = None,
     seed: int = 0,
-) -> list[Answered]:
+) -> list[Answer]:
     """Furnish rooms in memory as the command does: return for each room up to `choices` layouts, best first.
 
     `stood` is the furniture of each room as it stood, needed where items are lifted already (`Source.stood`); the other
@@ -90,7 +90,7 @@ def furnish(
         Entry(room.id, to_place(room, config.move), room_to_dict(room), stood=tuple(items))
         for room, items in zip(rooms, stood or [room.furniture for room in rooms], strict=True)
     ]
-    return Answering(config).answer(entries)
+    return RoomPlacer(config).place(entries)
 
 
 @cache
@@ -148,7 +148,7 @@ class Work:
 
     def __init__(self, config: PlaceConfig, source: Source | None, total: int | None, says: IO[str] | None):
         self.config, self.source, self.total = config, source, total
-        self.answering = Answering(config)
+        self.placer = RoomPlacer(config)
         self.tally = Tally()
         self._says = says
         self._units = {"m", config.unit}  # no message about these
@@ -228,7 +228,7 @@ class Work:
         if self.tally.rooms and self._seen is not None and self._unmet:
             self.say(f"only: no room that was read is called {' or '.join(sorted(self._unmet))}")
 
-    def answers(self) -> Iterator[list[Answered]]:
+    def answers(self) -> Iterator[list[Answer]]:
         """Furnish the rooms that are not done yet, in order; yield a block when it is counted, drawn and reported.
 
         Rooms that cannot be read are counted and reported, but not yielded. Raises InputError if none of the first
@@ -258,7 +258,7 @@ class Work:
         nobody = True if sys.stderr is None else None  # None: tqdm shows no bar where stderr is no terminal
         with tqdm(None, "furnishing", length, initial=done, unit="room", disable=nobody) as bar:
             for block in blocks(entries):
-                readable = iter(self.answering.answer([entry for entry in block if entry.room]))
+                readable = iter(self.placer.place([entry for entry in block if entry.room]))
                 answers = []
                 for entry in block:
                     self.tally.entries += 1
@@ -291,7 +291,7 @@ class Work:
         named = names_in(self.config.move)
         self._unmet -= matched(self.config.only, room)
         self._ids += [room.id] if len(self._ids) < LISTED else []
-        if self.answering.means(room):
+        if self.placer.means(room):
             for name in (item.category for item in entry.stood if item.locked):
                 if name in named or ALL in named:
                     self.tally.locked[name] = self.tally.locked.get(name, 0) + 1
@@ -301,11 +301,11 @@ class Work:
             self._units.add(entry.unit)
             self.say(unit_line(entry.unit, [entry.document]))
 
-    def _told(self, answer: Answered, picture: Path | None) -> None:
-        if not answer.asked.wanted:
+    def _told(self, answer: Answer, picture: Path | None) -> None:
+        if not answer.request.wanted:
             return
         self.tally.rooms += 1
-        self.tally.items += len(answer.asked.wanted)
+        self.tally.items += len(answer.request.wanted)
         self.tally.placed += answer.placed(0)
         for fault in [fault for _, fault in answer.wrong[0] if fault != MISSING]:
             self.tally.faults[fault] = self.tally.faults.get(fault, 0) + 1
@@ -314,7 +314,7 @@ class Work:
         if picture:
             self._draw(answer, picture)
 
-    def _draw(self, answer: Answered, picture: Path) -> None:
+    def _draw(self, answer: Answer, picture: Path) -> None:
         from layoutrl.figures.drawing import draw  # matplotlib, which takes a second
 
         for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):

@@ -39,7 +39,7 @@ from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, narrowed
-from layoutrl.runs.furnishers import Helped, Hired, hired
+from layoutrl.runs.furnishers import FurnisherInfo, Helped, furnisher_for
 from layoutrl.train import run as train
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece, room_tag
 from tests.runs.test_resume import SHORT
@@ -318,7 +318,7 @@ def test_an_agent_of_whole_rooms_furnishes_those_of_its_type(
     given = ("room=bedroom", "scope=room", "data=json", f"data.root={written(tmp_path, documents)}", f"runs={tmp_path}")
     few = ("method.updates.smoke=2", "budget.evaluations=1", "budget.reports=1")
     folder = train(narrowed(composed("train", *given, *SHORT, *few), TrainConfig))
-    hers = hired(composed("place", f"run={folder}", "rooms=any.jsonl", "device=cpu"))
+    hers = furnisher_for(composed("place", f"run={folder}", "rooms=any.jsonl", "device=cpu"))
     assert isinstance(hers.furnisher, Furnisher)
     assert "bed" in hers.known("bedroom")
     assert not hers.known("study")
@@ -348,8 +348,8 @@ class Middle:
 @pytest.fixture
 def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     furnisher = Middle()
-    hired = Hired(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"])
-    monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: hired)
+    info = FurnisherInfo(furnisher, lambda room_type: ["bed", "wardrobe", "desk", "chair", "nightstand"])
+    monkeypatch.setattr(layoutrl.runs.furnishers, "furnisher_for", lambda config: info)
     return furnisher
 
 
@@ -372,8 +372,8 @@ def test_what_the_search_placed_where_an_agent_failed_is_said(
 ) -> None:
     monkeypatch.setattr(rival, "DESIGNED", 20)
     search = rival.SearchRival(composed("place", "rooms=any.jsonl").search, lambda: updates_budget(2))
-    helped = Hired(Helped(Middle(), search), lambda room_type: search.relations(room_type).alone)
-    monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: helped)
+    helped = FurnisherInfo(Helped(Middle(), search), lambda room_type: search.relations(room_type).alone)
+    monkeypatch.setattr(layoutrl.runs.furnishers, "furnisher_for", lambda config: helped)
     (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [bare(DOCUMENTS[0])]))))
     count = len(room["furniture"])
     assert f"{room['id']}: {count} of {count} placed by the search; " in capsys.readouterr().out
@@ -393,7 +393,9 @@ def test_what_finds_no_room_stays_where_it_stood_and_all_that_is_wrong_there_is_
     outline, door = [[0, 0], [2.4, 0], [2.4, 2.6], [0, 2.6]], [[1.6, -0.2], [2.3, -0.2], [2.3, 0], [1.6, 0]]
     document: dict[str, Any] = {"id": "a", "room_type": "bedroom", "outline": outline, "windows": []}
     document |= {"doors": [{"polygon": door}], "furniture": beds}
-    monkeypatch.setattr(layoutrl.runs.furnishers, "hired", lambda config: Hired(PlacesOne(), lambda room_type: ["bed"]))
+    monkeypatch.setattr(
+        layoutrl.runs.furnishers, "furnisher_for", lambda config: FurnisherInfo(PlacesOne(), lambda room_type: ["bed"])
+    )
     (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [document])), move="all", pictures=str(tmp_path / "drawn")))
     first, second = room["furniture"]
     assert (first["center"], second["center"]) == ([1.2, 1.0], [1.0, 0.8])
@@ -419,7 +421,9 @@ def test_where_nothing_finds_room_what_was_wrong_before_is_not_told_as_new(
     )
     document = DOCUMENTS[0] | {"furniture": [bed, desk | {"center": bed["center"]}], "target": 0}
     monkeypatch.setattr(
-        layoutrl.runs.furnishers, "hired", lambda config: Hired(PlacesNothing(), lambda room_type: ["desk"])
+        layoutrl.runs.furnishers,
+        "furnisher_for",
+        lambda config: FurnisherInfo(PlacesNothing(), lambda room_type: ["desk"]),
     )
     (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [document])), move="desk"))
     assert [item.get("faults") for item in room["furniture"]] == [None, ["not placed"]]
@@ -1092,7 +1096,7 @@ def test_rooms_in_memory_are_furnished_as_those_of_a_file(
     answers = furnish([room_from_dict(document) for document in documents], by="search")
     for answer, document, room in zip(answers, documents, written_rooms, strict=True):
         (layout,), (wrong,) = answer.layouts, answer.wrong
-        assert with_layout(document, answer.asked.can.asked, layout, wrong) == room
+        assert with_layout(document, answer.request.checked.room, layout, wrong) == room
         (told,) = answer.documents()
         assert told["furniture"] == room["furniture"]
         assert "\n".join(answer.lines()) in said
@@ -1100,7 +1104,7 @@ def test_rooms_in_memory_are_furnished_as_those_of_a_file(
     assert not [*none.lines()]
     assert none.layouts == [room_from_dict(DOCUMENTS[0])]
     (moved,) = furnish([room_from_dict(DOCUMENTS[0])], by="search", move="bed")
-    assert [k for k, item in enumerate(moved.layouts[0].furniture) if item.category == "bed"] == moved.asked.wanted
+    assert [k for k, item in enumerate(moved.layouts[0].furniture) if item.category == "bed"] == moved.request.wanted
 
 
 def test_what_nobody_places_stays_where_it_stood_though_it_was_lifted(middle: Middle) -> None:
@@ -1129,7 +1133,7 @@ def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any]
 def test_options_are_composed_once_for_rooms_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     furnish([], by="search")
     monkeypatch.setattr("layoutrl.place.composed", None)
-    assert furnish([room_from_dict(DOCUMENTS[0])], by="agents")[0].asked.wanted == []
+    assert furnish([room_from_dict(DOCUMENTS[0])], by="agents")[0].request.wanted == []
 
 
 def test_no_more_of_a_file_is_in_memory_than_a_block(

@@ -33,9 +33,9 @@ from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
-from layoutrl.runs.answerable import Answerable, answerable
-from layoutrl.runs.answered import numbered
-from layoutrl.runs.asked import asked_of, said_to_stay
+from layoutrl.runs.answer import numbered
+from layoutrl.runs.checked_brief import CheckedBrief, check_brief
+from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
 
 SAMPLES = 25  # designed rooms of each type, whose furniture has the sizes of the palette
@@ -154,16 +154,16 @@ class Answers:
         entry = Entry(
             room.id, replace(room, furniture=to_place_anew(room.furniture, movable)), {}, stood=room.furniture
         )
-        told = asked_of(entry, movable, True, self.staff.known(room.room_type))
-        lines = [said_to_stay(room, told.stays)] if told.stays else []
-        if not told.wanted:
-            mend = "expected other furniture" if told.stays else "expected furniture that is not locked"
+        request = request_of(entry, movable, True, self.staff.known(room.room_type))
+        lines = [said_to_stay(room, request.stays)] if request.stays else []
+        if not request.wanted:
+            mend = "expected other furniture" if request.stays else "expected furniture that is not locked"
             raise InputError("; ".join(["movable: there is nothing to furnish", *lines, mend]))
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
         choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
-        held = told.can
-        (found,) = self.staff.furnisher().furnish([held.brief], choices, seed) if missing(held.brief) else [[]]
-        return {"lines": lines + held.lines, "choices": [choice(held, furnished) for furnished in found]}
+        checked = request.checked
+        (found,) = self.staff.furnisher().furnish([checked.brief], choices, seed) if missing(checked.brief) else [[]]
+        return {"lines": lines + checked.lines, "choices": [choice(checked, furnished) for furnished in found]}
 
     def values(self, asked: Any) -> Answer:
         """Return the values of places of an `item`, `step` metres apart, and the best rotation at each."""
@@ -186,11 +186,11 @@ class Answers:
         room = room_in(asked)
         item = item_in(asked, room)
         known = self.staff.known(room.room_type)
-        held = answerable(room, known)
+        checked = check_brief(room, known)
         category = room.furniture[item].category
-        if category not in known or item in held.unseen:  # rugs: agents do not see them
+        if category not in known or item in checked.unseen:  # rugs: agents do not see them
             raise InputError(f"item: nobody places a {category} in a {room.room_type}; expected other furniture")
-        return held.brief, item - sum(k < item for k in held.unseen)
+        return checked.brief, item - sum(k < item for k in checked.unseen)
 
     def svg(self, asked: Any) -> Answer:
         """Return a drawing of the room to scale, with faults and oddities hatched as on the page."""
@@ -405,10 +405,10 @@ def told(room: Room) -> list[list[Any]]:
     return [[k, name, f"{named(categories, k)} {WORDS[name]}"] for k, name in wrong_with(room)]
 
 
-def choice(held: Answerable, furnished: Furnished) -> Answer:
+def choice(checked: CheckedBrief, furnished: Furnished) -> Answer:
     """A layout for the page, by the indices of the furniture as it was asked."""
-    layout = held.answer(furnished.layout)
-    asked = [k for k in range(len(layout.furniture)) if k not in held.unseen]
+    layout = checked.merge(furnished.layout)
+    asked = [k for k in range(len(layout.furniture)) if k not in checked.unseen]
     return {
         "furniture": room_to_dict(layout)["furniture"],
         "by": furnished.by,

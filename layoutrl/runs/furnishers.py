@@ -24,7 +24,7 @@ from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
 from layoutrl.runs import pretrained
-from layoutrl.runs.answerable import in_no_type, unstacked
+from layoutrl.runs.checked_brief import in_no_type, unstacked
 from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
@@ -38,15 +38,15 @@ HALL = 625.0  # square metres of floor, beyond which the search takes seconds (t
 
 
 @dataclass(frozen=True)
-class Hired:
+class FurnisherInfo:
     """A furnisher, and what it can place."""
 
     furnisher: Furnishes
     known: Callable[[str], Collection[str]]  # returns the categories that it places in rooms of a type
-    elsewhere: Callable[[str], Sequence[str]] = in_no_type  # returns the types in whose rooms it places a category
+    types_placing: Callable[[str], Sequence[str]] = in_no_type  # returns the types in whose rooms it places a category
 
 
-def hired(config: PlaceConfig) -> Hired:
+def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
     """Return the furnisher that the configuration names; by default the agents in the package, helped by the search.
 
     Raises InputError if the agent of `run` cannot be loaded, or learned with `every_move`: then it does not know what
@@ -55,12 +55,12 @@ def hired(config: PlaceConfig) -> Hired:
     if config.by in ("search", "annealer"):
         settings = config.search if config.by == "search" else config.annealer
         rival = SearchRival(settings, lambda: seconds_budget(config.seconds, time.process_time))
-        return Hired(rival, lambda room_type: rival.relations(room_type).alone)
+        return FurnisherInfo(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
         agents: Furnishes = Agents(device)
         furnisher = agents if config.by == "agents" else helped(agents, config.search)
-        return Hired(furnisher, pretrained.known, pretrained.types_with)
+        return FurnisherInfo(furnisher, pretrained.known, pretrained.types_with)
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
     network, categories, *_ = trained_network(folder, trained, device, config.checkpoint)
@@ -69,7 +69,7 @@ def hired(config: PlaceConfig) -> Hired:
     whole = trained.method.scope == "room"
     moved = "all" if whole else item_of(trained, config.item, categories)
     placed = categories if moved == "all" else [moved]
-    return Hired(
+    return FurnisherInfo(
         Furnisher(network, trained.method, categories)
         if whole
         else Mover(network, trained.method, trained.reward, categories, device),

@@ -14,7 +14,7 @@ from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 from layoutrl.runs import furnishers
-from layoutrl.runs.furnishers import Hired
+from layoutrl.runs.furnishers import FurnisherInfo
 from tests.rooms.sources.test_sweethome3d import BED, FLAT, TOILET, WALLS, home_file, piece, room_tag
 
 
@@ -35,7 +35,9 @@ def measured(body: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
     homes.mkdir(exist_ok=True)
     home_file(homes / "flat.sh3d", body)
     (homes / "broken.sh3d").write_bytes(b"no home")
-    monkeypatch.setattr(furnishers, "hired", lambda config: Hired(InTheMiddle(), lambda room_type: ["bed", "toilet"]))
+    monkeypatch.setattr(
+        furnishers, "furnisher_for", lambda config: FurnisherInfo(InTheMiddle(), lambda room_type: ["bed", "toilet"])
+    )
     monkeypatch.setattr("sys.argv", ["peoples_rooms.py", "flat", str(homes), f"--results={folder}"])
     peoples_rooms.main()
     return json.loads((folder / "flat.json").read_text())

@@ -25,7 +25,7 @@ from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import furnishers
 from layoutrl.runs.config import composed
-from layoutrl.runs.furnishers import HALL, Helped, best_apart, hired, shortcomings
+from layoutrl.runs.furnishers import HALL, Helped, best_apart, furnisher_for, shortcomings
 from layoutrl.runs.pretrained import Agents
 from tests.builders import rectangular_room
 
@@ -142,7 +142,7 @@ def test_no_help_is_asked_for_in_a_hall() -> None:
 @pytest.mark.parametrize(("by", "kind"), [("", Helped), ("by=agents", Agents), ("by=search", furnishers.SearchRival)])
 def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None:
     asked = composed("place", "rooms=any.jsonl", "device=cpu", *filter(None, [by]))
-    assert isinstance(hired(asked).furnisher, kind)
+    assert isinstance(furnisher_for(asked).furnisher, kind)
 
 
 @pytest.mark.parametrize("scope", ["item", "room"])
@@ -198,7 +198,7 @@ def test_two_who_furnish_at_once_leave_the_threads_as_they_were() -> None:
 
 def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("layoutrl.rivals.rooms.rival.DESIGNED", 20)
-    brief, helped = brief_of(DESIGNS[1]), hired(composed("place", "rooms=any.jsonl", "device=cpu")).furnisher
+    brief, helped = brief_of(DESIGNS[1]), furnisher_for(composed("place", "rooms=any.jsonl", "device=cpu")).furnisher
     assert isinstance(helped, Helped)
     for search, restarts in zip(helped.searches, furnishers.RESTARTS, strict=True):
         assert isinstance(search, furnishers.SearchRival)

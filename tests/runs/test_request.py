@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from layoutrl.rooms.brief import to_place_anew
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.asked import Asked, asked_of
+from layoutrl.runs.request import Request, request_of
 from layoutrl.runs.streams import Entry
 from tests.builders import rectangular_room
 
@@ -28,23 +28,25 @@ def under(host: str) -> Room:
     return replace(rectangular_room(), furniture=furniture, target=None)
 
 
-def asked(room: Room, lifts: set[int], known: set[str], category: str | None = None, moves_all: bool = True) -> Asked:
+def request(
+    room: Room, lifts: set[int], known: set[str], category: str | None = None, moves_all: bool = True
+) -> Request:
     brief = replace(room, furniture=to_place_anew(room.furniture, lifts))
     entry = Entry(room.id, brief, room_to_dict(room), stood=room.furniture)
     meant = [k for k, item in enumerate(room.furniture) if category in (None, item.category)]
-    return asked_of(entry, meant, moves_all, known)
+    return request_of(entry, meant, moves_all, known)
 
 
 def test_a_chair_stays_under_a_table_that_nobody_knows_and_goes_from_one_that_is_not_asked_for() -> None:
     room = under(TABLE)
-    assert asked(room, {0, 1, 2}, {"chair", "bed"}).stays == {0, 1}
-    assert asked(room, {1, 2}, {"chair", "bed"}).stays == {1}  # though the table was not lifted
-    assert asked(under("harp"), {0, 1, 2}, {"chair", "bed"}).stays == {0}  # which one does not sit at
+    assert request(room, {0, 1, 2}, {"chair", "bed"}).stays == {0, 1}
+    assert request(room, {1, 2}, {"chair", "bed"}).stays == {1}  # though the table was not lifted
+    assert request(under("harp"), {0, 1, 2}, {"chair", "bed"}).stays == {0}  # which one does not sit at
     for only in (None, "chair"):
-        found = asked(room, {0, 1, 2}, {TABLE, "chair", "bed"}, only)
+        found = request(room, {0, 1, 2}, {TABLE, "chair", "bed"}, only)
         assert not found.stays
         assert 1 in found.wanted
-    assert asked(room, {0, 1, 2}, {TABLE, "chair", "bed"}, "chair").can.asked.furniture[0] == room.furniture[0]
+    assert request(room, {0, 1, 2}, {TABLE, "chair", "bed"}, "chair").checked.room.furniture[0] == room.furniture[0]
 
 
 @given(
@@ -60,9 +62,9 @@ def test_every_lifted_item_is_placed_or_stays_or_is_nowhere(
     room = under(DESK)
     parked = Item("sofa", (0.8, 1.8), (-9.0 if beyond else 4.5, 3.0), 0.0)
     room = replace(room, furniture=(*room.furniture, parked))
-    found = asked(room, lifts, known, category, moves_all)
-    placed = {*found.wanted} - found.left - found.can.unseen
-    items = found.can.asked.furniture
+    found = request(room, lifts, known, category, moves_all)
+    placed = {*found.wanted} - found.left - found.checked.unseen
+    items = found.checked.room.furniture
     assert {*found.wanted} | found.stays <= lifts
     assert not {*found.wanted} & found.stays
     for k, item in enumerate(items):
@@ -72,6 +74,6 @@ def test_every_lifted_item_is_placed_or_stays_or_is_nowhere(
         elif k not in lifts or k in found.stood | found.stays or (category and item.category != category):
             assert item == room.furniture[k] or (item.center is None and not room.holds(room.furniture[k]))
     assert {items[k].category for k in found.stays} <= {DESK, "chair", "bed", "sofa"} - known | {"chair"}
-    assert [item.category for item in found.can.brief.furniture if item.center is None] == [
+    assert [item.category for item in found.checked.brief.furniture if item.center is None] == [
         items[k].category for k in sorted(placed)
     ]

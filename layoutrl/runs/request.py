@@ -11,32 +11,32 @@ import shapely
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.answerable import Answerable, answerable, in_no_type
+from layoutrl.runs.checked_brief import CheckedBrief, check_brief, in_no_type
 from layoutrl.runs.streams import Entry
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What is asked of a room, items by their indices. Items that stay have the center that the file has for them."""
 
-    can: Answerable  # what of it can be furnished
+    checked: CheckedBrief  # what of the room can be furnished
     wanted: list[int]  # items that are to be placed
     left: frozenset[int]  # of these, those that nobody can place, and that stay where the file has them
     stays: frozenset[int]  # items that `move=all` leaves where they are: unknown ones, and chairs under such
     stood: frozenset[int]  # those of `wanted` that the file has in the room: without a new place they stay there
 
 
-def asked_of(
+def request_of(
     entry: Entry,
     meant: Collection[int],
     moves_all: bool,
     known: Collection[str],
-    elsewhere: Callable[[str], Sequence[str]] = in_no_type,
-) -> Asked:
+    types_placing: Callable[[str], Sequence[str]] = in_no_type,
+) -> Request:
     """Find out what is asked of a room: to place those of the items `meant`, by their indices, that have no center.
 
     Items that the file has in the room and that cannot be placed stay there, as obstacles. With `moves_all`
-    (move=all), items whose category is not `known` were not meant. `elsewhere` is as in `answerable`.
+    (move=all), items whose category is not `known` were not meant. `types_placing` is as in `check_brief`.
     """
     assert entry.room is not None
     room = entry.room
@@ -52,12 +52,12 @@ def asked_of(
     room = put_back(room, entry, others & stood)
     others -= stood
     kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
-    found = answerable(kept, known, elsewhere) if wanted else Answerable(kept, frozenset(), [])
+    found = check_brief(kept, known, types_placing) if wanted else CheckedBrief(kept, frozenset(), [])
     places = [k for k in range(len(room.furniture)) if k not in others]
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
-    can = Answerable(put_back(room, entry, left), others | unseen - left, found.lines)
-    return Asked(can, wanted, left, stays, frozenset(stood.intersection(wanted)))
+    checked = CheckedBrief(put_back(room, entry, left), others | unseen - left, found.lines)
+    return Request(checked, wanted, left, stays, frozenset(stood.intersection(wanted)))
 
 
 def staying(items: Sequence[Item], those: Collection[int], known: Collection[str]) -> frozenset[int]:

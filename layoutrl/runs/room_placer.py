@@ -11,48 +11,51 @@ from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
-from layoutrl.runs.answered import Answered
-from layoutrl.runs.asked import Asked, asked_of, put_back
+from layoutrl.runs.answer import Answer
 from layoutrl.runs.config import PlaceConfig
+from layoutrl.runs.request import Request, put_back, request_of
 from layoutrl.runs.streams import Entry
 
 if TYPE_CHECKING:
-    from layoutrl.runs.furnishers import Hired
+    from layoutrl.runs.furnishers import FurnisherInfo
 
 
-class Answering:
+class RoomPlacer:
     """Furnishes rooms of files with the options of conf/place.yaml."""
 
     def __init__(self, config: PlaceConfig):
         self.config = config
 
     @cached_property
-    def who(self) -> Hired:
+    def furnisher_info(self) -> FurnisherInfo:
         """The agents or rival that furnish, loaded when they are first needed."""
-        from layoutrl.runs.furnishers import hired  # loads torch, which takes seconds: errors are reported before
+        # Loads torch, which takes seconds: errors are reported before.
+        from layoutrl.runs.furnishers import furnisher_for
 
-        return hired(self.config)
+        return furnisher_for(self.config)
 
-    def answer(self, entries: Sequence[Entry]) -> list[Answered]:
+    def place(self, entries: Sequence[Entry]) -> list[Answer]:
         """Furnish the rooms of entries, all of which have one, in one batch; return an answer for each."""
-        asked = [self._asked(entry) for entry in entries]
-        briefs = [what.can.brief for what in asked if missing(what.can.brief)]
-        layouts = iter(self.who.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
+        requests = [self._request_of(entry) for entry in entries]
+        briefs = [request.checked.brief for request in requests if missing(request.checked.brief)]
+        layouts = iter(
+            self.furnisher_info.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else []
+        )
         answers, before = [], list[Room]()
-        for entry, what in zip(entries, asked, strict=True):
-            found = next(layouts) if missing(what.can.brief) else []
-            rooms = [what.can.answer(each.layout) for each in found] or [what.can.asked]
-            unplaced = [[k for k in what.wanted if room.furniture[k].center is None] for room in rooms]
-            stays = [what.stood.intersection(those) for those in unplaced]
+        for entry, request in zip(entries, requests, strict=True):
+            found = next(layouts) if missing(request.checked.brief) else []
+            rooms = [request.checked.merge(each.layout) for each in found] or [request.checked.room]
+            unplaced = [[k for k in request.wanted if room.furniture[k].center is None] for room in rooms]
+            stays = [request.stood.intersection(those) for those in unplaced]
             written = [put_back(room, entry, those) for room, those in zip(rooms, stays, strict=True)]
-            before += [put_back(what.can.asked, entry, those) for those in stays]
-            answers.append(Answered(entry, what, written, [each.by for each in found] or [""], unplaced, []))
+            before += [put_back(request.checked.room, entry, those) for those in stays]
+            answers.append(Answer(entry, request, written, [each.by for each in found] or [""], unplaced, []))
         was = iter(faults_of_all(before))
         now = iter(faults_of_all([layout for answer in answers for layout in answer.layouts]))
         for answer in answers:
             for layout, those in zip(answer.layouts, answer.unplaced, strict=True):
-                staying = answer.asked.stood.intersection(those)
-                odd = oddities(layout, {*answer.asked.wanted}.difference(staying))
+                staying = answer.request.stood.intersection(those)
+                odd = oddities(layout, {*answer.request.wanted}.difference(staying))
                 answer.wrong.append([(k, MISSING) for k in sorted(staying)] + new_faults(next(now), next(was)) + odd)
         return answers
 
@@ -60,15 +63,16 @@ class Answering:
         """Whether a room is to be furnished: all are, or the `only` ones."""
         return not self.config.only or bool(matched(self.config.only, room))
 
-    def _asked(self, entry: Entry) -> Asked:
-        """Return what is asked of a room. `who` is not loaded if there is nothing to place."""
+    def _request_of(self, entry: Entry) -> Request:
+        """Return what is asked of a room. `furnisher_info` is not loaded if there is nothing to place."""
         assert entry.room is not None
         moves_all = ALL in names_in(self.config.move)
         furniture = entry.room.furniture if self.means(entry.room) else ()
         meant = [k for k, item in enumerate(furniture) if self.config.item in (None, item.category)]
         if not missing(entry.room):
-            return asked_of(entry, meant, moves_all, ())
-        return asked_of(entry, meant, moves_all, self.who.known(entry.room.room_type), self.who.elsewhere)
+            return request_of(entry, meant, moves_all, ())
+        info = self.furnisher_info
+        return request_of(entry, meant, moves_all, info.known(entry.room.room_type), info.types_placing)
 
 
 def matched(only: str | None, room: Room) -> set[str]:

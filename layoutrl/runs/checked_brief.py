@@ -19,34 +19,34 @@ NARROWEST = 0.5  # metres: doors are below it where inches were taken for centim
 
 
 @dataclass(frozen=True)
-class Answerable:
+class CheckedBrief:
     """A brief as it was asked, the part of it that can be furnished (`brief`), and a line for each problem.
 
     Rugs that lie in the room are not in `brief`: they are in nobody's way.
     """
 
-    asked: Room
-    unseen: frozenset[int]  # indices of items of `asked` that are not in `brief`: rugs, and what nobody can place
+    room: Room  # as it was asked
+    unseen: frozenset[int]  # indices of items of `room` that are not in `brief`: rugs, and what nobody can place
     lines: list[str]
 
     @property
     def brief(self) -> Room:
         """The room without what cannot be placed, and without rugs."""
-        kept = tuple(item for k, item in enumerate(self.asked.furniture) if k not in self.unseen)
-        return replace(self.asked, furniture=kept, target=None)
+        kept = tuple(item for k, item in enumerate(self.room.furniture) if k not in self.unseen)
+        return replace(self.room, furniture=kept, target=None)
 
-    def answer(self, layout: Room) -> Room:
+    def merge(self, layout: Room) -> Room:
         """Return the room as it was asked, with the poses of a layout of `brief`; other items stay as they were.
 
         An item that the layout puts beyond the outer walls gets no place: with it there, the room could not be read
         again.
         """
         items = iter(layout.furniture)
-        furniture = [i if k in self.unseen else next(items) for k, i in enumerate(self.asked.furniture)]
-        for k in missing(self.asked):
-            if furniture[k].center is not None and not self.asked.holds(furniture[k]):
-                furniture[k] = self.asked.furniture[k]
-        return replace(self.asked, furniture=tuple(furniture))
+        furniture = [i if k in self.unseen else next(items) for k, i in enumerate(self.room.furniture)]
+        for k in missing(self.room):
+            if furniture[k].center is not None and not self.room.holds(furniture[k]):
+                furniture[k] = self.room.furniture[k]
+        return replace(self.room, furniture=tuple(furniture))
 
 
 def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
@@ -54,19 +54,19 @@ def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
     return ()
 
 
-def answerable(
-    room: Room, known: Collection[str], elsewhere: Callable[[str], Sequence[str]] = in_no_type
-) -> Answerable:
+def check_brief(
+    room: Room, known: Collection[str], types_placing: Callable[[str], Sequence[str]] = in_no_type
+) -> CheckedBrief:
     """Find out which items of a room can be placed: those of `known` categories that fit into it.
 
-    Lines also name doubtful sizes, items that stand stacked, and doors that are missing or too narrow. `elsewhere`
+    Lines also name doubtful sizes, items that stand stacked, and doors that are missing or too narrow. `types_placing`
     returns the room types whose agents place a category.
     """
     unseen, lines = set(), []
     for k in missing(room):
         item = room.furniture[k]
         if item.category not in known:
-            lines.append(f"the {item.category} is not placed: {_why(room, item.category, known, elsewhere)}")
+            lines.append(f"the {item.category} is not placed: {_why(room, item.category, known, types_placing)}")
             unseen.add(k)
         elif not fits(room, item):
             size = " by ".join(f"{side:g}" for side in item.size)
@@ -87,17 +87,17 @@ def answerable(
         lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is the unit right?")
     elif width < passage(room.room_type) - TOLERANCE:
         lines.append(f"its widest door is {width:.2f} m wide: what can be reached is told of who fits through")
-    return Answerable(room, frozenset(unseen), lines)
+    return CheckedBrief(room, frozenset(unseen), lines)
 
 
-def _why(room: Room, category: str, known: Collection[str], elsewhere: Callable[[str], Sequence[str]]) -> str:
+def _why(room: Room, category: str, known: Collection[str], types_placing: Callable[[str], Sequence[str]]) -> str:
     """Return the reason why a category that is not `known` is not placed in a room."""
     if not known:
         return f"nobody who is asked furnishes a {room.room_type}"
     ours = own_names().meant(category) or category
     if ours in known:
         return f"it is known as {ours}; expected that category"
-    if types := elsewhere(ours):
+    if types := types_placing(ours):
         agents, places = ("the agent", "places") if len(types) == 1 else ("the agents", "place")
         if ours != category:
             return (

@@ -11,21 +11,21 @@ from typing import Any
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, Fault
 from layoutrl.rooms.room import Room
-from layoutrl.runs.asked import Asked, said_to_stay
+from layoutrl.runs.request import Request, said_to_stay
 from layoutrl.runs.streams import Entry
 
 CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
 
 
 @dataclass(frozen=True)
-class Answered:
+class Answer:
     """A room that was read, and its layouts, best first, each with its faults and oddities.
 
     An item that found no place stays where the file has it, if that is in the room; else it has no center.
     """
 
     entry: Entry
-    asked: Asked
+    request: Request
     layouts: list[Room]
     by: list[str]  # who made each layout; empty where it is who was asked
     unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
@@ -33,13 +33,13 @@ class Answered:
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
-        return len(self.asked.wanted) - len(self.asked.left) - len(self.unplaced[choice])
+        return len(self.request.wanted) - len(self.request.left) - len(self.unplaced[choice])
 
     def found(self, choice: int) -> Room:
         """Return a layout for writing: items that found no place have no center, and so stay as the file has them."""
-        layout, asked = self.layouts[choice], self.asked.can.asked
+        layout, room = self.layouts[choice], self.request.checked.room
         items = enumerate(layout.furniture)
-        furniture = (asked.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
+        furniture = (room.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
         return replace(layout, furniture=tuple(furniture))
 
     def documents(self) -> Iterator[dict[str, Any]]:
@@ -47,12 +47,12 @@ class Answered:
 
         If nothing was to be placed, it is yielded once, as it came.
         """
-        if not self.asked.wanted:
+        if not self.request.wanted:
             yield self.entry.document
             return
         for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
             found = self.found(n - 1)
-            written = with_layout(self.entry.document, self.asked.can.asked, found, wrong, self.entry.unit)
+            written = with_layout(self.entry.document, self.request.checked.room, found, wrong, self.entry.unit)
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
@@ -60,21 +60,22 @@ class Answered:
 
         Nothing is said about a room in which nothing was to be placed.
         """
-        if not self.asked.wanted:
+        if not self.request.wanted:
             return
-        categories = [item.category for item in self.asked.can.asked.furniture]
+        categories = [item.category for item in self.request.checked.room.furniture]
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            told = [(k, fault) for k, fault in wrong if k not in self.asked.can.unseen]  # can.lines names the unseen
+            # What is unseen is named by the lines of the checked brief.
+            told = [(k, fault) for k, fault in wrong if k not in self.request.checked.unseen]
             said = [
                 f"the {numbered(categories, k)}: {self._words(k, [fault for _, fault in some])}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
-            room = self.asked.can.lines
+            room = self.request.checked.lines
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
-            placed = f"{self.placed(n - 1)} of {len(self.asked.wanted)} placed{by and f' by {by}'}"
-            stays = f"; {said_to_stay(layout, self.asked.stays)}" if self.asked.stays else ""
+            placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"
+            stays = f"; {said_to_stay(layout, self.request.stays)}" if self.request.stays else ""
             yield f"{name}: {placed}; {found}{stays}"
 
     def _words(self, item: int, faults: Sequence[str]) -> str:
@@ -82,7 +83,7 @@ class Answered:
         if MISSING not in faults:
             return there
         stays = f", and stays where it stood{there and f' ({there})'}"
-        return CROWDED_OUT + stays * (item in self.asked.stood)
+        return CROWDED_OUT + stays * (item in self.request.stood)
 
 
 def numbered(categories: Sequence[str], item: int) -> str:
