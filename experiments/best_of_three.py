@@ -11,7 +11,7 @@ Prints the numbers and writes experiments/results/best_of_three/<type>.json.
 from __future__ import annotations
 
 import torch
-from kept import RESULTS, numbers, options, tell
+from kept import RESULTS, numbers, options, print_and_write
 
 from layoutrl.env.measures import measured
 from layoutrl.rooms.brief import brief_of
@@ -37,7 +37,7 @@ def main() -> None:
         "the nearest of three": [those[iou.argmax()] for those, iou in zip(choices, each, strict=True)],
     }
     found = ((name, numbers(layouts, designs)) for name, layouts in rows.items())
-    tell(said, found, layouts=sum(map(len, choices)) / len(choices))
+    print_and_write(said, found, layouts=sum(map(len, choices)) / len(choices))
 
 
 if __name__ == "__main__":

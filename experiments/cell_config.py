@@ -26,12 +26,13 @@ PLANIT = "given categories, argmax, true size"  # PlanIT's row, told what the ag
 SEEDLESS = ("rules", "oracle", "designer", "rooms_package")  # columns that draw only starts, always the same
 AGENTS = ("agent", "rooms_agent")  # fills that train an agent
 # Defaults of Method: how agents learned before these options were added.
-BEFORE = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}
-READ = {  # options that only some fills read, and these fills
+METHOD_DEFAULTS = {one.name: getattr(Method, one.name) for one in fields(Method) if hasattr(Method, one.name)}
+READ_BY = {  # options that only some fills read, and these fills
     "planit": ("planit", "rooms_planit"), "planit_time": ("planit",), "annealer": ("annealer",), "search": ("search",),
     "seconds_a_room": ("annealer", "search"), "training_minutes": ("rooms_pointer",),
 }  # fmt: skip
-LOOKS = ("reports", "evaluations")  # of a budget: how often a training reports and is evaluated (it changes nothing)
+# Of a budget: how often a training reports and is evaluated (it changes nothing).
+REPORTING = ("reports", "evaluations")
 SOURCES = ("designer", "floorplans", "designer_rooms")  # data sources of the tables
 
 
@@ -97,16 +98,16 @@ def name_of(config: CellConfig) -> str:
     return f"{config.room.type}{item}{data}-{config.trained_on}-{config.column}-seed{config.seed}"
 
 
-def counting(kept: dict[str, Any]) -> dict[str, Any]:
+def compared_part(kept: dict[str, Any]) -> dict[str, Any]:
     """Return the part of a kept configuration that is compared: the options that its fill reads.
 
     Options of an agent's method that were added later, and that it lacks, get their defaults.
     """
-    said = {name: value for name, value in kept.items() if name not in READ or kept.get("fill") in READ[name]}
+    said = {name: value for name, value in kept.items() if name not in READ_BY or kept.get("fill") in READ_BY[name]}
     if "budget" in said:
-        said["budget"] = {name: value for name, value in said["budget"].items() if name not in LOOKS}
+        said["budget"] = {name: value for name, value in said["budget"].items() if name not in REPORTING}
     if said.get("fill") in AGENTS:
-        said["method"] = BEFORE | said["method"]
+        said["method"] = METHOD_DEFAULTS | said["method"]
     return said
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from cell_config import AGENTS, LAYOUTS, PLANIT, SEEDLESS, CellConfig, counting, folder_of, name_of
+from cell_config import AGENTS, LAYOUTS, PLANIT, SEEDLESS, CellConfig, compared_part, folder_of, name_of
 from cell_trainings import clock_of
 from item_columns import FILLS, setting_of
 from packing import FLAG, INDEX, METRES, packed, packed_iou
@@ -54,7 +54,7 @@ def fill(config: CellConfig) -> None:
     if file.exists():
         error.unlink(missing_ok=True)
         kept = json.loads(file.read_text(encoding="utf-8"))
-        if others := differences(counting(kept["config"]), stated(config)):
+        if others := differences(compared_part(kept["config"]), stated(config)):
             what = f"filled with another {', '.join(others)}; expected a new folder (results=...), or delete the cell"
             error.write_text(f"error: {name} is {what}\n", encoding="utf-8")
             print(f"{config.table}: {name} is {what}", flush=True)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from cell_config import LAYOUTS
-from kept import RESULTS, options, tell
+from kept import RESULTS, options, print_and_write
 from printing import row
 from table3 import METHODS
 
@@ -67,7 +67,7 @@ def main() -> None:
             alone = iou[~copied[: len(iou)]]
             without = float(alone.mean()) if len(alone) else None
             found.append((name, {"all": float(iou.mean()), "without": without}))
-    tell(said, found)
+    print_and_write(said, found)
 
 
 if __name__ == "__main__":

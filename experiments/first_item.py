@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from kept import RESULTS, means_over_rooms, options, tell
+from kept import RESULTS, means_over_rooms, options, print_and_write
 
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.rooms.brief import brief_of, largest_first
@@ -29,7 +29,7 @@ KEPT = RESULTS / "first_item"
 RIGHT = 0.8  # IoU
 
 
-def equals(item: Item, room: Room) -> list[int]:
+def same_kind_indices(item: Item, room: Room) -> list[int]:
     """Return the indices of the room's items of the same category, size and form as `item`."""
     return [k for k, other in enumerate(room.furniture) if other.kind == item.kind]
 
@@ -46,13 +46,13 @@ def compared(layout: Room, k: int, design: Room) -> tuple[float, float]:
     """
     item = layout.furniture[k]
     if item.center is None:
-        return 0.0, others(layout, k, design, equals(item, design)[0])
-    same = equals(item, design)
+        return 0.0, iou_of_others(layout, k, design, same_kind_indices(item, design)[0])
+    same = same_kind_indices(item, design)
     iou = iou_of(np.array([item.footprint] * len(same)), np.array([design.furniture[j].footprint for j in same]))
-    return float(iou.max()), others(layout, k, design, same[int(iou.argmax())])
+    return float(iou.max()), iou_of_others(layout, k, design, same[int(iou.argmax())])
 
 
-def others(layout: Room, k: int, design: Room, j: int) -> float:
+def iou_of_others(layout: Room, k: int, design: Room, j: int) -> float:
     """Return the mean IoU of all items but k of the layout and j of the design; NaN if the design has no others."""
     found = matched([without(layout, k)], [without(design, j)])
     return float(means(found.iou, found.room, 1).item())
@@ -66,7 +66,7 @@ def main() -> None:
     first = [largest_first(brief)[0] for brief in briefs]
     given = []
     for brief, k, design in zip(briefs, first, designs, strict=True):
-        item = design.furniture[equals(brief.furniture[k], design)[0]]
+        item = design.furniture[same_kind_indices(brief.furniture[k], design)[0]]
         given.append(replace(brief, furniture=(*brief.furniture[:k], item, *brief.furniture[k + 1 :])))
     furnisher = load(said.room_type, torch.device("cpu"))
     alone, helped = (best_layouts(furnisher, asked) for asked in (briefs, given))
@@ -79,7 +79,7 @@ def main() -> None:
         "the others, where it is wrong": rest[~right],
         "the others, where it is given": [compared(*those)[1] for those in zip(helped, first, designs, strict=True)],
     }
-    tell(said, means_over_rooms(numbers))
+    print_and_write(said, means_over_rooms(numbers))
 
 
 if __name__ == "__main__":

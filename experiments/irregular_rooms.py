@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from kept import RESULTS, numbers, options, tell
+from kept import RESULTS, numbers, options, print_and_write
 
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.designer.generator import design_rooms
@@ -70,7 +70,7 @@ def main() -> None:
 
     rooms = {"as designed": designs, "disturbed": [room for room, _ in changed]}
     found = ((name, furnished(some)) for name, some in rooms.items())
-    tell(said, found, disturbances=dict(done))
+    print_and_write(said, found, disturbances=dict(done))
 
 
 if __name__ == "__main__":

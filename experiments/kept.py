@@ -61,7 +61,7 @@ def means_over_rooms(values: Mapping[str, Sequence[float] | np.ndarray]) -> Iter
         yield name, {"mean": mean, "standard_error": error, "rooms": len(known)}
 
 
-def tell(said: argparse.Namespace, found: Iterable[tuple[str, Any]], **about: Any) -> None:
+def print_and_write(said: argparse.Namespace, found: Iterable[tuple[str, Any]], **about: Any) -> None:
     """Print each (name, result) as soon as it is found, and write them all, with `about`, to <type>.json."""
     result: dict[str, Any] = {"rooms": said.rooms, "seed": said.seed} | about
     for name, row in found:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from kept import RESULTS, means_over_rooms, options, tell
+from kept import RESULTS, means_over_rooms, options, print_and_write
 
 from layoutrl.env.measures import matched, means
 from layoutrl.rooms.brief import brief_of
@@ -159,7 +159,7 @@ def image_of(items: Sequence[Item], width: float) -> tuple[Item, ...]:
     )
 
 
-def told(designed: Design, found: LeftOpen) -> dict[str, float]:
+def numbers_of(designed: Design, found: LeftOpen) -> dict[str, float]:
     """Return the numbers of one brief, by name."""
     both, other = np.outer(found.share, found.share), found.template[:, None] != found.template
     iou, facing = matches_of(found.layouts, designed.room)
@@ -187,9 +187,9 @@ def main() -> None:
     values: dict[str, list[float]] = defaultdict(list)
     for designed in designs:
         if found := left_open(designed.room, designed.shell):
-            for name, value in told(designed, found).items():
+            for name, value in numbers_of(designed, found).items():
                 values[name].append(value)
-    tell(said, means_over_rooms(values))
+    print_and_write(said, means_over_rooms(values))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ import numpy as np
 import torch
 from cell_config import LAYOUTS
 from packing import unpacked_iou
-from sweeps import asked, cells_of, given, multirun, some_of
+from sweeps import cells_of, command_line, multirun, parsed_options, some_of
 
 from layoutrl import InputError
 from layoutrl.env.measures import measured
@@ -79,7 +79,7 @@ MEASURES = {
 @answers_errors()
 def main(arguments: list[str]) -> int:
     """Make the agents or scores that are asked for; the exit status is not 0 if a type failed."""
-    chosen = given(arguments, "weights", "version", "scores")
+    chosen = parsed_options(arguments, "weights", "version", "scores")
     types = some_of("room", chosen, MAIN_ITEM)
     folder, version = Path(chosen.pop("weights", WEIGHTS)), chosen.pop("version", None)
     if version is not None and not version.isdecimal():
@@ -314,4 +314,4 @@ def words(name: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main(asked(__doc__)))
+    sys.exit(main(command_line(__doc__)))

@@ -12,7 +12,7 @@ from string import Formatter
 from typing import Any
 
 import numpy as np
-from cell_config import counting, refuse_other_rooms
+from cell_config import compared_part, refuse_other_rooms
 from packing import INDEX, unpacked, unpacked_iou
 
 from layoutrl import InputError
@@ -137,7 +137,7 @@ def row(folder: Path, name: str, which: str = "agent") -> Row | None:
     cells = {file: cell for file, cell in cells.items() if which in cell["rows"]}
     if not cells:
         return None
-    first, *others = (counting(cell["config"]) for cell in cells.values())
+    first, *others = (compared_part(cell["config"]) for cell in cells.values())
     if other := {name for config in others for name in differences(first, config)} - {"seed"}:
         raise InputError(f"{folder / name}: cells of different {', '.join(sorted(other))}; delete those of one")
     numbers = [cell["rows"][which] for cell in cells.values()]
@@ -272,7 +272,9 @@ def write(tables: Sequence[Table], stem: Path) -> None:
     stem.parent.mkdir(parents=True, exist_ok=True)
     made_from = provenance([found for table in tables for found in table.rows])
     files = [stem.with_suffix(".md"), stem.with_suffix(".tex")]
-    files[0].write_text("\n".join([*(table.markdown() for table in tables), f"{told(made_from)}\n"]), encoding="utf-8")
+    files[0].write_text(
+        "\n".join([*(table.markdown() for table in tables), f"{provenance_line(made_from)}\n"]), encoding="utf-8"
+    )
     files[1].write_text("\n".join(table.latex() for table in tables), encoding="utf-8")
     for table in tables:
         with (file := stem.with_name(f"{table.name}.csv")).open("w", newline="", encoding="utf-8") as out:
@@ -310,7 +312,7 @@ def provenance(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def told(made_from: dict[str, Any]) -> str:
+def provenance_line(made_from: dict[str, Any]) -> str:
     """A provenance in one line."""
     versions = [f"layoutrl {version}" for version in made_from["versions"]["layoutrl"]]
     cells, minutes = f"{len(made_from['cells'])} cells", made_from["minutes_of_training"]

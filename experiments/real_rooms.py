@@ -15,7 +15,7 @@ from itertools import product
 from pathlib import Path
 
 from printing import NOT_RUN, Estimate, Row, Table, ceiling, compared, estimates, p_text, row, show, write
-from sweeps import ENDS, asked, cells_of, given, in_turn, multirun, seeds_of, some_of
+from sweeps import ENDS, cells_of, command_line, in_turn, multirun, parsed_options, seeds_of, some_of
 
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.commands import answers_errors
@@ -65,7 +65,7 @@ def stages(source: str, chosen: Mapping[str, str]) -> list[dict[str, str]]:
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    chosen, status = given(arguments, *TASKS, "task"), 0
+    chosen, status = parsed_options(arguments, *TASKS, "task"), 0
     for source in TASKS:
         if source not in chosen:
             print(f"{source}: left out; {source}=<folder> says where its files are")
@@ -137,4 +137,4 @@ def of_bounds(rows: Rows) -> Entries:
 
 
 if __name__ == "__main__":
-    sys.exit(main(asked(__doc__)))
+    sys.exit(main(command_line(__doc__)))

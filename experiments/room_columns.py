@@ -63,7 +63,7 @@ def by_nearest_room(config: CellConfig, rooms: WholeRooms) -> Furnish:
     return lambda: each(config, rooms, lambda brief, rng: nearest_layout(brief, library, rng))
 
 
-def by_rules(config: CellConfig, rooms: WholeRooms) -> Furnish:
+def by_search_or_annealer(config: CellConfig, rooms: WholeRooms) -> Furnish:
     relations, seconds = mine(rooms.training), config.seconds_a_room[config.budget.name]
     settings = config.search if config.fill == "search" else config.annealer
 
@@ -105,8 +105,8 @@ FURNISHES: dict[str, Callable[[CellConfig, WholeRooms], Furnish]] = {
     "designer": lambda _, rooms: lambda: rooms.designs,
     "random": lambda config, rooms: lambda: each(config, rooms, random_layout),
     "nearest": by_nearest_room,
-    "annealer": by_rules,
-    "search": by_rules,
+    "annealer": by_search_or_annealer,
+    "search": by_search_or_annealer,
     "rooms_agent": by_agent,
     "rooms_package": by_package,
     "rooms_untrained": by_untrained,

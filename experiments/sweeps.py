@@ -55,7 +55,7 @@ def in_turn(columns: str) -> list[str]:
     return [",".join(group) for group in (seedless, others, timed) if group]
 
 
-def trains_pictures(chosen: Mapping[str, str]) -> bool:
+def has_gpu_or_cluster(chosen: Mapping[str, str]) -> bool:
     """Whether there is a GPU or a cluster to train the paper's network in every type and with every seed."""
     return torch.cuda.is_available() or "hydra/launcher" in chosen
 
@@ -77,7 +77,7 @@ def cells_of(table: str, chosen: Mapping[str, str]) -> Path:
     return table_folder(chosen.get("results"), chosen.get("budget", "default"), table)
 
 
-def given(arguments: Sequence[str], *own: str) -> dict[str, str]:
+def parsed_options(arguments: Sequence[str], *own: str) -> dict[str, str]:
     """Parse name=value arguments: options of cells, and the script's `own`. Raises InputError for anything else, before
     a sweep begins.
     """
@@ -94,7 +94,7 @@ def given(arguments: Sequence[str], *own: str) -> dict[str, str]:
     return chosen
 
 
-def asked(script: str | None) -> list[str]:
+def command_line(script: str | None) -> list[str]:
     """Return the command line's arguments; with --help, print the script's docstring and exit."""
     if {"-h", "--help"} & set(sys.argv):
         print(script)

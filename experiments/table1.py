@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from cell_config import PLANIT
 from printing import Estimate, Row, Table, ceiling, compared, estimates, listed, row, show, write
-from sweeps import asked, cells_of, given, in_turn, multirun, seeds_of, some_of, trains_pictures
+from sweeps import cells_of, command_line, has_gpu_or_cluster, in_turn, multirun, parsed_options, seeds_of, some_of
 
 from layoutrl.rivals.planit.scoring import how_many
 from layoutrl.runs.commands import answers_errors
@@ -41,12 +41,12 @@ PAPER = {
     "balcony": (printed(0.651, 0.006), printed(0.951, 0.035)),
 }
 # The methods by their names in the tables: the column and the row of their cells.
-AGENT, PAPERS, REGRESSOR, POINTER = "agent", "paper's network", "supervised regressor", "supervised pointer"
+AGENT, PAPER_NETWORK, REGRESSOR, POINTER = "agent", "paper's network", "supervised regressor", "supervised pointer"
 MASKED, EVERY_MOVE = "paper's network, illegal moves masked", "paper's network, learns every move"
 RIVAL, INFORMED = "PlanIT", "PlanIT, told the relations"
 METHODS = {
     AGENT: ("geometric", "agent"),
-    PAPERS: ("paper", "agent"),
+    PAPER_NETWORK: ("paper", "agent"),
     MASKED: ("paper", "illegal moves masked"),
     EVERY_MOVE: ("paper_every_move", "agent"),
     REGRESSOR: ("regressor", "agent"),
@@ -60,12 +60,12 @@ METHODS = {
 }
 THEIRS, CEILING = "Di & Yu, as printed", "ceiling of the moves"
 MAIN = (AGENT, POINTER, RIVAL)
-LEARNED = (AGENT, PAPERS, EVERY_MOVE, REGRESSOR, POINTER, RIVAL, INFORMED)
-PICTURES = (PAPERS, MASKED, EVERY_MOVE)
+LEARNED = (AGENT, PAPER_NETWORK, EVERY_MOVE, REGRESSOR, POINTER, RIVAL, INFORMED)
+PICTURES = (PAPER_NETWORK, MASKED, EVERY_MOVE)
 BOUNDS = ("random start", "nearest wall", "nearest room", "perfect Q")
 SPREAD = "mean IoU ± standard deviation over rooms"
 # Three tables of what the mean does not say: their methods, their numbers' names in cells, and their columns.
-DETAILED = (AGENT, PAPERS, EVERY_MOVE, REGRESSOR, POINTER)
+DETAILED = (AGENT, PAPER_NETWORK, EVERY_MOVE, REGRESSOR, POINTER)
 SUPERVISED = {REGRESSOR: "p_regressor", POINTER: "p_pointer"}
 NUMBERS = ("median_iou", "share_090", "overlap", "outside", "blocked")
 SURE = {
@@ -123,7 +123,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     """Return the sweeps, in order. Raises InputError for rooms and columns that the table does not have."""
     rooms = some_of("room", chosen, PAPER)
     some_of("column", chosen, dict.fromkeys([*(column for column, _ in METHODS.values()), *TRAINED]))
-    seeds, types = ("0,1,2", tuple(PAPER)) if trains_pictures(chosen) else ("0", WITHOUT_GPU)
+    seeds, types = ("0,1,2", tuple(PAPER)) if has_gpu_or_cluster(chosen) else ("0", WITHOUT_GPU)
     sweeps = [*SWEEPS, ("paper", seeds, types), ("paper_every_move", seeds, tuple(PAPER))]
     if seeds == "0":
         sweeps.append(("paper_every_move", "1,2", ("bedroom",)))  # how much seeds differ
@@ -138,7 +138,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    chosen = given(arguments)
+    chosen = parsed_options(arguments)
     status = max([multirun("table1", sweep) for sweep in stages(chosen)])
     folder = cells_of("table1", chosen)
     show(tables(folder, some_of("room", chosen, PAPER)))
@@ -183,9 +183,8 @@ def comparisons(found: Mapping[str, Rows]) -> list[Table]:
         best = ceiling(rows[AGENT] or rows["random start"])
         learned.append(([room], estimates(map(rows.get, LEARNED))))
         bounds.append(([room], [*estimates(map(rows.get, BOUNDS)), best]))
-        papers.append(
-            ([room], [*PAPER[room], *estimates(map(rows.get, PICTURES)), ceiling(rows[PAPERS] or rows[EVERY_MOVE])])
-        )
+        network = rows[PAPER_NETWORK] or rows[EVERY_MOVE]
+        papers.append(([room], [*PAPER[room], *estimates(map(rows.get, PICTURES)), ceiling(network)]))
     return [
         compared(
             "table1-learned", f"Table 1: which learned method is best in held-out rooms? ({SPREAD})", ["room"],
@@ -275,4 +274,4 @@ def of_all(found: Row | None, words: str) -> Estimate | None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(asked(__doc__)))
+    sys.exit(main(command_line(__doc__)))

@@ -14,12 +14,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from printing import Table, ceiling, compared, estimates, row, show, write
-from sweeps import ENDS, asked, cells_of, given, multirun, seeds_of, some_of, trains_pictures
-from table1 import AGENT, EVERY_MOVE, MASKED, METHODS, PAPERS, THEIRS, printed
+from sweeps import ENDS, cells_of, command_line, has_gpu_or_cluster, multirun, parsed_options, seeds_of, some_of
+from table1 import AGENT, EVERY_MOVE, MASKED, METHODS, PAPER_NETWORK, THEIRS, printed
 
 from layoutrl.runs.commands import answers_errors
 
-UNSEEN = (AGENT, PAPERS, EVERY_MOVE)
+UNSEEN = (AGENT, PAPER_NETWORK, EVERY_MOVE)
 # IoU of the paper's own method, as the paper prints it.
 PAPER = {
     "bathroom": printed(0.953, 0.012),
@@ -37,7 +37,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     """Return the sweeps, in order. Raises InputError for rooms, columns and budgets that the table does not have."""
     some_of("budget", chosen, ("smoke", "default", "full"))
     scene = {"protocol": "scene", "budget": "smoke" if chosen.get("budget") == "smoke" else "scene"}
-    seeds = {"geometric": "0,1,2", "paper": "0,1,2" if trains_pictures(chosen) else "0"}
+    seeds = {"geometric": "0,1,2", "paper": "0,1,2" if has_gpu_or_cluster(chosen) else "0"}
     some_of("column", chosen, seeds)
     if "column" in chosen:
         seeds = {chosen["column"]: "0,1,2"}
@@ -50,7 +50,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    chosen = given(arguments)
+    chosen = parsed_options(arguments)
     sweeps = stages(chosen)
     status = max([multirun("table2", sweep) for sweep in sweeps])
     folders = cells_of("table2", sweeps[0]), cells_of("table1", chosen)
@@ -63,23 +63,23 @@ def tables(scenes: Path, unseen: Path, rooms: Iterable[str] = PAPER) -> list[Tab
     """Return tables (a) and (b), made from filled cells of these rooms in the folders `scenes` and `unseen`."""
     own, others = [], []
     for room in rooms:
-        agent, papers, masked = (
+        agent, paper_network, masked = (
             row(scenes, f"{room}-own-{column}", which)
-            for column, which in (METHODS[words] for words in (AGENT, PAPERS, MASKED))
+            for column, which in (METHODS[words] for words in (AGENT, PAPER_NETWORK, MASKED))
         )
-        measured = estimates([agent, papers, masked])
-        own.append(([room], [PAPER[room], *measured, ceiling(agent), ceiling(papers)]))
+        measured = estimates([agent, paper_network, masked])
+        own.append(([room], [PAPER[room], *measured, ceiling(agent), ceiling(paper_network)]))
         held_out = [row(unseen, f"{room}-own-{METHODS[words][0]}", "random starts") for words in UNSEEN]
         others.append(([room], [PAPER[room], *estimates(held_out)]))
     title = "Table 2 ({}): {}, many random starts (mean IoU ± standard deviation over starts)"
     return [
         compared(
             "table2-scenes", title.format("a", "trained and tested in the same room"), ["room"],
-            [THEIRS, AGENT, PAPERS, MASKED, "ceiling of the agent's moves", "ceiling of the paper's moves"], own,
+            [THEIRS, AGENT, PAPER_NETWORK, MASKED, "ceiling of the agent's moves", "ceiling of the paper's moves"], own,
         ),
         compared("table2-unseen", title.format("b", "in held-out rooms"), ["room"], [THEIRS, *UNSEEN], others),
     ]  # fmt: skip
 
 
 if __name__ == "__main__":
-    sys.exit(main(asked(__doc__)))
+    sys.exit(main(command_line(__doc__)))

@@ -21,7 +21,7 @@ import numpy as np
 from cell_config import LAYOUTS
 from packing import FLAG, unpacked
 from printing import Row, Table, listed, row, show, write
-from sweeps import asked, cells_of, given, multirun, seeds_of, some_of
+from sweeps import cells_of, command_line, multirun, parsed_options, seeds_of, some_of
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value
@@ -139,7 +139,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
 
 @answers_errors()
 def main(arguments: list[str]) -> int:
-    chosen = given(arguments, "designer_rooms")
+    chosen = parsed_options(arguments, "designer_rooms")
     status = max([multirun("table3", sweep) for sweep in stages(chosen)])
     folder = cells_of("table3", chosen)
     show(tables(folder, some_of("room", chosen, MAIN_ITEM)))
@@ -226,4 +226,4 @@ def faultless(found: Row) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    sys.exit(main(asked(__doc__)))
+    sys.exit(main(command_line(__doc__)))

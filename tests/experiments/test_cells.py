@@ -17,7 +17,7 @@ from cell_config import folder_of, name_of
 from cells import fill, stated
 from hydra import compose, initialize_config_dir
 from packing import METRES, packed, unpacked
-from sweeps import cells_of, given, multirun
+from sweeps import cells_of, multirun, parsed_options
 
 from layoutrl import InputError
 from layoutrl.rivals.planit.training import Training
@@ -286,11 +286,9 @@ def test_arrays_survive_packing():
 )
 def test_a_wrong_option_of_a_table_is_answered_before_anything_is_swept(argument: str, answer: str) -> None:
     with pytest.raises(InputError, match=answer):
-        given(["room=kitchen", argument])
-    assert (
-        given(["room=kitchen", "column=geometric,oracle", "method.batch=8", "floorplans=plans"], "floorplans")["room"]
-        == "kitchen"
-    )
+        parsed_options(["room=kitchen", argument])
+    options = ["room=kitchen", "column=geometric,oracle", "method.batch=8", "floorplans=plans"]
+    assert parsed_options(options, "floorplans")["room"] == "kitchen"
 
 
 @pytest.mark.parametrize(
@@ -298,12 +296,13 @@ def test_a_wrong_option_of_a_table_is_answered_before_anything_is_swept(argument
 )
 def test_an_option_of_another_script_is_answered_before_anything_is_swept(argument: str) -> None:
     with pytest.raises(InputError, match=rf"^{argument.partition('=')[0]}: unknown; "):
-        given([argument])
-    assert given([argument], argument.partition("=")[0])
+        parsed_options([argument])
+    assert parsed_options([argument], argument.partition("=")[0])
 
 
 def test_cells_are_looked_for_where_they_are_filled_also_below_the_users_home(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     config = composed("cell", "table=table1", "column=rules", "runs='~/runs'", "results='~/here'")
     assert config.runs == f"{tmp_path}/runs"
-    assert folder_of(config) == cells_of("table1", given(["results=~/here"])) == tmp_path / "here/default/table1"
+    chosen = parsed_options(["results=~/here"])
+    assert folder_of(config) == cells_of("table1", chosen) == tmp_path / "here/default/table1"

@@ -63,9 +63,9 @@ def test_layouts_count_as_often_as_they_would_be_drawn() -> None:
     found = left_open.left_open(designed.room, designed.shell)
     assert found is not None
     assert found.template.tolist() == ["command", "at_wall"]
-    told = left_open.told(designed, found)
-    assert told["several templates make it"] == 1
-    assert told["IoU of two templates"] < 0.5
+    numbers = left_open.numbers_of(designed, found)
+    assert numbers["several templates make it"] == 1
+    assert numbers["IoU of two templates"] < 0.5
     # Width and depth of the desk, and width of the bookcase: one of 3 widths, 60%, one of 5; one of 5, 30%, one of 6.
     assert found.share.tolist() == pytest.approx([0.8, 0.2])
 
@@ -87,7 +87,7 @@ def test_a_mirrored_study_is_furnished_otherwise(
     designed = design_room(room_type, "test", 0, index)
     found = left_open.left_open(designed.room, designed.shell)
     assert found is not None
-    assert (left_open.told(designed, found)["mirrored"] > 0.9) == alike
+    assert (left_open.numbers_of(designed, found)["mirrored"] > 0.9) == alike
 
 
 def test_it_is_told_and_kept(

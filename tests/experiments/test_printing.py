@@ -11,7 +11,20 @@ import pages
 import pytest
 from kept import RESULTS
 from packing import INDEX, packed, packed_iou
-from printing import FIELDS, MEASURED, NOT_RUN, Estimate, Row, compared, listed, provenance, row, show, told, write
+from printing import (
+    FIELDS,
+    MEASURED,
+    NOT_RUN,
+    Estimate,
+    Row,
+    compared,
+    listed,
+    provenance,
+    provenance_line,
+    row,
+    show,
+    write,
+)
 
 from layoutrl import InputError
 from tests.commands import fresh
@@ -104,11 +117,11 @@ def test_a_training_that_cells_share_is_counted_once():
     others = [cell("geometric", 1, 60.5), cell("regressor", 0, 60.5), cell("geometric", 0, 58.0)]
     cells = {Path(f"default/real/{k}.json"): found for k, found in enumerate(shared + others)}
     found = provenance([Row(np.ones((5, 1)), np.zeros(1), [], cells)])
-    assert told(found) == "5 cells, 4 minutes of training; 2026-01-01; G; layoutrl 1"
+    assert provenance_line(found) == "5 cells, 4 minutes of training; 2026-01-01; G; layoutrl 1"
     assert found["cells"][0] == "default/real/0.json"
     del shared[0]["training_seconds"]
     found = provenance([Row(np.ones((1, 1)), np.zeros(1), [], {Path("default/real/0.json"): shared[0]})])
-    assert told(found) == "1 cells; 2026-01-01; G; layoutrl 1"  # not 0 minutes: nobody knows
+    assert provenance_line(found) == "1 cells; 2026-01-01; G; layoutrl 1"  # not 0 minutes: nobody knows
 
 
 def test_tables_are_written_in_three_formats(tmp_path, capsys):
