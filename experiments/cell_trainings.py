@@ -73,7 +73,7 @@ def trained_once(
     folder.parent.mkdir(parents=True, exist_ok=True)
     with locked(folder.with_name(f"{name}.lock"), wait=True):
         if not folder.exists():
-            made, about = train(training, resume.begun(training))
+            made, about = train(training, resume.find_begun_run(training))
             about |= {"trained_on_machine": machine(device_of(config.device))}
             write_json(made / "trained.json", about)
             made.rename(folder)

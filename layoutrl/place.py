@@ -53,7 +53,7 @@ PATIENCE = 10  # lines: if none of the first ones is a JSON object, it is no fil
 LISTED = 20  # ids of rooms, at most, in the message that `only` names none
 LONGEST = 180  # bytes of a room's id in the name of its picture: file systems take 255
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
-NO_MATTER = ("out", "device", "pictures", "drawing")  # options that do not change what is placed where
+NOT_DECISIVE = ("out", "device", "pictures", "drawing")  # options that do not change what is placed where
 
 
 @dataclass(frozen=True)
@@ -431,7 +431,7 @@ def about(config: PlaceConfig, source: Source | None) -> dict[str, Any]:
         "categories": config.categories and stamp(Path(config.categories)),
         "run": config.run and [stamp(file) for file in sorted(Path(config.run).glob("checkpoints/*"))],
     }
-    said = {name: value for name, value in asdict(config).items() if name not in NO_MATTER}
+    said = {name: value for name, value in asdict(config).items() if name not in NOT_DECISIVE}
     kept: dict[str, Any] = json.loads(json.dumps(said | read | {"version": __version__}))
     return kept
 

@@ -22,7 +22,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import check_folder, ending, finish, going_on, seeds
+    from layoutrl.runs.resume import check_folder, evaluation_session, finish, going_on, seeds
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # checked before the rooms are made, which takes a while
@@ -36,7 +36,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             f"stopped after {learner.agent.updates} of {learner.updates} updates",
             going_on(folder, config, "layoutrl.train"),
         )
-    with ending(folder, config, "layoutrl.train"):
+    with evaluation_session(folder, config, "layoutrl.train"):
         network, categories = learner.agent.network, learner.categories
         result, shown = scored(network, config.method, config.reward, categories, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.agent.updates)
@@ -54,9 +54,9 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
 
 def carry_out(command_line: TrainCommand) -> None:
     """Train as configured, or go on with a run."""
-    from layoutrl.runs.resume import carried_out
+    from layoutrl.runs.resume import start_or_resume
 
-    carried_out(narrowed(command_line, TrainConfig), command_line.resume, run)
+    start_or_resume(narrowed(command_line, TrainConfig), command_line.resume, run)
 
 
 main = command("train", TrainCommand, carry_out)

@@ -22,7 +22,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     from layoutrl.rivals.planit.scoring import evaluated, table
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.planit_training import train, usable
-    from layoutrl.runs.resume import check_folder, ending, finish, going_on, seeds
+    from layoutrl.runs.resume import check_folder, evaluation_session, finish, going_on, seeds
 
     device = device_of(config.device)  # raises before the rooms are made, which takes a while
     check_folder(config, folder)
@@ -35,7 +35,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
             f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates",
             going_on(folder, config, "layoutrl.planit.train"),
         )
-    with ending(folder, config, "layoutrl.planit.train"):
+    with evaluation_session(folder, config, "layoutrl.planit.train"):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
         finish(
             folder,
@@ -51,9 +51,9 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
 
 def carry_out(command_line: PlanitCommand) -> None:
     """Train as configured, or go on with a run."""
-    from layoutrl.runs.resume import carried_out
+    from layoutrl.runs.resume import start_or_resume
 
-    carried_out(narrowed(command_line, PlanitConfig), command_line.resume, run)
+    start_or_resume(narrowed(command_line, PlanitConfig), command_line.resume, run)
 
 
 main = command("planit", PlanitCommand, carry_out)

@@ -139,7 +139,7 @@ def load_checkpoint(
 
 
 @contextmanager
-def taken(folder: Path) -> Iterator[None]:
+def checkpoint_errors(folder: Path) -> Iterator[None]:
     """Context that raises InputError if a checkpoint does not fit: torch raises many kinds of errors for that."""
     try:
         yield

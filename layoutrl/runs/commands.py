@@ -134,7 +134,7 @@ def answers_errors(*, again: bool = False) -> Iterator[None]:
     except Exception as error:
         if not mendable(error):
             raise
-        if isinstance(error, BrokenPipeError) and not is_read():
+        if isinstance(error, BrokenPipeError) and silence_if_unread():
             sys.exit(BROKEN_PIPE)
         sys.exit(f"error: {in_a_line(error)}")
 
@@ -151,14 +151,17 @@ def out_of_memory(error: Exception) -> bool:
     return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
 
 
-def is_read() -> bool:
-    """Whether standard output still has a reader. If not, as with `| head`, the rest of it goes to os.devnull."""
+def silence_if_unread() -> bool:
+    """Send the rest of standard output to os.devnull if nobody reads it any more, as with `| head`.
+
+    Returns whether that is so; to find out, a newline is printed.
+    """
     try:
         print(flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python tries again when it exits
-        return False
-    return True
+        return True
+    return False
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import write_whole
 from layoutrl.runs.wording import misfit
 
-NO_MATTER = ("device", "room.updates", "room.whole_updates")  # may differ: method.updates has the length
+NOT_COMPARED = ("device", "room.updates", "room.whole_updates")  # may differ: method.updates has the length
 LARGEST, DEEPEST = 10_000, 10  # bytes and levels of a config.yaml, at most; written ones have 1,300 and 4
 
 
@@ -102,13 +102,13 @@ def make_folder(wanted: Path) -> Path:
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:
-    """Return the dotted names of options, except NO_MATTER, that both configurations have with different values."""
+    """Return the dotted names of options, except NOT_COMPARED, that both configurations have with different values."""
     names = []
     for name in first.keys() & second.keys():
         one, other = first[name], second[name]
         if isinstance(one, dict) and isinstance(other, dict):
             names += differences(one, other, f"{prefix}{name}.")
-        elif one != other and prefix + name not in NO_MATTER:
+        elif one != other and prefix + name not in NOT_COMPARED:
             names.append(prefix + name)
     return sorted(names)
 

@@ -28,7 +28,7 @@ def device_of(name: str) -> torch.device:
     return usable_device(name, "auto")
 
 
-def refuse_chance(device: torch.device) -> None:
+def require_determinism(device: torch.device) -> None:
     """Make torch raise for operations that are not deterministic. Not on a GPU, where it would cost speed."""
     torch.use_deterministic_algorithms(device.type == "cpu")
     # Filling memory finds errors, but takes time. (torch's types do not know the option.)

@@ -25,7 +25,7 @@ from hydra.types import RunMode
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.room import Room
-from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpoint, taken
+from layoutrl.runs.checkpoints import checkpoint_errors, checkpoints, load_checkpoint, save_checkpoint
 from layoutrl.runs.commands import Stopped, in_a_line, mendable
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
@@ -130,7 +130,7 @@ def session(
     begun, folder = folder is not None, folder or new_folder(config)
     with locked(folder / LOCK, wait=False):
         if begun and (state := last_state(folder, identity, about, device)):
-            with taken(folder):
+            with checkpoint_errors(folder):
                 training.load_state_dict(state["training"])
                 threads = state.get("threads", torch.get_num_threads())  # older checkpoints lack it
                 if threads != torch.get_num_threads():
@@ -140,7 +140,7 @@ def session(
             seconds_before = state["seconds"]
         about |= {"threads": torch.get_num_threads()}
         kept = Session(training, folder, identity | about, seconds_before)
-        with written_to(folder, config, entry_point, training), stopped_by_signals(training):
+        with disk_errors(folder, config, entry_point, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
                 kept.save(None)
@@ -148,7 +148,7 @@ def session(
 
 
 @contextmanager
-def written_to(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
+def disk_errors(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
     """Context that raises InputError for an OSError, with the command that resumes. Checkpoints raise their own."""
     later = going_on(folder, config, entry_point)
     try:
@@ -162,7 +162,7 @@ def written_to(folder: Path, config: AnyTraining, entry_point: str, training: St
 
 
 @contextmanager
-def ending(folder: Path, config: AnyTraining, entry_point: str) -> Iterator[None]:
+def evaluation_session(folder: Path, config: AnyTraining, entry_point: str) -> Iterator[None]:
     """Context of the evaluation of a trained run, its folder locked. If the user stops it, `resume=` does it later.
 
     Raises Stopped then, and InputError if the folder cannot be written to or is in use by another process.
@@ -196,7 +196,7 @@ def finish(
     print(f"wrote {folder}")
 
 
-def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
+def start_or_resume(config: Config, resume: str | None, run: Run[Config]) -> None:
     """Do what a command line asks for: a run, one run of a sweep, or resuming a run.
 
     Raises InputError if `resume` is empty, or given together with other options than those of ELSEWHERE.
@@ -204,7 +204,7 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
     hydra_config = HydraConfig.get()
     if resume is None:
         if hydra_config.mode == RunMode.MULTIRUN:
-            swept(config, run)
+            run_in_sweep(config, run)
         else:
             run(config, None)
         return
@@ -215,10 +215,10 @@ def carried_out(config: Config, resume: str | None, run: Run[Config]) -> None:
         raise InputError(
             f"resume: goes on as it began; expected nothing beside it but {', '.join(ELSEWHERE)}, got {' '.join(also)}"
         )
-    resumed(Path(resume), run, type(config), {name: value for name, value in where(config).items() if name in given})
+    resume_run(Path(resume), run, type(config), {name: value for name, value in where(config).items() if name in given})
 
 
-def resumed(
+def resume_run(
     folder: Path, run: Run[Config], schema: type[Config], elsewhere: Mapping[str, str | None] | None = None
 ) -> Path:
     """Resume a run, unless it is finished, and return its folder. `elsewhere` has new values of options of ELSEWHERE.
@@ -239,15 +239,15 @@ def resumed(
         torch.set_num_threads(threads)  # for the next run of a sweep
 
 
-def swept(config: Config, run: Run[Config]) -> None:
+def run_in_sweep(config: Config, run: Run[Config]) -> None:
     """Do one run of a sweep: skip it if it is finished, resume it if it is begun. An error in it stops no other run.
 
     Raises Stopped if the user stops it, and for an error CompactHydraException, which Hydra prints in a line when the
     last run has ended.
     """
     try:
-        if folder := begun(config):
-            resumed(folder, run, type(config))
+        if folder := find_begun_run(config):
+            resume_run(folder, run, type(config))
         else:
             run(config, None)
     except Stopped:
@@ -262,7 +262,7 @@ def swept(config: Config, run: Run[Config]) -> None:
     raise CompactHydraException(f"{wanted_folder(config)} failed; all that failed is said above")
 
 
-def begun(config: Config) -> Path | None:
+def find_begun_run(config: Config) -> Path | None:
     """Return the folder of the run of this configuration and data, if begun; others may have its name with a number."""
     for folder in folders_of(wanted_folder(config)):
         with suppress(InputError):  # a run of another kind

@@ -21,7 +21,7 @@ from layoutrl.runs.checkpoints import load_checkpoint
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import PlanitConfig, composed, narrowed
 from layoutrl.runs.planit_training import load, usable
-from layoutrl.runs.resume import resumed
+from layoutrl.runs.resume import resume_run
 from tests.commands import layoutrl
 from tests.rivals.planit.rooms import designed
 
@@ -89,12 +89,12 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(
         with pytest.raises(Stopped, match=f"stopped after 3 of 6 updates; go on with: .*resume={folder}"):
             run(configured(rooms, tmp_path / "stopped"))
         with pytest.raises(Stopped, match="stopped after 4 of 6 updates"):
-            resumed(folder, run, PlanitConfig)
+            resume_run(folder, run, PlanitConfig)
         patch.setattr(Training, "_update", update)
         patch.setattr("layoutrl.rivals.planit.scoring.evaluated", interrupted)
         with pytest.raises(Stopped, match=f"stopped in its evaluation; go on with: .*resume={folder}"):
-            resumed(folder, run, PlanitConfig)
-    assert resumed(folder, run, PlanitConfig) == folder
+            resume_run(folder, run, PlanitConfig)
+    assert resume_run(folder, run, PlanitConfig) == folder
     assert outcome(folder) == outcome(whole)
     assert {file.name.split(".")[0] for file in whole.iterdir()} == {
         "config", "metrics", "checkpoints", "evaluation", "events", "lock",

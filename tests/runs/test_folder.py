@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, narrowed
-from layoutrl.runs.folder import LARGEST, NO_MATTER, differences, folders_of, load_config, make_folder, new_folder
+from layoutrl.runs.folder import LARGEST, NOT_COMPARED, differences, folders_of, load_config, make_folder, new_folder
 from tests.test_fuzz import answered, times
 
 WHOLE = OmegaConf.to_yaml(OmegaConf.structured(narrowed(composed("train", "room=bedroom"), TrainConfig)))
@@ -132,7 +132,7 @@ def leaves(tree: Any, prefix: str = "") -> dict[str, Any]:
 def test_differences_are_the_leaves_that_both_have_and_have_differently(one: dict, other: dict) -> None:
     first, second = leaves(one), leaves(other)
     both = {n for n in first.keys() & second.keys() if not (isinstance(first[n], dict) and isinstance(second[n], dict))}
-    assert differences(one, other) == sorted(n for n in both if first[n] != second[n] and n not in NO_MATTER)
+    assert differences(one, other) == sorted(n for n in both if first[n] != second[n] and n not in NOT_COMPARED)
     assert differences(other, one) == differences(one, other)
 
 

@@ -35,7 +35,7 @@ from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, save_checkpo
 from layoutrl.runs.commands import Stopped
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.files import LOCK, locked
-from layoutrl.runs.resume import resumed
+from layoutrl.runs.resume import resume_run
 from layoutrl.runs.trained import trained_run
 from layoutrl.train import run
 from tests.commands import SERVER
@@ -95,9 +95,9 @@ def life(config: TrainConfig, folder: Path) -> None:
     """One life of a run, in a process of its own: it begins, or goes on."""
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # which what begins in the background of a shell lacks
-    begun = resume.begun(config)
+    begun = resume.find_begun_run(config)
     try:
-        resumed(begun, run, TrainConfig) if begun else run(config)
+        resume_run(begun, run, TrainConfig) if begun else run(config)
     except Stopped as stopped:
         (folder / "said.txt").write_text(str(stopped))
 
@@ -181,7 +181,8 @@ def test_after_twenty_kills_a_run_is_the_run_that_was_never_killed(rooms, whole,
         killed(rooms, tmp_path, reports, dice.uniform(0, 0.05 if reports else 0.5))
         for finished in tmp_path.glob("tatami/*/evaluation.json"):  # it was faster than twenty kills
             finished.unlink()  # once more from the last checkpoints
-    begun = resume.begun(configured(rooms, tmp_path))  # not "one", if that was killed before its config.yaml was there
+    # Not "one", if that was killed before its config.yaml was there.
+    begun = resume.find_begun_run(configured(rooms, tmp_path))
     assert begun
     assert checkpoints(begun)
     assert lived(rooms, tmp_path) == 0
@@ -205,7 +206,7 @@ def test_a_full_disk_as_a_run_begins_is_answered_and_leaves_nothing_behind(rooms
 
 
 def test_what_is_finished_is_not_begun_again(rooms, whole, capsys):
-    assert resumed(whole, run, TrainConfig) == whole
+    assert resume_run(whole, run, TrainConfig) == whole
     assert f"{whole} is finished" in capsys.readouterr().out
 
 
@@ -216,7 +217,7 @@ def test_a_run_goes_on_with_the_threads_that_it_began_with(told, rooms, whole, t
     assert state.pop("threads") == 1
     save_checkpoint(folder, state | ({"threads": 2} if told else {}), UPDATES)
     monkeypatch.setattr("layoutrl.runs.monitor.record_result", lambda *_: seen.append(torch.get_num_threads()))
-    resumed(folder, run, TrainConfig)
+    resume_run(folder, run, TrainConfig)
     assert seen == [2 if told else 1]
     assert torch.get_num_threads() == 1
 
@@ -251,7 +252,7 @@ def test_a_run_whose_rooms_are_elsewhere_now_goes_on_there_if_they_are_the_same(
 def test_a_run_that_was_killed_before_its_first_checkpoint_begins_anew(rooms, whole, tmp_path):
     folder = copy_of(whole, tmp_path)
     shutil.rmtree(folder / "checkpoints")
-    resumed(folder, run, TrainConfig)
+    resume_run(folder, run, TrainConfig)
     assert outcome(folder) == outcome(whole)
     steps, expected = ([event.step for event in reloaded(f).Scalars("loss")] for f in (folder, whole))
     assert steps == expected
@@ -269,7 +270,7 @@ def test_the_checkpoint_before_a_damaged_one_is_taken(damage, rooms, whole, tmp_
     folder = copy_of(whole, tmp_path)
     last = checkpoints(folder)[0]
     last.file.write_bytes(damage(last.file.read_bytes()))
-    resumed(folder, run, TrainConfig)
+    resume_run(folder, run, TrainConfig)
     said, warned = capsys.readouterr()
     assert f"{last.file} is damaged (its hash is another); {checkpoints(whole)[1].file.name} is taken instead" in warned
     assert f"going on after {checkpoints(whole)[1].updates} updates" in said
@@ -290,7 +291,7 @@ def test_where_no_checkpoint_is_whole_it_is_said(whole, tmp_path):
     for checkpoint in checkpoints(folder):
         checkpoint.file.write_bytes(b"")
     with pytest.raises(InputError, match="has no whole checkpoint"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
 
 
 def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_the_difference(rooms, whole, tmp_path):
@@ -298,30 +299,30 @@ def test_a_checkpoint_of_other_settings_rooms_content_or_format_is_refused_with_
     config = (folder / "config.yaml").read_text()
     (folder / "config.yaml").write_text(config.replace("batch: 16", "batch: 32").replace("theta2: -100", "theta2: -50"))
     with pytest.raises(InputError, match=r"of another method\.batch, reward\.theta2; expected the same"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
     fewer = tmp_path / "fewer.jsonl"
     fewer.write_text("\n".join(rooms.read_text().splitlines()[1:]))
     (folder / "config.yaml").write_text(config.replace(str(rooms), str(fewer)))
     with pytest.raises(InputError, match="of other rooms"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
     (folder / "config.yaml").write_text(config)
     state = load_checkpoint(folder, CPU)
     save_checkpoint(folder, state | {"device": "cuda"}, UPDATES)
     with pytest.raises(InputError, match="is of cuda; expected to go on there, got cpu"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
     save_checkpoint(folder, state | {"categories": [*state["categories"], "piano"]}, UPDATES)
     with pytest.raises(InputError, match="has other categories; expected the version of layoutrl that began the run"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
     for lacking, said in (("device", "is of a device that it does not tell"), ("categories", "has other categories")):
         save_checkpoint(folder, {name: value for name, value in state.items() if name != lacking}, UPDATES)
         with pytest.raises(InputError, match=said):
-            resumed(folder, run, TrainConfig)
+            resume_run(folder, run, TrainConfig)
     save_checkpoint(folder, state | {"training": state["training"] | {"agent": {}}}, UPDATES)
     with pytest.raises(InputError, match=r"the checkpoint of .* does not fit \(KeyError"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
     save_checkpoint(folder, state | {"format": 3}, UPDATES)
     with pytest.raises(InputError, match="is of format 3"):
-        resumed(folder, run, TrainConfig)
+        resume_run(folder, run, TrainConfig)
 
 
 def holding(file: Path, ends: Connection) -> None:
@@ -340,10 +341,10 @@ def test_no_two_processes_train_in_one_folder(whole, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("layoutrl.train.parts_of", None)  # it is said before rooms are made
         with pytest.raises(InputError, match="is in use by another process"):
-            resumed(folder, run, TrainConfig)
+            resume_run(folder, run, TrainConfig)
     here.send("let go")
     other.join()
-    resumed(folder, run, TrainConfig)
+    resume_run(folder, run, TrainConfig)
 
 
 def grown_to_the_limit(config: TrainConfig, folder: Path, limit: int, out: Connection) -> None:
@@ -480,8 +481,8 @@ def test_an_evaluation_that_is_stopped_is_done_later(stop, said, whole, tmp_path
     with monkeypatch.context() as patch:
         patch.setattr("layoutrl.runs.report.evaluate", stopped)
         with pytest.raises(InputError, match=said):
-            resumed(folder, run, TrainConfig)
-    assert outcome(resumed(folder, run, TrainConfig)) == outcome(whole)
+            resume_run(folder, run, TrainConfig)
+    assert outcome(resume_run(folder, run, TrainConfig)) == outcome(whole)
 
 
 def test_nothing_is_given_beside_the_run_to_go_on_with(whole, tmp_path):
@@ -545,12 +546,12 @@ def test_files_that_are_named_from_here_are_those_that_a_run_names(tmp_path, mon
     few = ("method.updates.smoke=2", "budget.reports=1", "budget.evaluations=1")
     config = narrowed(composed("train", *names, f"runs={tmp_path}", "name=one", *SHORT, *few), TrainConfig)
     folder = run(config)
-    assert resume.begun(config) == folder
+    assert resume.find_begun_run(config) == folder
     assert trained_run(RunConfig(str(folder))).data.categories == str(tmp_path / "more.yaml")
     (folder / "evaluation.json").unlink()
-    resumed(folder, run, TrainConfig)
+    resume_run(folder, run, TrainConfig)
     other = replace(config, data=replace(config.data, categories="other.yaml"))
-    assert resume.begun(other) is None
+    assert resume.find_begun_run(other) is None
 
 
 def test_what_is_given_takes_the_place_of_what_the_run_says(whole):
