@@ -24,6 +24,7 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
+from layoutrl.rooms.collection import taken_for
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.faults import MISSING
 from layoutrl.rooms.files import FORMATS, check_new, check_not_given, files_below, name_of
@@ -300,6 +301,8 @@ class Work:
         if entry.unit not in self._units:
             self._units.add(entry.unit)
             self.say(unit_line(entry.unit, [entry.document]))
+        if not entry.told:
+            self.say(taken_for(room))
 
     def _told(self, answer: Answer, picture: Path | None) -> None:
         if not answer.request.wanted:
@@ -372,7 +375,7 @@ def source_of(config: PlaceConfig) -> Source | None:
     """
     path = Path(config.rooms)
     if config.rooms == STANDARD or format_of(path) == "json":
-        check_not_given(config.rooms, into=config.into, room_type=config.room_type, categories=config.categories)
+        check_not_given(config.rooms, into=config.into, categories=config.categories)
         return None
     return opened(
         path,

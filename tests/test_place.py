@@ -512,6 +512,23 @@ def test_everyday_names_are_those_of_categories_and_stay_in_the_file(middle: Mid
         assert (item["center"], item["rotation"]) == (before["center"], before["rotation"])
 
 
+def test_a_room_that_says_no_type_is_of_that_of_the_command(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    untold = bare(DOCUMENTS[0])
+    del untold["room_type"]
+    for item in untold["furniture"]:
+        item["category"] = "nightstand"  # which tells no type
+    documents = [untold | {"id": "x"}, untold | {"id": "Schlafzimmer"}, bare(DOCUMENTS[0]) | {"id": "told"}]
+    file = written(tmp_path, documents)
+    config = PlaceConfig(by="search", rooms=str(file), room_type="study")
+    rooms = run(config)
+    assert [room["room_type"] for room in rooms] == ["study", "bedroom", "bedroom"]
+    said = capsys.readouterr().out
+    assert said.count("; it is taken for a study") == 1
+    assert "x: nothing tells its type; it is taken for a study" in said
+
+
 def furnished_room(**changed: Any) -> dict[str, Any]:
     """A bedroom of 6 m by 5 m: a bed, a table with a chair under it and one beside, and two plants at one place."""
     items = [

@@ -13,7 +13,7 @@ from layoutrl import InputError
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import MAIN_ITEM, Room
 
 Begun = TypeVar("Begun")
 
@@ -30,9 +30,15 @@ def rooms_or_default(rooms: Sequence[Room] | None) -> Sequence[Room]:
 
 
 def rooms_with_targets_or_default(rooms: Sequence[Room] | None) -> Sequence[Room]:
-    """As `rooms_or_default`; also raises ValueError where a room has no target, InputError where that has no center."""
+    """As `rooms_or_default`; also raises InputError where a room has no target, or that has no center."""
     rooms = rooms_or_default(rooms)
     for room in rooms:
+        if room.target is None:
+            main = MAIN_ITEM[room.room_type]
+            raise InputError(
+                f"rooms: nothing says which item of {room.id} moves; expected one {main}, or `target`, the index "
+                "of another item"
+            )
         if room.moving.center is None:
             raise InputError(
                 f"rooms: the {room.moving.category} of {room.id} has no center; expected the designer's place of what "

@@ -43,7 +43,7 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
         if in_file != unit and in_file != "m":
             collection.notes.append(f"{file}: {unit_line(in_file, documents)}")
         for where, document in read:
-            typed, told = (document, True) if room_type is None else _typed(document, room_type)
+            typed, told = with_type(document, room_type)
             try:
                 room = room_from_dict(in_metres(typed, UNITS[in_file]))
                 if room.id in seen:
@@ -60,13 +60,14 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
     return collection
 
 
-def _typed(document: Any, room_type: str) -> tuple[Any, bool]:
+def with_type(document: Any, room_type: str | None) -> tuple[Any, bool]:
     """Return the document of a room with a type, and whether the document itself tells it.
 
     If it says none, null or "", its id or its furniture tells the type, else it is `room_type`. The document of a room
-    that nobody furnishes, or of no room, is unchanged.
+    that nobody furnishes, or of no room, is unchanged; so are all where `room_type` is None.
     """
-    if not isinstance(document, dict) or "outline" not in document or document.get("room_type") not in (None, ""):
+    says_none = isinstance(document, dict) and "outline" in document and document.get("room_type") in (None, "")
+    if room_type is None or not says_none:
         return document, True
     furniture = own_names().ours(document).get("furniture")
     entries = furniture if isinstance(furniture, list) else []

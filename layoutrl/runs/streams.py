@@ -18,7 +18,7 @@ from typing import IO, Any, TypeVar
 from layoutrl import InputError
 from layoutrl.rooms.categories import Names, names_of
 from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.files import PART, documents_of, room_files
+from layoutrl.rooms.files import PART, documents_of, room_files, with_type
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, unit_of
@@ -45,6 +45,7 @@ class Entry:
     document: dict[str, Any]
     problem: str = ""
     unit: str = "m"  # of the document
+    told: bool = True  # whether the document tells the type of the room
     stood: tuple[Item, ...] = ()  # its furniture as the file has it, before anything was lifted
 
 
@@ -59,15 +60,16 @@ def json_entries(config: PlaceConfig, first: int, step: int) -> Iterator[Entry |
             yield None
             continue
         if seen >= first and (seen - first) % step == 0:
-            yield _entry(*given, config.move, names)
+            yield _entry(*given, config, names)
         seen += 1
 
 
-def _entry(where: str, document: Any, unit: str, move: str | None, names: Names | None) -> Entry:
+def _entry(where: str, document: Any, unit: str, config: PlaceConfig, names: Names | None) -> Entry:
+    document, told = with_type(document, config.room_type)
     try:
         known = names.ours(document) if names else document
         room = room_from_dict(in_metres(known, UNITS[unit]))
-        return Entry(where, to_place(room, move), document, unit=unit, stood=room.furniture)
+        return Entry(where, to_place(room, config.move), document, unit=unit, told=told, stood=room.furniture)
     except RoomError as error:
         return Entry(where, None, document if isinstance(document, dict) else {}, f"{name_in(document)}{error}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -85,6 +86,9 @@ def test_rooms_are_those_that_are_given_and_where_one_item_moves_it_stands_somew
     assert rooms_with_targets_or_default(rooms[:1]) == rooms[:1]
     with pytest.raises(InputError, match=r"^rooms: the bed of open has no center; "):
         rooms_with_targets_or_default(rooms)
+    said = "^rooms: nothing says which item of none moves; expected one bed, or `target`, the index of another item$"
+    with pytest.raises(InputError, match=said):
+        rooms_with_targets_or_default([replace(rooms[0], id="none", target=None)])
     for take in (rooms_or_default, rooms_with_targets_or_default):
         with pytest.raises(InputError, match=r"^rooms: expected at least one room$"):
             take([])

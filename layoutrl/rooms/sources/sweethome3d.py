@@ -202,7 +202,8 @@ def read_folder(
             continue
         collection.rooms += home.rooms
         collection.left_out += home.collection.left_out
-        collection.notes += [n if n.startswith(f"{name}/") else f"{name}: {n}" for n in home.collection.notes]
+        own = f"{name}/", f"{name}: "  # notes that name the home themselves
+        collection.notes += [n if n.startswith(own) else f"{name}: {n}" for n in home.collection.notes]
         collection.homeless += home.collection.homeless
         stood += home.stood
     collection.notes += names.notes()
@@ -351,7 +352,8 @@ def _park(
             )
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
-            home.collection.notes.append(note + alone * " (into=<id>)")
+            nobodys = rooms and not any(item.category in HOLDS[room.room_type] for room in rooms.values())
+            home.collection.notes.append(note if nobodys or not alone else f"{note} (into=<id>)")
             home.collection.homeless.append(item.category)
             continue
         given[chosen].append(item)

@@ -357,6 +357,21 @@ def test_options_of_one_home_are_named_where_one_is_read_alone(tmp_path: Path) -
         assert [option in said for option in ("room_type=<type>", "into=<id>")] == [named, named]
 
 
+def test_a_hint_at_another_room_is_given_where_some_room_could_take_the_piece(tmp_path: Path) -> None:
+    path = home_file(
+        tmp_path / "a.sh3d", WALLS + room_tag(0, 0, 400, 300, name="Bathroom") + piece("sofa", 900, 9, 60, 60)
+    )
+    (note,) = opened(path).collection.notes
+    assert note.startswith("the sofa outside all rooms stays there: ")
+    assert "into=" not in note
+
+
+def test_a_home_of_a_folder_in_which_no_room_is_drawn_is_named_once(tmp_path: Path) -> None:
+    home_file(tmp_path / "a.sh3d", WALLS)
+    notes = opened(tmp_path).collection.notes
+    assert notes[0].startswith("a: no room is drawn; ")
+
+
 def test_a_name_that_nobody_knows_stands_as_an_obstacle_and_is_said(tmp_path: Path) -> None:
     home = flat(tmp_path, BED + piece("sofaa", 300, 200, 60, 40) + ROOMS, move="all")
     assert home.rooms[0].furniture[1].category == "sofaa"
