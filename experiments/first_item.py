@@ -1,4 +1,4 @@
-"""How much hangs on the place of the first item? One room type a call:
+"""How much depends on the place of the first item? One room type a call:
 
     python experiments/first_item.py living_room [--rooms 60] [--seed 0] [--results <folder>]
 

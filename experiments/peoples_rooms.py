@@ -2,10 +2,10 @@
 
     python experiments/peoples_rooms.py sweethome3d <folder> [--results <folder>]
 
-All that somebody places is lifted and placed anew, as by `place move=all`: by the agents in the package, by the
-search, and by both, as `place` does without by=. Rooms in which nothing is lifted do not count. What counts is what is
-wrong with the pieces that were lifted, and what they make wrong with those that stay; *as they were drawn* is the same
-count where all stood.
+All that somebody places is taken out and placed anew, as by `place move=all`: by the agents in the package, by the
+search, and by both, as `place` does without by=. Rooms in which nothing is taken out do not count. What counts is what
+is wrong with the pieces that were taken out, and what they make wrong with those that stay; *as they were drawn* is the
+same count where all stood.
 
 Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 """

@@ -68,7 +68,7 @@ def by_search_or_annealer(config: CellConfig, rooms: WholeRooms) -> Furnish:
     settings = config.search if config.fill == "search" else config.annealer
 
     def furnish(brief: Room, rng: np.random.Generator) -> Room:
-        return rival.furnished_by(brief, relations, settings, seconds_budget(seconds, time.process_time), rng)
+        return rival.search_or_anneal(brief, relations, settings, seconds_budget(seconds, time.process_time), rng)
 
     return lambda: each(config, rooms, furnish)
 

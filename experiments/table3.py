@@ -49,11 +49,11 @@ LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # col
 # Columns that furnish real rooms only where they are asked for.
 DESIGNED_ALONE = ("rooms_untrained", "annealer_long", "search_long", "rooms_planit")
 # Agents of real rooms have longer episodes and a smaller replay buffer, the defaults of when their cells were filled.
-OF_BEFORE = {
+FORMER_DEFAULTS = {
     "method.max_moves": "30", "method.evaluation_moves": "30", "method.episodes": "64",
     "method.replay_capacity": "200000",
 }  # fmt: skip
-UPDATES_OF_BEFORE = {"bedroom": {"method.updates.default": "48000"}, "tatami": {"method.updates.default": "24000"}}
+FORMER_UPDATES = {"bedroom": {"method.updates.default": "48000"}, "tatami": {"method.updates.default": "24000"}}
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_untrained", "rooms_pointer",
@@ -97,7 +97,8 @@ NUMBERS = (
 def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     """Return the sweeps of designed and of real rooms, in order.
 
-    Raises InputError for unknown types and columns, and for a column of real rooms only if none are asked for.
+    Raises InputError for unknown types and columns, and for a column that only real rooms have if no real rooms are
+    asked for.
     """
     rooms = some_of("room", chosen, MAIN_ITEM)
     some_of("column", chosen, dict.fromkeys([*METHODS.values(), *LEARNS.values()]))
@@ -125,8 +126,8 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             others = [column for column in columns.split(",") if column not in left_out]
             for column in learn:
                 for room in real:
-                    of_before = OF_BEFORE | UPDATES_OF_BEFORE[room] if column == LEARNS["agent"] else {}
-                    made.append(of_before | trained_on | sweep | {"column": column, "room": room})
+                    former = FORMER_DEFAULTS | FORMER_UPDATES[room] if column == LEARNS["agent"] else {}
+                    made.append(former | trained_on | sweep | {"column": column, "room": room})
             made += [sweep | {"column": ",".join(others)}] if others else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:

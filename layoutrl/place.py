@@ -77,10 +77,10 @@ def furnish(
 ) -> list[Answer]:
     """Furnish rooms in memory as the command does: return for each room up to `choices` layouts, best first.
 
-    `stood` is the furniture of each room as it stood, needed where items are lifted already (`Source.stood`); the other
-    options are those of conf/place.yaml. An item that cannot be placed stays where it stood, or has no center. Items
-    have categories; `move` may also have everyday names, separated by commas. Raises InputError for an invalid option,
-    and if `run` is not the folder of a training run.
+    `stood` is the furniture of each room as it stood, needed where items have lost their centers already
+    (`Source.stood`); the other options are those of conf/place.yaml. An item that cannot be placed stays where it
+    stood, or has no center. Items have categories; `move` may also have everyday names, separated by commas. Raises
+    InputError for an invalid option, and if `run` is not the folder of a training run.
     """
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
@@ -329,7 +329,7 @@ class Work:
 
 
 def check_who(config: PlaceConfig) -> None:
-    """Raise InputError if `run` and `by` are both given, or if other options do not go with who furnishes."""
+    """Raise InputError if `run` and `by` are both given, or if other options do not go with the furnisher."""
     if config.run is not None and config.by is not None:
         raise InputError(
             "run: expected either run=<folder> of a training, or by=agents, by=search or by=annealer; "

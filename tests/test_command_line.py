@@ -22,7 +22,7 @@ from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.moving import STARTS_A_WAY
+from layoutrl.evaluation.moving import STARTS_PER_FACING
 from layoutrl.evaluation.placing import spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.rooms.designer.generator import design_rooms
@@ -205,13 +205,13 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     network, categories, *_ = trained_network(bedroom_run, kept, CPU)
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
-    batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS_A_WAY)
-    drawn = np.stack([rng_of(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS_A_WAY, 1)
-    starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS_A_WAY), 3) + drawn) % 1))
+    batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS_PER_FACING)
+    drawn = np.stack([rng_of(room, [0, 0]).random(3) for room in rooms], 1).repeat(STARTS_PER_FACING, 1)
+    starts = batch.starts_at(index, torch.as_tensor((np.tile(spread(0, STARTS_PER_FACING), 3) + drawn) % 1))
     observe = observation_of(method.observation, rooms, CPU, categories)
     went = greedy(network, method).rollout(batch, observe, index, starts.numpy())
-    value = went.value[went.best, np.arange(len(index))].reshape(3, STARTS_A_WAY)
-    expected = went.final.reshape(3, STARTS_A_WAY, 2)[np.arange(3), value.argmax(1)]
+    value = went.value[went.best, np.arange(len(index))].reshape(3, STARTS_PER_FACING)
+    expected = went.final.reshape(3, STARTS_PER_FACING, 2)[np.arange(3), value.argmax(1)]
     assert np.allclose([room.moving.center for room in rooms], expected, atol=1e-4)
     for before, after, bed in zip(documents[:3], written, beds, strict=False):
         assert f"{after['id']}: 1 of 1 placed; " in done.stdout

@@ -41,7 +41,7 @@ from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import MAIN_ITEM, Room, RoomError
 from layoutrl.rooms.sources import designer_cache, designer_rooms, floorplans, front3d, procthor
 from layoutrl.rooms.sources.sweethome3d import read_home
-from layoutrl.runs.checked_brief import check_brief
+from layoutrl.runs.checked_brief import checked_brief
 from layoutrl.runs.checkpoints import load_checkpoint, save_checkpoint
 from layoutrl.runs.config import TrainConfig, composed, narrowed
 from layoutrl.runs.folder import load_config
@@ -230,7 +230,7 @@ def test_a_brief_is_furnished_as_far_as_it_goes(count, documents):
         room = answered(lambda content=content: room_of_text(content), RoomError, content)
         if room is not None:
             read += 1
-            checked = answered(lambda room=room: check_brief(room, known), (), content)
+            checked = answered(lambda room=room: checked_brief(room, known), (), content)
             rng = np.random.default_rng(0)
             for furnish in (
                 lambda brief, rng=rng: random_layout(brief, rng),

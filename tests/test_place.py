@@ -23,7 +23,7 @@ import layoutrl.place
 import layoutrl.rooms.sources.sweethome3d
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.moving import STARTS_A_WAY
+from layoutrl.evaluation.moving import STARTS_PER_FACING
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.evaluation.rollout import Rollout
 from layoutrl.place import furnish
@@ -135,10 +135,10 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
         class Best(GreedyPolicy):
             def rollout(self, *args: Any) -> Rollout:
                 found = super().rollout(*args)
-                way, start = np.divmod(np.arange(len(found.final)), STARTS_A_WAY)
+                way, start = np.divmod(np.arange(len(found.final)), STARTS_PER_FACING)
                 assert way.max() == 4  # four ways, and the one that is given
                 found.promise[:] = (way == facing) + (start == 2) / 2
-                chosen.append(found.final[STARTS_A_WAY * facing + 2])
+                chosen.append(found.final[STARTS_PER_FACING * facing + 2])
                 return found
 
         monkeypatch.setattr(
@@ -371,7 +371,7 @@ def test_what_the_search_placed_where_an_agent_failed_is_said(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rival, "DESIGNED", 20)
-    search = rival.SearchRival(composed("place", "rooms=any.jsonl").search, lambda: updates_budget(2))
+    search = rival.SearchOrAnnealer(composed("place", "rooms=any.jsonl").search, lambda: updates_budget(2))
     helped = FurnisherInfo(Helped(Middle(), search), lambda room_type: search.relations(room_type).alone)
     monkeypatch.setattr(layoutrl.runs.furnishers, "furnisher_for", lambda config: helped)
     (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [bare(DOCUMENTS[0])]))))

@@ -125,7 +125,7 @@ class Training:
         with self._watch("act"):
             observation = self._observe(running.room, running.position)
             greedy = self.agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
-            epsilon = running.set_exploration(self._epsilon(self.agent.updates))
+            epsilon = running.explore_at(self._epsilon(self.agent.updates))
             action = explore(greedy, running.legal, epsilon, self._explore_rng)
         with self._watch("simulate"):
             step = running.step(action)

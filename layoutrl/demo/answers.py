@@ -21,7 +21,7 @@ from layoutrl.demo.furnisher import Staff
 from layoutrl.demo.home import NAME, TAKEN_FOR, fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
-from layoutrl.rooms.brief import missing, to_place_anew
+from layoutrl.rooms.brief import missing, without_poses
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, parsed, room_from_dict, room_to_dict
@@ -34,7 +34,7 @@ from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answer import numbered
-from layoutrl.runs.checked_brief import CheckedBrief, check_brief
+from layoutrl.runs.checked_brief import CheckedBrief, checked_brief
 from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
 
@@ -152,7 +152,7 @@ class Answers:
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
         entry = Entry(
-            room.id, replace(room, furniture=to_place_anew(room.furniture, movable)), {}, stood=room.furniture
+            room.id, replace(room, furniture=without_poses(room.furniture, movable)), {}, stood=room.furniture
         )
         request = request_of(entry, movable, True, self.staff.known(room.room_type))
         lines = [said_to_stay(room, request.stays)] if request.stays else []
@@ -186,7 +186,7 @@ class Answers:
         room = room_in(asked)
         item = item_in(asked, room)
         known = self.staff.known(room.room_type)
-        checked = check_brief(room, known)
+        checked = checked_brief(room, known)
         category = room.furniture[item].category
         if category not in known or item in checked.unseen:  # rugs: agents do not see them
             raise InputError(f"item: nobody places a {category} in a {room.room_type}; expected other furniture")
@@ -238,7 +238,7 @@ class Answers:
         return {"rooms": rooms, "left_out": left_out, "home": suffix == ".sh3d"}
 
     def home(self, body: bytes, called: str = "") -> tuple[bytes, str, list[int]]:
-        """Save a room as a home of Sweet Home 3D; return it, a message, and the indices of `others` it is without.
+        """Save a room as a home of Sweet Home 3D; return it, a message, and indices of `others` that it has as before.
 
         The body is a line of JSON with the `room` and, below it, the home that it was read from, if any; that is
         `called` as when it was read. `others` are further rooms of the home to write back as they are now. Those that

@@ -21,7 +21,7 @@ from shapely.geometry.polygon import orient
 
 from layoutrl import InputError
 from layoutrl.figures.drawing import in_xml
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.clearances import RUGS
 from layoutrl.rooms.room import Item, Room, along_and_through, wall_thickness
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
@@ -97,7 +97,7 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: 
                 left.append(other.id)
         for k, read in enumerate(home.rooms):  # Home.write only moves items without a center here
             moves = {*range(len(read.furniture))} - {*fixed(home, read)}
-            home.rooms[k] = replace(read, furniture=to_place_anew(read.furniture, moves))
+            home.rooms[k] = replace(read, furniture=without_poses(read.furniture, moves))
         home.write(rooms, out)
         return out.read_bytes(), left
 

@@ -33,7 +33,7 @@ from layoutrl.runs.config import DemoConfig
 LARGEST_FILE = 5_000_000  # bytes
 LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
 LINE = LARGEST_LINE + 1  # bytes of the line of JSON above a home that is written back
-LEFT = "Layoutrl-Left"  # header of a saved home: JSON of a message on the rooms it is without, and their indices
+LEFT = "Layoutrl-Left"  # header of a saved home: JSON of a message on rooms that it has as before, and their indices
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -163,7 +163,7 @@ async def body_of(request: Request, line: int) -> bytes:
 
 
 def said(answer: Any) -> Response:
-    """Respond with an answer as JSON; with the tuple of `Answers.home` as a file, what it is without in a header."""
+    """Respond with an answer as JSON; with the tuple of `Answers.home` as a file, what it has as before in a header."""
     if isinstance(answer, tuple):
         content, *left = answer
         headers = {LEFT: json.dumps(left)} if any(left) else {}

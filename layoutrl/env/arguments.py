@@ -69,7 +69,7 @@ def check_spaces(
             raise InputError(f"categories: expected {', '.join(sorted(unknown))} among them, as room {room.id} has")
 
 
-def given_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves, Reward]:
+def moves_and_reward_or_default(moves: Moves | None, reward: Reward | None) -> tuple[Moves, Reward]:
     """Return moves and reward, with the defaults for None. Raises ValueError for objects of another type."""
     for name, given, kind in (("moves", moves, Moves), ("reward", reward, Reward)):
         if not (given is None or isinstance(given, kind)):

@@ -28,7 +28,7 @@ class Step(NamedTuple):
     terms: RewardTerms[Tensor]  # the reward at `next_position`, (B,)
     terminated: Tensor  # bool (B,): whether the goal is reached
     ended: Tensor  # int64 (n,): the episodes that terminated or were truncated
-    whole: Tensor  # int64 (m,): those of `ended` that began at age 0 and so made all moves of an episode
+    whole: Tensor  # int64 (m,): those of `ended` that began at age 0, so that none of their moves is missing
 
 
 class Episodes:
@@ -59,8 +59,8 @@ class Episodes:
         self.room, self.position = self._drawn(len(ages))
         self._length, self.legal = simulator.reach(self.room, self.position)
 
-    def set_exploration(self, epsilon: float) -> float | Tensor:
-        """Set the exploration rate; return the probability of a random action: here that rate, in all episodes."""
+    def explore_at(self, epsilon: float) -> float | Tensor:
+        """Explore at a rate from now on; return the probability of a random action in each episode: here the rate."""
         return epsilon
 
     def step(self, action: Tensor) -> Step:

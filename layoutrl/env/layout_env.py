@@ -17,7 +17,7 @@ from layoutrl.env.arguments import (
     checked_action,
     checked_options,
     checked_room,
-    given_or_default,
+    moves_and_reward_or_default,
     rooms_with_targets_or_default,
 )
 from layoutrl.env.geometry import snap
@@ -78,7 +78,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         check_at_least_one(max_moves=max_moves)
         rooms = rooms_with_targets_or_default(rooms)
         check_spaces(rooms, categories, elements, observation)
-        self.simulator = Simulator(rooms, *given_or_default(moves, reward))
+        self.simulator = Simulator(rooms, *moves_and_reward_or_default(moves, reward))
         self.max_moves = max_moves
         self.on_illegal = on_illegal
         self.render_mode = render_mode

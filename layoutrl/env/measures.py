@@ -40,14 +40,15 @@ class Measures:
     """
 
     iou: np.ndarray  # mean over the designer's items of the IoU with their match, see `matched`
-    facing: np.ndarray  # share of designer's items, not round nor square without a front, whose match faces alike
+    # Share of designer's items whose match faces alike, without round ones and square ones without a front.
+    facing: np.ndarray
     overlap: np.ndarray  # share of items more than 1 cm deep in another that may not share their floor
     overlap_area: np.ndarray  # mean over items: share of the footprint that such others cover
     outside: np.ndarray  # share of items more than 1 cm outside the indoor area
     outside_area: np.ndarray  # mean over items: share of the footprint that is not indoors
     blocked: np.ndarray  # share of items in a door, in a window, or in the 30 cm before and behind a door: `kept_free`
     reached: np.ndarray  # share of items that somebody as wide as `way_width`, entering by the `entrance`, can touch
-    fronts: np.ndarray  # share of items with a FRONT_DEPTH whose front is free of walls and of other items
+    fronts: np.ndarray  # share, of items with a FRONT_DEPTH above 0, whose front is free of walls and other items
     walkable: np.ndarray  # share, connected with the `entrance`, of the floor where the middle of the ROBOT can be
     reach: np.ndarray  # share of items touched from a connected part of that floor; mean over parts, weighted by area
     moved: np.ndarray  # metres from the middle of the matched item, mean over items with a match

@@ -34,7 +34,8 @@ class BatchRoomsSimulator:
         self.count, self.ways, self.room_index = (
             torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.room_index)
         )
-        quarters = np.floor(simulator.degrees / 90 + 0.5).astype(int) % 4  # halves up, not to even
+        # Halves up: rounded to even, the quarters of an item at 45 degrees would not be a quarter apart.
+        quarters = np.floor(simulator.degrees / 90 + 0.5).astype(int) % 4
         self.turns = torch.tensor(quarters, device=device)  # (rooms, N, 4): quarters, rounded, from facing right
         self._turns = torch.tensor(TURNS, device=device)
         # Footprints of the items (rooms, N), at their first rotation and a quarter further.

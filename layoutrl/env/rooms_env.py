@@ -20,7 +20,7 @@ from layoutrl.env.arguments import (
     checked_action,
     checked_options,
     checked_room,
-    given_or_default,
+    moves_and_reward_or_default,
     rooms_or_default,
 )
 from layoutrl.env.measures import measured
@@ -159,7 +159,7 @@ def simulator_of(
         raise InputError(f"rooms: {empty[0]} has nothing to place; expected rooms with furniture")
     designs = [None if missing(room) else room for room in given]
     briefs = [room if missing(room) else brief_of(room) for room in given]
-    return RoomsSimulator(briefs, designs, *given_or_default(moves, reward), items), designs
+    return RoomsSimulator(briefs, designs, *moves_and_reward_or_default(moves, reward), items), designs
 
 
 def measures_of(layout: Room, design: Room | None) -> dict[str, Any]:

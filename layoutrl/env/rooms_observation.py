@@ -129,6 +129,6 @@ def moving_first_(values: Tensor, moving: Tensor) -> Tensor:
 def lying(elements: Tensor) -> Tensor:
     """Return whether the width and depth of elements (..., columns) are along x and y, not the item's own: bool (...).
 
-    They are for all that stand, and for what waits with a given rotation. (For round items both are the same.)
+    So they are for all that stands, and for what waits with a given rotation. (For round items both are the same.)
     """
     return (elements[..., [STANDS, COS2, SIN2]] != 0).any(-1)

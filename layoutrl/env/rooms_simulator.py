@@ -89,15 +89,15 @@ class RoomsSimulator:
                 first, *others = distinct_rotations(room, item)
                 self.ways[r, n] = 1 + len(others)
                 self.degrees[r, n] = first + 90 * np.arange(4)
-        turned_rooms, self.room_index = self._turned_rooms(self.items, lambda *_: True)
+        rooms_by_facing, self.room_index = self._rooms_by_facing(self.items, lambda *_: True)
         for r, items in enumerate(self.items):
             for n, item in enumerate(items):
                 if (self.room_index[r, n] < 0).all():
                     raise InputError(f"room {briefs[r].id}: the {item.category} does not fit into it")
-        self.simulator = Simulator(turned_rooms, moves, reward)
+        self.simulator = Simulator(rooms_by_facing, moves, reward)
         self.floor = [[floor_before(item) if reward.theta4 else None for item in items] for items in self.items]
-        turned_rooms, self.floor_index = self._turned_rooms(self.floor, _takes_floor)
-        self.floors = Simulator(turned_rooms, moves, Reward(0.0, 1.0, 1.0)) if turned_rooms else None
+        rooms_by_facing, self.floor_index = self._rooms_by_facing(self.floor, _takes_floor)
+        self.floors = Simulator(rooms_by_facing, moves, Reward(0.0, 1.0, 1.0)) if rooms_by_facing else None
         self.ahead, self.welcome = np.zeros((*shape, 4, 2)), np.zeros((*shape, shape[1]), dtype=bool)
         for r, n, floor in self._all_floors():
             item, turn = self.items[r][n], np.radians(self.degrees[r, n])
@@ -115,15 +115,15 @@ class RoomsSimulator:
         """The number of actions: those of Moves, a quarter turn to the left and to the right, and to take each item."""
         return self.moves.count + len(TURNS) + self.room_index.shape[1]
 
-    def _turned_rooms(
+    def _rooms_by_facing(
         self, things: Sequence[Sequence[Item | None]], meets: Callable[[Item, Item], bool]
     ) -> tuple[list[Room], np.ndarray]:
-        """Return a room for each thing (rooms, N) and way to face, with those never-moving items that it `meets`.
+        """Return a room for each thing (rooms, N) and facing, with those never-moving items that it `meets`.
 
         Those with the same footprint that meet the same items share a room. Also return the index of each room,
-        (rooms, N, 4): -1 where there is no such thing or way, and where it does not fit.
+        (rooms, N, 4): -1 where there is no such thing or facing, and where it does not fit.
         """
-        turned_rooms: list[Room] = []
+        rooms_by_facing: list[Room] = []
         index: dict[tuple[object, ...], int] = {}
         room_index = np.full(self.degrees.shape, -1)
         for r, (room, row) in enumerate(zip(self.rooms, things, strict=True)):
@@ -140,14 +140,16 @@ class RoomsSimulator:
                     lies = thing.size if (first // 90 + q) % 2 == 0 else thing.size[::-1]
                     key = r, thing.form, lies, first % 90, met
                     if key not in index:
-                        index[key] = len(turned_rooms)
+                        index[key] = len(rooms_by_facing)
                         turned = replace(thing, center=inside, rotation=float(self.degrees[r, n, q]))
-                        turned_rooms.append(_with(shell, turned, room.envelope))
+                        rooms_by_facing.append(_with(shell, turned, room.envelope))
                     room_index[r, n, q] = index[key]
-        regions = fitting_positions(envelopes(turned_rooms), np.array([room.moving.template for room in turned_rooms]))
+        regions = fitting_positions(
+            envelopes(rooms_by_facing), np.array([room.moving.template for room in rooms_by_facing])
+        )
         fits = ~shapely.is_empty(regions)
         number = np.append(np.where(fits, np.cumsum(fits) - 1, -1), -1)
-        return [room for room, fit in zip(turned_rooms, fits, strict=True) if fit], number[room_index]
+        return [room for room, fit in zip(rooms_by_facing, fits, strict=True) if fit], number[room_index]
 
     def _all_floors(self) -> Iterator[tuple[int, int, Item]]:
         """Yield the indices of room and item, and the floor before the item, for all items that have one."""
@@ -305,7 +307,7 @@ class RoomsSimulator:
 
 
 def rows(state: State[np.ndarray], b: np.ndarray) -> State[np.ndarray]:
-    """Return the state of the rooms b (n,) of a state."""
+    """Return the part of a state that is of rooms b (n,), as a state of n rooms."""
     return State(*(values[b] for values in state))
 
 

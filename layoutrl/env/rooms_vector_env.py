@@ -32,8 +32,8 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     computed on `device` in float32. `action_masks()` is `legal`, (num_envs, A). Seeds work as in LayoutVectorEnv.
 
     All episodes begin together; after `max_moves` actions all are truncated, and the next begin in the same step
-    (AutoresetMode.SAME_STEP): `final_obs` and `final_info` hold the last step of the old ones. The measures in
-    `final_info` take some milliseconds a room: `measure=False` leaves them out.
+    (AutoresetMode.SAME_STEP): `final_obs` and `final_info` hold the observations and info with which the old ones
+    ended. The measures in `final_info` take some milliseconds a room: `measure=False` leaves them out.
 
     Raises as RoomsEnv and LayoutVectorEnv do.
     """

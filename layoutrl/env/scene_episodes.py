@@ -60,8 +60,8 @@ class SceneEpisodes(Episodes):
         self._own = torch.zeros(len(ages), dtype=torch.bool, device=device)
         super().__init__(scenes, ages, max_moves, generator)
 
-    def set_exploration(self, epsilon: float) -> Tensor:
-        """Set the exploration rate; return the probability of a random action in each room, float32 (B,).
+    def explore_at(self, epsilon: float) -> Tensor:
+        """Explore at a rate from now on; return the probability of a random action in each room, float32 (B,).
 
         It is `epsilon`, but 0 in the last moves of an item. The lower `epsilon` is, the more of the rooms that begin
         keep the agent's mistakes.

@@ -27,7 +27,7 @@ DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below,
 # Metres: a slide ends at the next contact that is further away than this. No distance on a decimal grid equals it, so
 # that rounding never decides which contact is.
 TOUCHING = 1e-4 + GRID / 3
-TRIES = 10_000  # to draw a legal start from the box around all of them
+TRIES = 10_000  # to draw a legal start from the box around all legal positions
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from layoutrl.env.arguments import (
     check_at_least_one,
     check_render_mode,
     check_spaces,
-    given_or_default,
+    moves_and_reward_or_default,
     refuse_options,
     rooms_with_targets_or_default,
 )
@@ -77,7 +77,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.render_mode = render_mode
-        self._reference = Simulator(rooms, *given_or_default(moves, reward))
+        self._reference = Simulator(rooms, *moves_and_reward_or_default(moves, reward))
         self.simulator = BatchSimulator(self._reference, device)
         self._observe = observation_of(observation, rooms, device, categories, elements)
         self.single_observation_space = self._observe.space

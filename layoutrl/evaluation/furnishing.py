@@ -17,7 +17,7 @@ from layoutrl.evaluation.choosing import FAULT, blame, wrong, wrong_at
 from layoutrl.evaluation.placing import STARTS, Placing, spread
 from layoutrl.evaluation.policy import greedy
 from layoutrl.evaluation.threads import one_thread
-from layoutrl.rooms.brief import Pose, facings, missing, to_place_anew, upright, with_poses
+from layoutrl.rooms.brief import Pose, facings, missing, upright, with_poses, without_poses
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.room import Point, Room, rotation
 
@@ -134,7 +134,7 @@ class Furnisher:
         Returns the upright room as a `Placing`, its state with item k moving, the index of that item among those to
         place, and by how many degrees the room leans.
         """
-        furniture = list(to_place_anew(room.furniture, [k]))
+        furniture = list(without_poses(room.furniture, [k]))
         furniture[k] = replace(furniture[k], rotation=degrees)
         brief = replace(room, furniture=tuple(furniture), target=None)
         brief, lean = upright(brief)

@@ -24,7 +24,7 @@ from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.furnished import Furnished, laid_out, rng_of, several
 from layoutrl.rooms.room import Room
 
-STARTS_A_WAY = 4  # starts for each facing, spread evenly so that little depends on the seed
+STARTS_PER_FACING = 4  # starts for each facing, spread evenly so that little depends on the seed
 
 
 class Mover:
@@ -49,7 +49,7 @@ class Mover:
         orders = [largest_first(brief) for brief in briefs]
         for turn in range(max(map(len, orders), default=0)):
             asked = [(k, order[turn]) for k, order in enumerate(orders) if turn < len(order)]
-            turned = [(k, facing) for k, item in asked for facing in facing_all_ways(layouts[k], item)]
+            turned = [(k, facing) for k, item in asked for facing in in_all_facings(layouts[k], item)]
             turned = [entry for entry, fits in zip(turned, fitting([room for _, room in turned]), strict=True) if fits]
             for k, item in asked:
                 if all(of != k for of, _ in turned):
@@ -68,22 +68,24 @@ class Mover:
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
         """Return where the agent moves the targets (B, 2) and the values of these places (B,): the best over starts."""
-        method, index = self.method, np.arange(len(rooms)).repeat(STARTS_A_WAY)
+        method, index = self.method, np.arange(len(rooms)).repeat(STARTS_PER_FACING)
         simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), self.device)
-        moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS_A_WAY, 1)
-        numbers = torch.as_tensor((np.tile(spread(0, STARTS_A_WAY), len(rooms)) + moved_on) % 1, device=self.device)
+        moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS_PER_FACING, 1)
+        numbers = torch.as_tensor(
+            (np.tile(spread(0, STARTS_PER_FACING), len(rooms)) + moved_on) % 1, device=self.device
+        )
         run = greedy(self.network, method).rollout(
             simulator,
             observation_of(method.observation, rooms, self.device, self.categories),
             index,
             simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
         )
-        value = run.promise.reshape(-1, STARTS_A_WAY)
+        value = run.promise.reshape(-1, STARTS_PER_FACING)
         best = np.arange(len(rooms)), value.argmax(1)
-        return run.final.reshape(-1, STARTS_A_WAY, 2)[best], value[best]
+        return run.final.reshape(-1, STARTS_PER_FACING, 2)[best], value[best]
 
 
-def facing_all_ways(room: Room, item: int) -> list[Room]:
+def in_all_facings(room: Room, item: int) -> list[Room]:
     """Return a copy of the room for each facing of an item, its target.
 
     The simulator asks for the designer's place of a target. Here there is none: a corner of the outline stands in for

@@ -125,9 +125,10 @@ class Placing:
         quarters = np.tile(np.arange(QUARTERS).repeat(STARTS), (len(center), 1))
         return Options(center, quarters, value, [list(those[:, None]) for those in center])
 
-    def _ends(self, state: State[np.ndarray], starts: Options, all_ways: bool) -> Options:
-        """Return where items end that move from the TRIED best starts: of each facing with `all_ways`, else of all."""
-        parts = np.split(np.arange(starts.value.shape[1]), QUARTERS) if all_ways else [np.arange(starts.value.shape[1])]
+    def _ends(self, state: State[np.ndarray], starts: Options, every_facing: bool) -> Options:
+        """Return where items end that move from the TRIED best starts: of `every_facing`, or of all together."""
+        columns = np.arange(starts.value.shape[1])
+        parts = np.split(columns, QUARTERS) if every_facing else [columns]
         best = [part[np.argsort(-starts.value[:, part], 1, kind="stable")[:, :TRIED]] for part in parts]
         tried = np.concatenate(best, 1)
         started = np.take_along_axis(starts.value, tried, 1) > -np.inf

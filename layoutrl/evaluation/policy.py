@@ -54,8 +54,8 @@ class GreedyPolicy:
         for t in range(self.max_moves):
             here = path[t, active]
             reached, legal = destinations(simulator, rooms[active], here)
-            been_there = visited(path[: t + 1, active], reached)
-            closed = been_there | ~legal if self.on_illegal == "mask" else been_there & legal
+            visited_before = visited(path[: t + 1, active], reached)
+            closed = visited_before | ~legal if self.on_illegal == "mask" else visited_before & legal
             q = q_of(rooms[active], here)
             highest, action = q.masked_fill(closed, -torch.inf).max(1)
             goes_on = legal.gather(1, action[:, None]).squeeze(1) & highest.isfinite()

@@ -65,9 +65,9 @@ def far_end_place(simulator: Simulator, room: np.ndarray) -> np.ndarray:
     """For each of B rooms the place by a hand rule for bathtubs: across the end far from the door.
 
     The rule works in the outline's bounding box. Along the axis on which the item, as it is turned, has the most play,
-    it stands at the end that is farther from the nearest door (from its centre, along that axis). Along the other axis,
-    which it more or less fills, it stands in the middle. Without a door the windows count; without windows it stands
-    at the upper end.
+    it stands flush with the end that is farther from the centre of the nearest door, measured along that axis. Along
+    the other axis, which it more or less fills, it stands in the middle. Without a door the windows count; without
+    windows it stands at the upper end.
     """
     places = []
     for k in room:

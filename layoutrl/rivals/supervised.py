@@ -29,7 +29,7 @@ from layoutrl.rivals.rules import center_range
 SIDE = 11  # candidates along each side of the grid
 NEAR = (0.005, 0.5)  # metres: least and greatest standard deviation of training places around the designer's
 ALIGNED = 0.3  # chance that such a place is exact along an axis: at the right wall, or the very place
-BLOCK = 4096  # poses in a forward pass: limited by memory, not for speed
+BLOCK = 4096  # poses in a forward pass, for the sake of memory, not speed
 ANCHORS = 5  # along an axis: an item touches either side of an element, from inside or outside, or shares its middle
 ROUNDS = 3  # in which elements exchange what they know
 BREADTH = 0.02  # metres: scale of the Laplace density around each place of the pointer's mixture

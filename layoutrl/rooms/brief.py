@@ -23,20 +23,20 @@ def brief_of(room: Room) -> Room:
     """Return the room with all of its furniture still to be placed: without centers, rotations and a target.
 
     Items are sorted by category, then by size, so that their order does not reveal the designer's. Nor does `tucked`
-    reveal which chairs and stools stood under a table: any chair that stood may be, where there is a desk or table,
-    and nothing else that stood.
+    reveal which chairs and stools stood under a table: if there is a desk or table, it is set for every chair that
+    stood, and it is never set for anything else that stood.
     """
     told = [replace(item, tucked=item.tucked and item.center is None) for item in room.furniture]
-    free = to_place_anew(told, range(len(told)))
+    free = without_poses(told, range(len(told)))
     in_order = sorted(free, key=lambda item: (item.category, item.size, item.form, item.tucked))
     return replace(room, furniture=tuple(in_order), target=None)
 
 
-def to_place_anew(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
-    """Return the items, with those at the indices `those` to be placed anew: without center and rotation, not locked.
+def without_poses(items: Sequence[Item], those: Collection[int]) -> tuple[Item, ...]:
+    """Return all items, those at the indices `those` to be placed anew: without center and rotation, not locked.
 
-    Such a chair becomes `tucked` if it had a center and there is a desk or table, since designs have chairs there. Any
-    other item keeps its `tucked`.
+    A chair among those that had a center becomes `tucked` if there is a desk or table, since designs have chairs there.
+    All others keep their `tucked`.
     """
     return tuple(
         replace(item, center=None, rotation=None, tucked=_may_stand_under(item, items), locked=False)

@@ -72,7 +72,7 @@ def front_depth(item: Item) -> float:
 
 
 def floor_before(item: Item) -> Item | None:
-    """Return the floor to keep free before an item, as an item in its axes (`ahead` has its centre), or None."""
+    """Return the floor to keep free before an item, or None: an Item to be turned as it is, and put `ahead` of it."""
     depth = front_depth(item)
     return Item(item.category, (depth, item.size[1])) if depth else None
 

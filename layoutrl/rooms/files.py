@@ -113,6 +113,7 @@ def files_below(path: Path, suffixes: Sequence[str], but: Sequence[str] = ()) ->
     """Return a file, or the files below a folder with these suffixes, without the names `but`, in a fixed order.
 
     The order is the same on all systems. A file in a folder <name>.part is still being written, and is left out.
+    Of .gz files in a folder only .json.gz and .jsonl.gz are returned, no archives.
     """
 
     def suits(file: Path) -> bool:

@@ -20,7 +20,7 @@ from typing import Protocol
 from shapely import Point
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import FORMATS, HOMES, check_new, check_not_given, files_below, write_rooms
@@ -155,8 +155,8 @@ def other_formats(path: Path, kind: str) -> list[str]:
 def format_of(path: Path) -> str:
     """Return the format of a file, or of the first that can be one in a folder: json, sweethome3d, procthor or front3d.
 
-    Raises InputError where there is none, it cannot be read, or it is packed but not of ProcTHOR. A file of no known
-    format is taken for json, or procthor if packed: the reader then says what is wrong.
+    Raises InputError where there is none, it cannot be read, or it is packed and of json or front3d. A file of no known
+    format is taken for json, a packed one for procthor: the reader then says what is wrong.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; expected one of {SUFFIXES}")
@@ -204,4 +204,4 @@ def to_place(room: Room, move: str | None) -> Room:
     named = names_in(move)
     free = [(k, item.category) for k, item in enumerate(room.furniture) if not item.locked]
     those = {k for k, category in free if category in named or ALL in named}
-    return replace(room, furniture=to_place_anew(room.furniture, those))
+    return replace(room, furniture=without_poses(room.furniture, those))

@@ -97,7 +97,7 @@ def before_windows(layouts: Sequence[Room], items: Items) -> np.ndarray:
 
 
 def in_swings(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether an item stops a door's leaf that cannot open, at whichever end it is hung: (N,).
+    """Whether an item stops a door's leaf, and something stops that leaf at whichever end it is hung: (N,).
 
     Tucked items are moved aside, and RAISED ones are floor. A centimetre does not count.
     """

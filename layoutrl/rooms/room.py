@@ -261,9 +261,9 @@ def sole(furniture: Sequence[Item], category: str) -> int | None:
 def wall_band(
     outline: Ring, holes: tuple[Ring, ...], openings: tuple[Opening, ...], thickness: float = WALL_THICKNESS
 ) -> tuple[Ring, ...]:
-    """Return walls for a room that has none: a band along each edge of the outline, cut by the openings, and the holes.
+    """Return walls for a room that has none: a band along each edge of the outline, cut by the openings.
 
-    Holes are solid columns. Each wall reaches around the corners at its ends; the earlier wall keeps the corner.
+    Holes become solid columns. Each wall reaches around the corners at its ends; the earlier wall keeps the corner.
     """
     room = Polygon(outline)
     band = room.buffer(thickness, join_style="mitre").difference(room)

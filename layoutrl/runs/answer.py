@@ -65,7 +65,7 @@ class Answer:
         categories = [item.category for item in self.request.checked.room.furniture]
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
-            # What is unseen is named by the lines of the checked brief.
+            # Of what is unseen, the lines of the checked brief name all that was to be placed.
             told = [(k, fault) for k, fault in wrong if k not in self.request.checked.unseen]
             said = [
                 f"the {numbered(categories, k)}: {self._words(k, [fault for _, fault in some])}"

@@ -25,13 +25,14 @@ class CheckedBrief:
     Rugs that lie in the room are not in `brief`: they are in nobody's way.
     """
 
-    room: Room  # as it was asked
-    unseen: frozenset[int]  # indices of items of `room` that are not in `brief`: rugs, and what nobody can place
+    room: Room  # as it was asked, but items that stay are back where the file has them (`request_of`)
+    # Indices of items of `room` that are not in `brief`: rugs, what nobody can place, and what is not to be placed.
+    unseen: frozenset[int]
     lines: list[str]
 
     @property
     def brief(self) -> Room:
-        """The room without what cannot be placed, and without rugs."""
+        """The room without what is `unseen`."""
         kept = tuple(item for k, item in enumerate(self.room.furniture) if k not in self.unseen)
         return replace(self.room, furniture=kept, target=None)
 
@@ -54,7 +55,7 @@ def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
     return ()
 
 
-def check_brief(
+def checked_brief(
     room: Room, known: Collection[str], types_placing: Callable[[str], Sequence[str]] = in_no_type
 ) -> CheckedBrief:
     """Find out which items of a room can be placed: those of `known` categories that fit into it.

@@ -91,7 +91,7 @@ def load_checkpoint(
     which: Literal["last", "best"] = "last",
     config: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Load the last state that was saved, or the best; if it is damaged, say so and take the next.
+    """Load the last state that was saved, or the best; if it is damaged, say so and take another, the latest first.
 
     No code in a file is run. Raises InputError if all are damaged, and if the first that is not has another format or,
     where `config` is given, another configuration.
@@ -139,7 +139,7 @@ def load_checkpoint(
 
 
 @contextmanager
-def checkpoint_errors(folder: Path) -> Iterator[None]:
+def misfit_explained(folder: Path) -> Iterator[None]:
     """Context that raises InputError if a checkpoint does not fit: torch raises many kinds of errors for that."""
     try:
         yield

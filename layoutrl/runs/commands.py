@@ -50,7 +50,8 @@ class Incomplete(InputError):
 def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bool = False) -> Callable[[], None]:
     """Return the entry point of `python -m layoutrl.<name>`, which calls `run` with an object of `schema`.
 
-    That holds conf/<name>.yaml, changed by the arguments. `sweeps`: conf/<name>.yaml makes it a sweep even without -m.
+    The object holds the options of conf/<name>.yaml, changed by the arguments. `sweeps`: conf/<name>.yaml makes it a
+    sweep even without -m.
     """
     register()
     known = [*groups(name), *options(schema)]

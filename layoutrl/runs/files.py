@@ -21,8 +21,8 @@ POLL = 0.1  # seconds between two attempts to lock a file, where the system cann
 def locked(file: Path, *, wait: bool) -> Iterator[None]:
     """Context that holds an exclusive lock on a file, which is released however the process ends.
 
-    If another process holds it, waits or, without `wait`, raises InputError; so it does if the file cannot be written
-    or locked.
+    With `wait` it waits for another process that holds it. Raises InputError if one does without `wait`, and if the
+    file cannot be written or locked.
     """
     try:
         stream = file.open("w")  # opened for writing, or file systems of clusters lock nothing

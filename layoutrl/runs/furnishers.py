@@ -15,7 +15,7 @@ from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.moving import Mover
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
-from layoutrl.rivals.rooms.rival import SearchRival
+from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
@@ -54,7 +54,7 @@ def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
     """
     if config.by in ("search", "annealer"):
         settings = config.search if config.by == "search" else config.annealer
-        rival = SearchRival(settings, lambda: seconds_budget(config.seconds, time.process_time))
+        rival = SearchOrAnnealer(settings, lambda: seconds_budget(config.seconds, time.process_time))
         return FurnisherInfo(rival, lambda room_type: rival.relations(room_type).alone)
     device = device_of(config.device)
     if config.run is None:
@@ -121,7 +121,7 @@ def best_apart(layouts: Sequence[Furnished], lacks: Sequence[tuple[int, int, int
 
 def helped(agents: Furnishes, searching: Searching) -> Helped:
     """Return the agents, helped by a search with each number of RESTARTS in turn."""
-    return Helped(agents, *(SearchRival(searching, partial(updates_budget, restarts)) for restarts in RESTARTS))
+    return Helped(agents, *(SearchOrAnnealer(searching, partial(updates_budget, restarts)) for restarts in RESTARTS))
 
 
 def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:

@@ -18,10 +18,10 @@ from layoutrl.rivals.planit.placement import Choosing, Placer
 from layoutrl.rivals.planit.scoring import given_query, scored
 from layoutrl.rivals.planit.training import LOSSES, Training
 from layoutrl.rooms.room import Room
-from layoutrl.runs.checkpoints import checkpoint_errors, load_checkpoint
+from layoutrl.runs.checkpoints import load_checkpoint, misfit_explained
 from layoutrl.runs.config import PlanitConfig
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.machine import keep_freed_memory, require_determinism
+from layoutrl.runs.machine import keep_freed_memory, require_determinism_on_cpu
 from layoutrl.runs.monitor import reported
 from layoutrl.runs.resume import seeds, session, stated
 
@@ -60,7 +60,7 @@ def train(
     """
     budget = config.budget
     keep_freed_memory()
-    require_determinism(device)
+    require_determinism_on_cpu(device)
     print(f"training on {len(training_rooms.rooms)} rooms, {len(held_out.rooms)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
     model = PlanIT(counted(training_rooms.rooms, training_rooms.scenes), network_seed, device)
@@ -103,7 +103,7 @@ def load(folder: Path, training: Usable, held_out: Usable, device: torch.device)
     """
     model = PlanIT(counted(training.rooms, training.scenes), np.random.SeedSequence(0), device)
     state = load_checkpoint(folder, device, config=stated(load_config(folder, PlanitConfig)))
-    with checkpoint_errors(folder):
+    with misfit_explained(folder):
         model.load_state_dict(state["training"]["networks"])
     return Placer(model, held_out.rooms, held_out.scenes)
 

@@ -11,7 +11,7 @@ import shapely
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.checked_brief import CheckedBrief, check_brief, in_no_type
+from layoutrl.runs.checked_brief import CheckedBrief, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
 
 
@@ -36,7 +36,7 @@ def request_of(
     """Find out what is asked of a room: to place those of the items `meant`, by their indices, that have no center.
 
     Items that the file has in the room and that cannot be placed stay there, as obstacles. With `moves_all`
-    (move=all), items whose category is not `known` were not meant. `types_placing` is as in `check_brief`.
+    (move=all), items whose category is not `known` were not meant. `types_placing` is as in `checked_brief`.
     """
     assert entry.room is not None
     room = entry.room
@@ -52,7 +52,7 @@ def request_of(
     room = put_back(room, entry, others & stood)
     others -= stood
     kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
-    found = check_brief(kept, known, types_placing) if wanted else CheckedBrief(kept, frozenset(), [])
+    found = checked_brief(kept, known, types_placing) if wanted else CheckedBrief(kept, frozenset(), [])
     places = [k for k in range(len(room.furniture)) if k not in others]
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}

@@ -25,7 +25,7 @@ from hydra.types import RunMode
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.room import Room
-from layoutrl.runs.checkpoints import checkpoint_errors, checkpoints, load_checkpoint, save_checkpoint
+from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, misfit_explained, save_checkpoint
 from layoutrl.runs.commands import Stopped, in_a_line, mendable
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
@@ -130,7 +130,7 @@ def session(
     begun, folder = folder is not None, folder or new_folder(config)
     with locked(folder / LOCK, wait=False):
         if begun and (state := last_state(folder, identity, about, device)):
-            with checkpoint_errors(folder):
+            with misfit_explained(folder):
                 training.load_state_dict(state["training"])
                 threads = state.get("threads", torch.get_num_threads())  # older checkpoints lack it
                 if threads != torch.get_num_threads():
@@ -140,7 +140,7 @@ def session(
             seconds_before = state["seconds"]
         about |= {"threads": torch.get_num_threads()}
         kept = Session(training, folder, identity | about, seconds_before)
-        with disk_errors(folder, config, entry_point, training), stopped_by_signals(training):
+        with write_errors_explained(folder, config, entry_point, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
                 kept.save(None)
@@ -148,7 +148,7 @@ def session(
 
 
 @contextmanager
-def disk_errors(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
+def write_errors_explained(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
     """Context that raises InputError for an OSError, with the command that resumes. Checkpoints raise their own."""
     later = going_on(folder, config, entry_point)
     try:

@@ -27,8 +27,8 @@ class RoomPlacer:
         self.config = config
 
     @cached_property
-    def furnisher_info(self) -> FurnisherInfo:
-        """The agents or rival that furnish, loaded when they are first needed."""
+    def info(self) -> FurnisherInfo:
+        """The furnisher and what it can place, loaded when first needed."""
         # Loads torch, which takes seconds: errors are reported before.
         from layoutrl.runs.furnishers import furnisher_for
 
@@ -38,9 +38,7 @@ class RoomPlacer:
         """Furnish the rooms of entries, all of which have one, in one batch; return an answer for each."""
         requests = [self._request_of(entry) for entry in entries]
         briefs = [request.checked.brief for request in requests if missing(request.checked.brief)]
-        layouts = iter(
-            self.furnisher_info.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else []
-        )
+        layouts = iter(self.info.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
         answers, before = [], list[Room]()
         for entry, request in zip(entries, requests, strict=True):
             found = next(layouts) if missing(request.checked.brief) else []
@@ -64,14 +62,14 @@ class RoomPlacer:
         return not self.config.only or bool(matched(self.config.only, room))
 
     def _request_of(self, entry: Entry) -> Request:
-        """Return what is asked of a room. `furnisher_info` is not loaded if there is nothing to place."""
+        """Return what is asked of a room. `info` is not loaded if there is nothing to place."""
         assert entry.room is not None
         moves_all = ALL in names_in(self.config.move)
         furniture = entry.room.furniture if self.means(entry.room) else ()
         meant = [k for k, item in enumerate(furniture) if self.config.item in (None, item.category)]
         if not missing(entry.room):
             return request_of(entry, meant, moves_all, ())
-        info = self.furnisher_info
+        info = self.info
         return request_of(entry, meant, moves_all, info.known(entry.room.room_type), info.types_placing)
 
 

@@ -46,7 +46,7 @@ class Entry:
     problem: str = ""
     unit: str = "m"  # of the document
     told: bool = True  # whether the document tells the type of the room
-    stood: tuple[Item, ...] = ()  # its furniture as the file has it, before anything was lifted
+    stood: tuple[Item, ...] = ()  # its furniture as the file has it, before `move` took any pose
 
 
 def json_entries(config: PlaceConfig, first: int, step: int) -> Iterator[Entry | None]:
@@ -138,7 +138,10 @@ def count(config: PlaceConfig) -> int | None:
 
 
 def blocks(entries: Iterable[T | None]) -> Iterator[list[T]]:
-    """Group entries into blocks: one, then twice as many while a block is answered SOON, up to MOST. None ends one."""
+    """Group entries into blocks: one, then twice as many while a block takes less than SOON, up to MOST.
+
+    None ends a block.
+    """
     size, block = 1, list[T]()
     for entry in chain(entries, [None]):
         if entry is not None:

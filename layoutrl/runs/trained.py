@@ -16,7 +16,7 @@ from layoutrl.agents.method import Method
 from layoutrl.env.reward import Reward
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, parts_of
-from layoutrl.runs.checkpoints import checkpoint_errors, load_checkpoint
+from layoutrl.runs.checkpoints import load_checkpoint, misfit_explained
 from layoutrl.runs.config import AS_IN_THE_RUN, RunConfig, TrainConfig
 from layoutrl.runs.folder import check_there, load_config, located, moved
 from layoutrl.runs.machine import device_of
@@ -38,7 +38,7 @@ def trained_network(
 ) -> Kept:
     """Load the network of a run. Raises InputError if its checkpoint does not fit the configuration."""
     state = load_checkpoint(folder, device, which, stated(config))
-    with checkpoint_errors(folder):
+    with misfit_explained(folder):
         network = q_network(config.method, state["categories"], np.random.SeedSequence(0), device)
         network.load_state_dict(state["training"]["agent"]["network"])
         updates = state["training"]["agent"]["updates"]

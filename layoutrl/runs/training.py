@@ -19,7 +19,7 @@ from layoutrl.evaluation.probe import Probe, RoomsProbe
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained
 from layoutrl.runs.config import TrainConfig
-from layoutrl.runs.machine import keep_freed_memory, require_determinism
+from layoutrl.runs.machine import keep_freed_memory, require_determinism_on_cpu
 from layoutrl.runs.monitor import watched
 from layoutrl.runs.resume import seeds, session
 
@@ -48,7 +48,7 @@ def train(
     method, budget, reward = config.method, config.budget, config.reward
     updates = method.updates[budget.name]
     keep_freed_memory()
-    require_determinism(device)
+    require_determinism_on_cpu(device)
     print(f"training on {len(training_rooms)} rooms, {len(held_out)} held out")
     network_seed, training_seed, probe_seed, _ = seeds(config)
     before = pretrained.agent(config.room.type, device) if config.begin == "package" else None

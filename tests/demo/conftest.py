@@ -13,7 +13,7 @@ import pytest
 from layoutrl.demo import listening
 from layoutrl.demo.furnisher import Move, Staff
 from layoutrl.rivals.budgets import updates_budget
-from layoutrl.rivals.rooms.rival import SearchRival
+from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import composed
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 RESTARTS = 2  # of a search: in so long a time machines find different layouts
 
 
-class Thinking(SearchRival):
+class Thinking(SearchOrAnnealer):
     """Thinks most of places near the origin, and of the way there."""
 
     def values(self, room: Room, item: int, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -26,7 +26,7 @@ from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from layoutrl.runs import pretrained
-from layoutrl.runs.checked_brief import check_brief
+from layoutrl.runs.checked_brief import checked_brief
 from layoutrl.runs.config import composed
 from layoutrl.runs.furnishers import Helped
 from tests.rooms.sources.test_procthor import house
@@ -194,7 +194,7 @@ def test_what_nobody_knows_is_named_and_the_others_are_placed(answers):
     assert "the piano is not placed" in said["lines"][0]
     assert "center" not in said["choices"][0]["furniture"][0]
     assert {k for k, _, _ in said["choices"][0]["path"]} == {*movable} - {0}
-    assert said["lines"] == check_brief(brief_of(room_from_dict(document)), answers.staff.known("bathroom")).lines
+    assert said["lines"] == checked_brief(brief_of(room_from_dict(document)), answers.staff.known("bathroom")).lines
 
 
 def with_corner(item: Item, *others: Item) -> Room:

@@ -47,7 +47,7 @@ def played(running: SceneEpisodes, steps: int, epsilon: float, seed: int = 0) ->
     for _ in range(steps):
         chance = torch.rand(len(running.room), generator=generator)
         drawn = torch.rand(running.legal.shape, generator=generator).masked_fill(~running.legal, -1).argmax(1)
-        explores = chance < running.set_exploration(epsilon)
+        explores = chance < running.explore_at(epsilon)
         yield running.step(drawn.where(explores, running.legal.int().argmax(1)))
 
 
@@ -143,7 +143,7 @@ def test_what_stands_is_the_designers_or_where_the_agent_left_it(scenes, simulat
 
 def test_nothing_is_drawn_in_the_last_moves_of_an_item(scenes, simulator) -> None:
     running = episodes(scenes, simulator)
-    assert running.set_exploration(0.5).tolist() == [0.5 if k % MOST < 3 else 0.0 for k in range(30)]
+    assert running.explore_at(0.5).tolist() == [0.5 if k % MOST < 3 else 0.0 for k in range(30)]
 
 
 def test_the_larger_an_item_the_sooner_it_is_taken(scenes, simulator) -> None:

@@ -1,4 +1,4 @@
-"""How much hangs on the place of the first item."""
+"""How much depends on the place of the first item."""
 
 from __future__ import annotations
 

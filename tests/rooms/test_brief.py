@@ -14,8 +14,8 @@ from layoutrl.rooms.brief import (
     facings,
     largest_first,
     missing,
-    to_place_anew,
     with_poses,
+    without_poses,
 )
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
@@ -60,8 +60,8 @@ def test_what_is_to_be_placed_is_not_locked() -> None:
     bed = Item("bed", (2.0, 1.5), (1.0, 0.75), locked=True)
     room = rectangular_room(4, 3, bed)
     assert not brief_of(room).furniture[0].locked
-    assert not to_place_anew([bed], {0})[0].locked
-    assert to_place_anew([bed], set())[0].locked
+    assert not without_poses([bed], {0})[0].locked
+    assert without_poses([bed], set())[0].locked
     assert room_from_dict(room_to_dict(brief_of(room))).furniture == brief_of(room).furniture
 
 

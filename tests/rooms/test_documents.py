@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError, wall_band
 from tests.builders import rectangle, rectangular_room, rooms
@@ -69,7 +69,7 @@ def test_a_chair_to_be_placed_may_stand_under_a_desk_or_a_table_but_where_the_fi
     assert room.furniture[1].rotation == (0 if "center" in said else said.get("rotation"))
     assert room_from_dict(room_to_dict(room)) == room
     if "center" not in said:
-        assert to_place_anew(room.furniture, {1})[1].tucked == tucked
+        assert without_poses(room.furniture, {1})[1].tucked == tucked
 
 
 @given(rooms(group="plan 7", target=None))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.formats import format_of, opened, to_place
@@ -74,7 +74,7 @@ def test_what_is_locked_stays_whatever_is_to_move() -> None:
     bed, desk = Item("bed", (2.0, 1.6), (1.0, 1.5), locked=True), Item("desk", (0.6, 1.2), (3.6, 1.5), 180.0)
     for move in ("bed,desk", "all"):
         room = replace(rectangular_room(5, 3), furniture=(bed, desk))
-        assert to_place(room, move).furniture == (bed, *to_place_anew([desk], {0}))
+        assert to_place(room, move).furniture == (bed, *without_poses([desk], {0}))
 
 
 @pytest.mark.parametrize("option", ["into", "categories"])

@@ -13,7 +13,7 @@ from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.room import Item
 from layoutrl.runs import pretrained
-from layoutrl.runs.checked_brief import check_brief, fits, unstacked
+from layoutrl.runs.checked_brief import checked_brief, fits, unstacked
 from tests.builders import opening, random_brief, random_room, rectangular_room
 
 DOOR = opening("door", -0.2, 1.0, 0.0, 2.0)
@@ -27,7 +27,7 @@ def room_with(*items: Item, **fields):
 
 def test_a_sound_brief_is_answered_whole_and_nothing_is_said() -> None:
     room = room_with(BED, Item("desk", (0.6, 1.2), (3.0, 1.0), 90.0))
-    found = check_brief(room, KNOWN)
+    found = checked_brief(room, KNOWN)
     assert (found.brief, found.lines) == (room, [])
     assert found.merge(room) == room
 
@@ -48,7 +48,7 @@ def test_a_sound_brief_is_answered_whole_and_nothing_is_said() -> None:
 )
 def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tuple[Item, ...], line: str) -> None:
     room = room_with(*furniture)
-    found = check_brief(room, KNOWN)
+    found = checked_brief(room, KNOWN)
     (said,) = found.lines
     assert line in said
     assert found.brief.furniture == (BED,)
@@ -58,9 +58,11 @@ def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tup
 
 def test_what_another_name_means_is_offered_first() -> None:
     room = replace(room_with(Item("couch", (0.9, 2.0), None, None)), room_type="living_room")
-    (line,) = check_brief(room, pretrained.known("living_room"), pretrained.types_with).lines
+    (line,) = checked_brief(room, pretrained.known("living_room"), pretrained.types_with).lines
     assert line == "the couch is not placed: it is known as sofa; expected that category"
-    (line,) = check_brief(replace(room, room_type="bedroom"), pretrained.known("bedroom"), pretrained.types_with).lines
+    (line,) = checked_brief(
+        replace(room, room_type="bedroom"), pretrained.known("bedroom"), pretrained.types_with
+    ).lines
     assert (
         line
         == "the couch is not placed: it is known as sofa, which the agent of living_room places, not that of a bedroom"
@@ -76,7 +78,7 @@ def test_what_another_name_means_is_offered_first() -> None:
 )
 def test_what_is_placed_in_rooms_of_other_types_is_said_to_be(types: list[str], said: str) -> None:
     room = room_with(Item("sofa", (0.9, 2.0), None, None))
-    (line,) = check_brief(replace(room, room_type="bedroom"), KNOWN, lambda category: types).lines
+    (line,) = checked_brief(replace(room, room_type="bedroom"), KNOWN, lambda category: types).lines
     assert line == f"the sofa is not placed: {said}"
 
 
@@ -87,7 +89,7 @@ def test_an_item_that_fits_turned_is_placed() -> None:
 
 def test_what_a_layout_puts_beyond_the_walls_has_no_place() -> None:
     room = room_with(BED, Item("desk", (0.6, 1.2), None, None))
-    found = check_brief(room, KNOWN)
+    found = checked_brief(room, KNOWN)
     beside = [replace(item, center=(x, 1.5), rotation=0.0) for item, x in zip(room.furniture, (1.0, 9.0), strict=True)]
     assert found.merge(replace(room, furniture=tuple(beside))).furniture == (beside[0], room.furniture[1])
 
@@ -102,14 +104,14 @@ def test_what_a_layout_puts_beyond_the_walls_has_no_place() -> None:
 )
 def test_a_door_that_is_too_narrow_is_named(width: float, said: str | None) -> None:
     door = opening("door", 3, 3, 3 + width, 3.2)
-    assert check_brief(room_with(BED, openings=(door,)), KNOWN).lines == [said] * (said is not None)
+    assert checked_brief(room_with(BED, openings=(door,)), KNOWN).lines == [said] * (said is not None)
 
 
 def test_two_items_at_one_place_and_a_missing_door_are_said_and_all_is_kept() -> None:
     desks = [Item("desk", (0.6, 1.2), (3.0, 1.0 + by), 90.0) for by in (0.0, 0.1)]
     chair = Item("chair", (0.5, 0.5), (3.0, 1.5), 90.0)
     room = room_with(BED, *desks, chair, openings=())
-    found = check_brief(room, KNOWN)
+    found = checked_brief(room, KNOWN)
     assert found.lines == [
         "the desk at 3, 1 and the desk overlap by more than half; both are kept",
         "it has no door: what can be reached is told from the largest free floor",
@@ -133,7 +135,7 @@ def test_no_place_is_where_another_stands() -> None:
 def test_a_rug_is_floor_and_stays_where_it_lies() -> None:
     rug = Item("rug", (2.0, 1.5), (2.0, 1.5), 0.0)
     room = room_with(BED, rug, Item("wardrobe", (0.6, 1.2), (3.7, 1.5), 180.0))
-    found = check_brief(room, KNOWN)
+    found = checked_brief(room, KNOWN)
     assert found.lines == []
     assert found.brief.furniture == (BED, room.furniture[2])
     placed = replace(BED, center=(2.0, 2.0), rotation=270.0)  # upon it
@@ -146,7 +148,7 @@ def test_a_rug_is_floor_and_stays_where_it_lies() -> None:
 def test_any_brief_is_answered_as_far_as_it_goes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     room = random_brief(rng, random_room(rng))
-    found = check_brief(room, KNOWN)
+    found = checked_brief(room, KNOWN)
     assert {*missing(room)} >= found.unseen
     assert len(missing(found.brief)) == len(missing(room)) - len(found.unseen)
     assert len([line for line in found.lines if "is not placed" in line]) == len(found.unseen)

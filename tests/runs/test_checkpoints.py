@@ -124,7 +124,7 @@ def test_a_memory_that_is_too_small_says_nothing_of_a_checkpoint(error, tmp_path
     with pytest.raises(type(error)):
         load_checkpoint(tmp_path, CPU)
     assert capsys.readouterr().err == ""
-    with pytest.raises(type(error)), checkpoints_module.checkpoint_errors(tmp_path):
+    with pytest.raises(type(error)), checkpoints_module.misfit_explained(tmp_path):
         fails()
 
 

@@ -139,7 +139,9 @@ def test_no_help_is_asked_for_in_a_hall() -> None:
     assert [each.layout for each in found] == [hall]
 
 
-@pytest.mark.parametrize(("by", "kind"), [("", Helped), ("by=agents", Agents), ("by=search", furnishers.SearchRival)])
+@pytest.mark.parametrize(
+    ("by", "kind"), [("", Helped), ("by=agents", Agents), ("by=search", furnishers.SearchOrAnnealer)]
+)
 def test_without_a_name_the_search_helps_the_agents(by: str, kind: type) -> None:
     asked = composed("place", "rooms=any.jsonl", "device=cpu", *filter(None, [by]))
     assert isinstance(furnisher_for(asked).furnisher, kind)
@@ -201,7 +203,7 @@ def test_help_does_not_hang_on_the_machines_speed(monkeypatch: pytest.MonkeyPatc
     brief, helped = brief_of(DESIGNS[1]), furnisher_for(composed("place", "rooms=any.jsonl", "device=cpu")).furnisher
     assert isinstance(helped, Helped)
     for search, restarts in zip(helped.searches, furnishers.RESTARTS, strict=True):
-        assert isinstance(search, furnishers.SearchRival)
+        assert isinstance(search, furnishers.SearchOrAnnealer)
         spent = search.budget()
         assert [spent(made) for made in (0, restarts)] == [0, 1]
     helped.one = Known(turned_round(DESIGNS[1]))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.request import Request, request_of
@@ -31,7 +31,7 @@ def under(host: str) -> Room:
 def request(
     room: Room, lifts: set[int], known: set[str], category: str | None = None, moves_all: bool = True
 ) -> Request:
-    brief = replace(room, furniture=to_place_anew(room.furniture, lifts))
+    brief = replace(room, furniture=without_poses(room.furniture, lifts))
     entry = Entry(room.id, brief, room_to_dict(room), stood=room.furniture)
     meant = [k for k, item in enumerate(room.furniture) if category in (None, item.category)]
     return request_of(entry, meant, moves_all, known)

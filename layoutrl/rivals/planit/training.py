@@ -92,16 +92,17 @@ class Training:
 
     def __iter__(self) -> Iterator[Report]:
         self.model.train()
-        spent_before = self.share - self._spent(self.updates)  # spent before a resume: 0 of updates, which all count
+        # What was spent before a resume, less what callers took for reports; of updates it is always 0.
+        offset = self.share - self._spent(self.updates)
         while not self.stopping and self.share < 1:
             for optimizer in (self._optimizer, self._judging):
                 for group in optimizer.param_groups:
                     group["lr"] = self._learning_rate * (1 - self.share)
             self._update()
-            self.share = spent_before + self._spent(self.updates)
+            self.share = offset + self._spent(self.updates)
             if self.updates % self._report_every == 0:
                 yield self._report()
-                spent_before = self.share - self._spent(self.updates)
+                offset = self.share - self._spent(self.updates)
         if self._recent and not self.stopping:
             yield self._report()
         self.model.eval()

@@ -29,7 +29,7 @@ def relations_of(room_type: str, seeds: tuple[int, ...], count: int) -> Relation
     return mine([room for seed in seeds for room in designer_cache.read(None, room_type, "train", seed, count).rooms])
 
 
-class SearchRival:
+class SearchOrAnnealer:
     """Search or annealer, with a budget for each layout. All share the relations of designed rooms of each type.
 
     From the second layout of a room on, the weights of preferences are varied; else it would be the same.
@@ -51,11 +51,11 @@ class SearchRival:
         relations, (_, attempt) = self.relations(brief.room_type), seeds
         often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
         weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}
-        layout = furnished_by(brief, relations, replace(self.settings, weights=weights), spent, rng)
+        layout = search_or_anneal(brief, relations, replace(self.settings, weights=weights), spent, rng)
         return laid_out(brief, layout, -len(faults(layout)))
 
 
-def furnished_by(
+def search_or_anneal(
     brief: Room, relations: Relations, settings: Searching | Annealing, spent: Spent, rng: np.random.Generator
 ) -> Room:
     """Return the layout of search or annealer, whichever the settings belong to."""

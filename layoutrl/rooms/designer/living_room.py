@@ -152,8 +152,9 @@ def off_the_route(plan: Plan, place: Place) -> int:
 def at_right_angles(along: int = 0) -> Where:
     """Propose seats that face the coffee table from one of its ends, clear of the sofa.
 
-    A seat with less than SQUEEZE behind it moves back to the wall, if that is no farther than FAR_SEAT from the table.
-    `along` is how far its middle lies off the coffee table's, away from the sofa.
+    A seat with SQUEEZE or more behind it keeps that free. Another moves back against the wall, or is not proposed if
+    that is farther than FAR_SEAT from the table. `along` is how far its middle lies off the coffee table's, away from
+    the sofa.
     """
 
     def where(plan: Plan, piece: Piece) -> Iterator[Place]:

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 import shapely
 from shapely.geometry import Polygon
 
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.categories import NO_ROOM, NOTED, Names
 from layoutrl.rooms.clearances import HOSTS, PASSAGE
 from layoutrl.rooms.collection import NOBODYS, ODD, UNTOLD, taken_for
@@ -50,7 +50,7 @@ class DrawnRoom(Generic[P]):
 
 @dataclass
 class Storey(Generic[P]):
-    """The drawing of one level. The ids of its rooms begin with `prefix`.
+    """The drawing of one storey. The ids of its rooms begin with `prefix`.
 
     Fill it in this order, since unions of shapes are cached: all `walls`, all rooms (`add_room`), all pieces
     (`add_piece`). Set `openings` before `make_rooms` is called.
@@ -64,7 +64,7 @@ class Storey(Generic[P]):
     notes: list[str] = field(default_factory=list)
     unsized: Counter[str] = field(default_factory=Counter)  # pieces left out since their size is unknown, by name
     odd: Counter[str] = field(default_factory=Counter)  # pieces left out since a field is missing or odd, by name
-    untold: set[str] = field(default_factory=set)  # ids of finished rooms whose type nothing tells
+    untold: set[str] = field(default_factory=set)  # ids of rooms that were made although nothing tells their type
     why_odd: str = ""  # the first RoomError of an odd piece
 
     @cached_property
@@ -197,7 +197,7 @@ class Storey(Generic[P]):
                 continue
             standing = _tucked([piece.item for piece in drawn.pieces])
             pieces = [replace(piece, item=item) for piece, item in zip(drawn.pieces, standing, strict=True)]
-            items = to_place_anew(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
+            items = without_poses(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
             about = drawn.floor.buffer(NEAR + ACROSS)
             near = [self.openings[k] for k in sorted(shapes.query(about, predicate="intersects"))]
             # Doors first: of two in one place the first counts.

@@ -103,7 +103,7 @@ class Plan:
 
     @cached_property
     def pillars(self) -> shapely.Geometry:
-        """The union of the `special` rows, such as shafts and pillars, which are no floor."""
+        """The union of the `special` rows, which are no floor, in pixels."""
         return shapely.union_all([row.box for row in self.rows["special"]])
 
     @cached_property

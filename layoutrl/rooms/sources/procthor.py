@@ -105,7 +105,7 @@ def _whole(file: Path) -> Iterable[tuple[int, Any]]:
 def _lines(file: Path) -> Iterator[tuple[int, bytes]]:
     """Yield (number, text) of every line that is not empty.
 
-    Raises OSError or EOFError for a file that breaks off, or that is larger than any house.
+    Raises OSError, EOFError or zlib.error for a file that breaks off or is damaged, or is larger than any house.
     """
     most = RATIO * file.stat().st_size + LARGEST_LINE
     if file.suffix == ".gz":

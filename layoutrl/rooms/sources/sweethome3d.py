@@ -19,7 +19,7 @@ from xml.parsers import expat
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.rooms.brief import to_place_anew
+from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
 from layoutrl.rooms.collection import Collection
 from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
@@ -73,7 +73,7 @@ class Home:
 
     @property
     def stood(self) -> list[tuple[Item, ...]]:
-        """The furniture of each room as the home has it, also what stands outside all rooms.
+        """The furniture of each room as the home has it: what the room got from outside all rooms still stands there.
 
         What comes from another level than the room's has no pose.
         """
@@ -367,7 +367,7 @@ def _park(
         home.collection.notes.append(f"{chosen}: gets {called} {said}")
     for k, room in enumerate(home.rooms):
         items = (*room.furniture, *given[room.id])
-        home.rooms[k] = replace(room, furniture=to_place_anew(items, range(len(room.furniture), len(items))))
+        home.rooms[k] = replace(room, furniture=without_poses(items, range(len(room.furniture), len(items))))
 
 
 def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:
