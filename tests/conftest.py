@@ -33,12 +33,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--seconds", type=float, help="begin no test after so many seconds")
 
 
-@pytest.hookimpl(optionalhook=True)  # pytest runs without xdist, too
-def pytest_xdist_auto_num_workers() -> int:
-    """One worker more than cores: many tests wait for a browser, or for a command in a process of its own."""
-    return (os.cpu_count() or 1) + 1
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Give all workers one cache of designed rooms, which ends with them; and processes, what tests can import."""
     config.stash[BEGAN] = time.monotonic()
