@@ -10,7 +10,6 @@ import shapely
 import torch
 from torch import nn
 
-from layoutrl import InputError
 from layoutrl.agents.method import Method
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
@@ -50,11 +49,10 @@ class Mover:
         for turn in range(max(map(len, orders), default=0)):
             asked = [(k, order[turn]) for k, order in enumerate(orders) if turn < len(order)]
             turned = [(k, facing) for k, item in asked for facing in in_all_facings(layouts[k], item)]
-            turned = [entry for entry, fits in zip(turned, fitting([room for _, room in turned]), strict=True) if fits]
-            for k, item in asked:
-                if all(of != k for of, _ in turned):
-                    category = briefs[k].furniture[item].category
-                    raise InputError(f"room {briefs[k].id}: the {category} does not fit into it")
+            fits = fitting([room for _, room in turned])
+            able = {k for (k, _), fit in zip(turned, fits, strict=True) if fit}
+            # An item that fits in no facing keeps all of them: the simulator names it.
+            turned = [(k, room) for (k, room), fit in zip(turned, fits, strict=True) if fit or k not in able]
             rooms = [room for _, room in turned]
             place, value = self._moved(rooms, [rngs[k] for k, _ in turned])
             for k, item in asked:

@@ -158,9 +158,14 @@ def parsed(text: str | bytes) -> Any:
         said = "expected one whole JSON object; the text breaks off (a room over several lines is a .json file)"
         return RoomError("line", said)
     except UnicodeDecodeError as error:
-        return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
+        return not_utf8(error)
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits, brackets without end
         return RoomError("text", f"expected numbers and nesting of a usual size; {error}")
+
+
+def not_utf8(error: UnicodeDecodeError) -> RoomError:
+    """Return the error of a text that is not in UTF-8."""
+    return RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}")
 
 
 def name_in(document: Any) -> str:

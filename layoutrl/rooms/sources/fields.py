@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from layoutrl.rooms.documents import LARGEST
+from layoutrl.rooms.documents import LARGEST, not_utf8
 from layoutrl.rooms.room import RoomError
 
 
@@ -15,7 +15,7 @@ def loaded(text: bytes) -> Any:
     try:
         return json.loads(text)
     except UnicodeDecodeError as error:
-        raise RoomError("text", f"expected UTF-8; {error.reason} at byte {error.start}") from None
+        raise not_utf8(error) from None
     except (ValueError, RecursionError) as error:  # also for brackets or digits without end
         reason = error.msg if isinstance(error, json.JSONDecodeError) else "numbers and nesting of a usual size"
         raise RoomError("text", f"expected whole JSON; {reason}") from None

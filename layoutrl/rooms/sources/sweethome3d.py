@@ -341,7 +341,8 @@ def _park(
     given: dict[str, list[Item]] = defaultdict(list)
     for level, piece in sorted(parked, key=lambda entry: -entry[1].item.area):
         item = piece.item
-        fitting = [k for k, r in rooms.items() if item.category in HOLDS[r.room_type] and free[k] > item.area]
+        knowing = [k for k, room in rooms.items() if item.category in HOLDS[room.room_type]]
+        fitting = [k for k in knowing if free[k] > item.area]
         if into is not None:
             chosen = into
         elif fitting:
@@ -352,8 +353,8 @@ def _park(
             )
         else:
             note = f"the {item.category} outside all rooms stays there: no room's type knows it, with floor for it"
-            nobodys = rooms and not any(item.category in HOLDS[room.room_type] for room in rooms.values())
-            home.collection.notes.append(note if nobodys or not alone else f"{note} (into=<id>)")
+            hinted = alone and (knowing or not rooms)
+            home.collection.notes.append(f"{note} (into=<id>)" if hinted else note)
             home.collection.homeless.append(item.category)
             continue
         given[chosen].append(item)
