@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -56,6 +57,7 @@ REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # limit of any number in a room, metres or degrees: refuses NaN, infinity, lengths in millimetres
 SMALLEST = 1e-12  # metres: what is nearer to zero is read as zero, since geometry divides by it
+WINDOW_DEPTH = math.sqrt(2) * WALL_THICKNESS  # metres, at most, without `walls`: to the corners of theirs
 MOST = 1000  # corners of a polygon, or entries of any other list, at most
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
@@ -214,9 +216,9 @@ def room_from_dict(document: Any) -> Room:
 
 def _check_places(room: Room, with_walls: bool) -> None:
     border = room.indoor.boundary
-    corners = [point for wall in room.walls for point in wall]
+    corners = [point for wall in room.walls for point in wall] if with_walls else []
     # As far out as the walls' corners: homes have windows that are deeper than their walls.
-    thickness = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
+    deepest = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
     kinds = {"door": 0, "window": 0}
     for opening in room.openings:
         field = f"{opening.kind}s[{kinds[opening.kind]}]"
@@ -226,6 +228,7 @@ def _check_places(room: Room, with_walls: bool) -> None:
                 field, f"expected to lie in the walls; it is {opening.shape.distance(border):.2f} m off the outline"
             )
         reach = shapely.distance(room.indoor, shapely.points(opening.polygon)).max()
+        thickness = deepest if with_walls or opening.kind == "door" else WINDOW_DEPTH
         if reach > thickness + TOLERANCE:
             hint = "" if with_walls else "; give walls that are thicker as `walls`, or say another unit"
             raise RoomError(

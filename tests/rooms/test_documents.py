@@ -222,6 +222,21 @@ def test_a_window_may_be_deeper_than_the_wall_up_to_where_its_corners_are() -> N
         room_from_dict(document(windows=polygons([[1, 3], [2, 3], [2, 3.3], [1, 3.3]])))
 
 
+def test_a_door_deeper_than_the_walls_that_are_assumed_is_refused() -> None:
+    deep = polygons([[1, -0.25], [2, -0.25], [2, 0], [1, 0]])
+    with pytest.raises(RoomError, match=r"doors\[0\]: expected to lie in the walls \(0\.20 m\); it reaches 0\.25 m"):
+        room_from_dict(document(doors=deep))
+    walls = polygons([[0, -0.25], [1, -0.25], [1, 0], [0, 0]])
+    assert room_from_dict(document(doors=deep, walls=walls)).doors
+
+
+def test_a_pointed_corner_lets_no_window_be_deeper() -> None:
+    pointed = document(outline=[[0, 0], [4, 0], [4, 3], [-5, 3]])  # the walls' own corner is half a metre off
+    assert room_from_dict(pointed).windows
+    with pytest.raises(RoomError, match=r"windows\[0\]: expected to lie in the walls \(0\.28 m\)"):
+        room_from_dict(pointed | {"windows": polygons([[1, 3], [2, 3], [2, 3.4], [1, 3.4]])})
+
+
 def test_a_room_in_millimetres_is_refused() -> None:
     with pytest.raises(RoomError, match="metres"):
         room_from_dict(document(outline=[[0, 0], [3600, 0], [3600, 4200], [0, 4200]]))
