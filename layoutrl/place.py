@@ -244,8 +244,10 @@ class Work:
             self._seen = None
         entries: Iterator[Entry | None]
         if self.source:
+            others = tuple(f"  {room.id}: " for room in self.source.collection.rooms if not self.placer.means(room))
             for line in str(self.source.collection).splitlines():
-                self.say(line)
+                if not line.startswith(others):  # such a room stays as it is, whatever it would get
+                    self.say(line)
             if shard == 0 and not done:
                 homeless = [] if self.config.only else self.source.collection.homeless
                 self.tally.items += sum(self.config.item in (None, c) for c in homeless)
@@ -301,7 +303,7 @@ class Work:
         if entry.unit not in self._units:
             self._units.add(entry.unit)
             self.say(unit_line(entry.unit, [entry.document]))
-        if not entry.told:
+        if not entry.told and self.placer.means(room):
             self.say(taken_for(room))
 
     def _told(self, answer: Answer, picture: Path | None) -> None:

@@ -1095,6 +1095,22 @@ def test_of_a_home_one_room_is_furnished_by_its_name_alone(middle: Middle, tmp_p
     assert [one.furniture == other.furniture for one, other in zip(before, after, strict=True)] == [False, True]
 
 
+def test_what_falls_to_a_room_that_is_not_asked_for_is_not_said(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parked = piece("wardrobe", 900, 100, 100, 54) + piece("shower", 900, 400, 80, 80)
+    home = home_file(tmp_path / "flat.sh3d", FLAT + parked)
+    place(PlaceConfig(by="search", rooms=str(home), only="Bedroom", out=str(tmp_path / "out.sh3d")))
+    said = capsys.readouterr().out
+    assert "flat/Bedroom: gets wardrobe from outside all rooms" in said
+    assert "flat/room 2: " not in said
+    untold = furnished_room(id="x", furniture=[])
+    del untold["room_type"]
+    rooms = str(written(tmp_path, [untold, furnished_room()]))
+    place(PlaceConfig(by="search", rooms=rooms, only="flat", move="chair", room_type="study"))
+    assert "x: " not in capsys.readouterr().out
+
+
 def test_what_a_home_has_nowhere_counts_once_and_where_it_is_asked_for(middle: Middle, tmp_path: Path) -> None:
     parked = piece("wardrobe", 900, 100, 100, 54) + piece("cooker", 900, 9, 60, 60)
     config = PlaceConfig(by="search", rooms=str(home_file(tmp_path / "flat.sh3d", FLAT + parked)))
