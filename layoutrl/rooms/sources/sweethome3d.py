@@ -362,10 +362,11 @@ def _park(
         free[chosen] -= item.area
         stays = levels[chosen] == level
         home.pieces[chosen].append(piece if stays else replace(piece, level=levels[chosen] or ""))
+    # Not of a part of the base plan that is named, and so goes to a room.
+    but_fixed = "; what is part of the base plan stays there" * all(piece.may_move for _, piece in parked)
     for chosen, parts in given.items():
         called = ", ".join(sorted({item.category for item in parts}))
-        said = "from outside all rooms; what is part of the base plan stays there"
-        home.collection.notes.append(f"{chosen}: gets {called} {said}")
+        home.collection.notes.append(f"{chosen}: gets {called} from outside all rooms{but_fixed}")
     for k, room in enumerate(home.rooms):
         items = (*room.furniture, *given[room.id])
         home.rooms[k] = replace(room, furniture=without_poses(items, range(len(room.furniture), len(items))))

@@ -571,6 +571,12 @@ def test_what_is_taken_from_outside_is_said(tmp_path: Path) -> None:
     assert said.replace("bench", "bench, chair") in flat(tmp_path, body, into="flat/Dining room").collection.notes
 
 
+def test_of_a_part_of_the_base_plan_that_is_named_it_is_not_said_that_it_stays(tmp_path: Path) -> None:
+    body = FLAT + piece("wardrobe", 900, 270, 100, 54, movable="false")
+    home = flat(tmp_path, body, move="wardrobe")
+    assert "flat/Bedroom: gets wardrobe from outside all rooms" in home.collection.notes
+
+
 def test_what_stands_outside_goes_to_a_room_of_its_level_before_one_of_a_level_whose_name_begins_alike(
     tmp_path: Path,
 ) -> None:
