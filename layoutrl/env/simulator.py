@@ -39,7 +39,7 @@ class Moves:
     Steps are in metres, or in pixels of the room's picture (1/120 of the envelope's longest side).
 
     Raises InputError for another unit, for no steps, and for steps that are not finite lengths above zero (in metres
-    above GRID) or not multiples of the shortest.
+    above GRID; pixels are held against it in `lengths`) or not multiples of the shortest.
     """
 
     steps: tuple[float, ...] = (0.32, 0.08, 0.02, 0.005)
@@ -69,8 +69,13 @@ class Moves:
         return 4 * len(self.steps)
 
     def lengths(self, room: Room) -> tuple[float, ...]:
-        """Length of each step in this room, in metres."""
+        """Length of each step in this room, in metres. Raises InputError if one is not above GRID."""
         unit = float(snap(np.array(pixel_size(room)))) if self.unit == "pixel" else 1.0
+        if (shortest := min(self.steps) * unit) <= GRID:
+            raise InputError(
+                f"steps: expected lengths above {GRID:g} m; one is {shortest:.1g} m in room {room.id}, where a pixel "
+                f"is {unit:g} m"
+            )
         return tuple(step * unit for step in self.steps)
 
 
@@ -82,8 +87,8 @@ def pixel_size(room: Room) -> float:
 class Simulator:
     """Legality, moves and rewards of B poses at once, in a fixed list of rooms with targets.
 
-    A room in which another item moves is another entry of the list. Raises InputError where a target does not fit,
-    ValueError where a room has no target or the target has no center or rotation.
+    A room in which another item moves is another entry of the list. Raises InputError where a target does not fit or a
+    step is not above GRID, ValueError where a room has no target or the target has no center or rotation.
     """
 
     def __init__(self, rooms: Sequence[Room], moves: Moves, reward: Reward):

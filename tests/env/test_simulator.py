@@ -266,6 +266,12 @@ def test_a_pixel_is_a_120th_of_the_longest_side_of_the_envelope() -> None:
     assert simulator.steps == pytest.approx(np.array([[13.2 / 120, 4.4 / 120], [16.2 / 120, 5.4 / 120]]), abs=3e-6)
 
 
+def test_steps_in_pixels_that_would_lead_nowhere_in_a_room_are_refused() -> None:
+    moves = Moves((1.0, 1e-5), "pixel")
+    with pytest.raises(InputError, match=r"^steps: expected lengths above 1e-06 m; one is 4e-07 m in room room, where"):
+        simulator_of(rectangular_room(4, 3), moves=moves)
+
+
 @pytest.mark.parametrize(
     "steps", [(), (0.0,), (-0.1,), (4e-7,), (0.3, 0.2), (0.32, 0.08, 0.03), (0.1, 0.0), (math.inf,)]
 )
