@@ -76,7 +76,8 @@ class TrainedRun:
 def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
     """Return the data meant by those `given` for a run with its `own`, and whether both are of the same source.
 
-    Without a source, what is not given is as in the run. For the designer, the same source means the same seed.
+    Without a source, what is not given is as in the run. For the designer, the same source means the same seed; prints
+    what is given of its training rooms and cannot count.
     """
     data = given
     if data.source is None:
@@ -88,6 +89,11 @@ def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
         # The training part is no larger than what it was trained on, and disturbed alike.
         few = [count for count in (data.train_rooms, own.train_rooms) if count is not None]
         data = replace(data, train_rooms=min(few), disturbed=own.disturbed)
+        usual = AS_IN_THE_RUN if given.source is None else Data("designer")
+        for name in ("train_rooms", "disturbed"):
+            asked, taken = getattr(given, name), getattr(data, name)
+            if asked not in (taken, getattr(usual, name)):
+                print(f"data.{name}: {asked} is not taken; the rooms of the training are as in the run ({taken})")
     return data, same
 
 

@@ -155,3 +155,18 @@ def test_what_is_given_counts_though_it_be_the_usual() -> None:
     assert asked_data(own, nothing) == (own, True)
     given = narrowed(composed("evaluate", "run=there", "data.unit=auto", "data.strict=false"), EvaluateConfig).data
     assert asked_data(own, given) == (Data("json", "rooms.json"), True)
+
+
+def test_what_is_given_of_the_training_rooms_and_cannot_count_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    own = Data("designer", train_rooms=20, disturbed=0.5)
+    given = replace(AS_IN_THE_RUN, train_rooms=30, disturbed=0.0)
+    assert asked_data(own, given) == (own, True)
+    assert capsys.readouterr().out == (
+        "data.train_rooms: 30 is not taken; the rooms of the training are as in the run (20)\n"
+        "data.disturbed: 0.0 is not taken; the rooms of the training are as in the run (0.5)\n"
+    )
+    assert asked_data(own, replace(Data("designer"), disturbed=0.2)) == (own, True)
+    assert capsys.readouterr().out.startswith("data.disturbed: 0.2 is not taken")
+    for counts in (Data("designer"), replace(AS_IN_THE_RUN, train_rooms=10), replace(given, seed=1), AS_IN_THE_RUN):
+        asked_data(own, counts)
+    assert not capsys.readouterr().out
