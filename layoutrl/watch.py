@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 INCHES = 2.2  # height of a row
 FRAMES_A_MOVE = 4
+MOST_FRAMES = 600  # of a film, but for its last: all are in memory at once
 START_MS, FRAME_MS, HELD_MS = 800, 60, 2500  # how long the first frame, the others and the last are shown
 COLORS = 64  # of a GIF
 
@@ -131,7 +132,7 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
     """Yield pictures, `width` pixels wide, of all episodes side by side.
 
     The last one also has the designer's places and the IoUs. An episode that ends early stands still until the others
-    end.
+    end. A film that would have more than MOST_FRAMES goes faster.
     """
     columns = min(COLUMNS, len(episodes))
     rows = -(-len(episodes) // columns)
@@ -146,13 +147,14 @@ def frames(episodes: Sequence[Episode], width: int) -> Iterator[Image.Image]:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laying out the axes again takes longer than drawing
     drawn: list[Artist] = []
-    for step in range(FRAMES_A_MOVE * max(episode.last for episode in episodes) + 1):
+    last = max(episode.last for episode in episodes)
+    for along in np.linspace(0, last, min(FRAMES_A_MOVE * last + 1, MOST_FRAMES)):
         for artist in drawn:
             artist.remove()
         drawn = []
         for axes, episode in zip(grid, episodes, strict=False):
             if episode.way:
-                drawn += _drawn(axes, episode, min(step / FRAMES_A_MOVE, episode.last))
+                drawn += _drawn(axes, episode, min(along, episode.last))
         yield _picture(canvas)
     for axes, episode in zip(grid, episodes, strict=False):
         for item in episode.designed:

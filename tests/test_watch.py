@@ -83,6 +83,16 @@ def test_a_film_ends_with_all_that_was_placed_where_it_stays() -> None:
     assert last != before_last
 
 
+def test_a_long_film_goes_faster(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = rectangular_room(3.0, 2.0)
+    bed, shell = room.moving, replace(room, furniture=(), target=None)
+    way = [(0, replace(bed, center=(1.0 + k / 100, 1.0))) for k in range(40)]
+    monkeypatch.setattr("layoutrl.watch.MOST_FRAMES", 5)
+    *film, there, _ = frames([Episode(shell, way, [bed], 1.0)], width=60)
+    assert len(film) == 4
+    assert there == list(frames([Episode(shell, [*way, way[-1]], [bed], 1.0)], width=60))[-2]
+
+
 def test_what_is_taken_up_again_does_not_move_there() -> None:
     room = rectangular_room(3.0, 2.0)
     bed, shell = room.moving, replace(room, furniture=(), target=None)
