@@ -11,7 +11,7 @@ import socket
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, nullcontext, suppress
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -32,6 +32,7 @@ from layoutrl.runs.config import DemoConfig
 
 LARGEST_FILE = 5_000_000  # bytes
 LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
+MOST_FILES = 4  # whose bytes are in memory at once; others are not received yet
 LINE = LARGEST_LINE + 1  # bytes of the line of JSON above a home that is written back
 LEFT = "Layoutrl-Left"  # header of a saved home: JSON of a message on rooms that it has as before, and their indices
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
@@ -66,6 +67,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     """Return the ASGI app of the page at `host`, name:port; answers that take over `timeout` seconds are given up."""
     # Separate workers: while a room is furnished, items can be dragged and files opened.
     workers = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("looks", "files", "furnishes")}
+    places = asyncio.Semaphore(MOST_FILES)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> Any:
@@ -74,8 +76,9 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
             worker.shutdown(wait=False, cancel_futures=True)
 
     async def answered(work: Callable[[bytes], Any], worker: str, line: int, request: Request) -> Response:
-        body = await body_of(request, line)
-        return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
+        async with places if worker == "files" else nullcontext():
+            body = await body_of(request, line)
+            return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
 
     def asking(work: Callable[[bytes], Any], worker: str, line: int = 0) -> Callable[[Request], Any]:
         async def answer(request: Request) -> Response:
@@ -89,6 +92,7 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
             try:
                 return await asyncio.wait_for(answered(begin_work, worker, line, request), timeout)
             except InputError as error:
+                error.__traceback__ = None  # it leads to the body and back to the error, so that both would stay
                 return refused(400, str(error))
             except TimeoutError:  # a thread that has begun goes on, and the next answer waits for it
                 took = "the answer" if begun else "what was asked before"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import random
 import re
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -165,6 +167,52 @@ def test_homes_may_be_larger_than_what_is_no_zip(answers):
     for (_, _, most), (largest, larger) in zip(asked, talked(answers, talk), strict=True):
         assert "body" not in largest.json()["error"]
         assert larger.json() == {"error": f"body: expected at most {most} MB"}
+
+
+def test_files_wait_for_their_turn_before_they_are_received(answers, monkeypatch):
+    monkeypatch.setattr("layoutrl.demo.server.MOST_FILES", 1)
+    received, begun, release = [], asyncio.Event(), asyncio.Event()
+
+    async def first() -> Any:
+        yield b"["
+        begun.set()
+        await release.wait()
+        yield b"]"
+
+    async def second() -> Any:
+        received.append("second")
+        yield json.dumps(ROOMS[0]).encode()
+
+    async def talk(client: Any) -> list[Any]:
+        one = asyncio.create_task(client.post("/api/read", content=first()))
+        await begun.wait()
+        other = asyncio.create_task(client.post("/api/read", content=second()))
+        assert (await client.post("/api/look", json={"room": ROOMS[0]})).status_code == 200  # which is no file
+        assert not received
+        release.set()
+        return [await one, await other]
+
+    assert [response.status_code for response in talked(answers, talk)] == [400, 200]
+
+
+def test_what_was_refused_is_not_kept_until_garbage_is_collected(answers, monkeypatch):
+    kept = []
+
+    def refuses(_: bytes) -> None:
+        held = threading.Event()
+        kept.append(weakref.ref(held))
+        raise InputError("no")
+
+    async def talk(client: Any) -> Any:
+        return await client.post("/api/look", json={"room": ROOMS[0]})
+
+    monkeypatch.setitem(answers.questions, "look", refuses)
+    gc.disable()
+    try:
+        assert talked(answers, talk).json() == {"error": "no"}
+        assert kept[0]() is None
+    finally:
+        gc.enable()
 
 
 def test_an_answer_that_takes_long_is_given_up_and_others_go_on(answers, monkeypatch):
