@@ -23,6 +23,7 @@ from typing import IO, Any
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
+from layoutrl.env.arguments import check_rooms
 from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
 from layoutrl.rooms.collection import taken_for
 from layoutrl.rooms.documents import room_to_dict
@@ -80,8 +81,9 @@ def furnish(
     `stood` is the furniture of each room as it stood, needed where items have lost their centers already
     (`Source.stood`); the other options are those of conf/place.yaml. An item that cannot be placed stays where it
     stood, or has no center. Items have categories; `move` may also have everyday names, separated by commas. Raises
-    InputError for an invalid option, and if `run` is not the folder of a training run.
+    InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
     """
+    check_rooms(rooms)
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
     config = by_category(config)

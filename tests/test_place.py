@@ -1179,6 +1179,12 @@ def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any]
         furnish([room_from_dict(DOCUMENTS[0])], **options)
 
 
+@pytest.mark.parametrize("rooms", [DOCUMENTS, room_from_dict(DOCUMENTS[0]), "my_rooms.json"])
+def test_what_is_furnished_in_memory_is_a_list_of_rooms(rooms: Any) -> None:
+    with pytest.raises(InputError, match=r"^rooms: expected a list of rooms, as read_rooms\(file\)\.rooms is; got .+"):
+        furnish(rooms)
+
+
 def test_options_are_composed_once_for_rooms_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     furnish([], by="search")
     monkeypatch.setattr("layoutrl.place.composed", None)

@@ -1,4 +1,4 @@
-"""Checks of what users pass to the environments: rooms, moves, options of a reset, actions."""
+"""Checks of what users pass to the environments in Python: rooms, moves, options of a reset, actions."""
 
 from __future__ import annotations
 
@@ -22,11 +22,16 @@ def rooms_or_default(rooms: Sequence[Room] | None) -> Sequence[Room]:
     """The rooms, or ten designed bedrooms where None are given. Raises InputError for any but a list of one or more."""
     if rooms is None:
         return design_rooms("bedroom", "train", seed=0, count=10).rooms
-    if not (isinstance(rooms, Sequence) and all(isinstance(room, Room) for room in rooms)):
-        raise InputError(f"rooms: expected a list of rooms, as read_rooms(file).rooms is; got {rooms!r:.60}")
+    check_rooms(rooms)
     if not rooms:
         raise InputError("rooms: expected at least one room")
     return rooms
+
+
+def check_rooms(rooms: Sequence[Room]) -> None:
+    """Raise InputError for any but a list of rooms, which may be empty."""
+    if not (isinstance(rooms, Sequence) and all(isinstance(room, Room) for room in rooms)):
+        raise InputError(f"rooms: expected a list of rooms, as read_rooms(file).rooms is; got {rooms!r:.60}")
 
 
 def rooms_with_targets_or_default(rooms: Sequence[Room] | None) -> Sequence[Room]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -43,7 +44,7 @@ class Reward:
     Two weights are for whole rooms only. Where an item faces another way than the designer's, its IoU is multiplied by
     `faces_away`. `theta4` weighs the floor before items that is taken, see `RoomsSimulator.floor_taken`.
 
-    Raises InputError where a weight is not finite, and where `inside` is neither share nor iou.
+    Raises InputError where a weight is no finite number, and where `inside` is neither share nor iou.
     """
 
     theta1: float = 100.0
@@ -57,8 +58,9 @@ class Reward:
         if self.inside not in ("share", "iou"):
             raise InputError(f"reward.inside: expected share or iou; got {self.inside}")
         for name in ("theta1", "theta2", "theta3", "faces_away", "theta4"):
-            if not math.isfinite(weight := getattr(self, name)):
-                raise InputError(f"reward.{name}: expected a finite number; got {weight}")
+            weight = getattr(self, name)
+            if not (isinstance(weight, Real) and math.isfinite(weight)):
+                raise InputError(f"reward.{name}: expected a finite number; got {weight!r:.60}")
 
     def __call__(
         self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values, floor_taken: Values

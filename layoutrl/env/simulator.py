@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
+from numbers import Real
 from typing import Literal
 
 import numpy as np
@@ -38,8 +39,8 @@ class Moves:
     the item touches the outline, or its bounding box that of another item.
     Steps are in metres, or in pixels of the room's picture (1/120 of the envelope's longest side).
 
-    Raises InputError for another unit, for no steps, and for steps that are not finite lengths above zero (in metres
-    above GRID; pixels are held against it in `lengths`) or not multiples of the shortest.
+    Raises InputError for another unit, and for steps that are no list, or not finite lengths above zero (in metres
+    above GRID; pixels are held against it in `lengths`), or not multiples of the shortest.
     """
 
     steps: tuple[float, ...] = (0.32, 0.08, 0.02, 0.005)
@@ -50,8 +51,11 @@ class Moves:
         if self.unit not in ("metre", "pixel"):
             raise InputError(f"unit: expected one of metre, pixel; got {self.unit}")
         least = GRID if self.unit == "metre" else 0.0  # shorter ones would lead nowhere
-        if not self.steps or not all(least < step < math.inf for step in self.steps):
-            raise InputError(f"steps: expected finite lengths above zero, in metres above {GRID:g}; got {self.steps}")
+        listed = isinstance(self.steps, Sequence) and len(self.steps) > 0
+        if not (listed and all(isinstance(step, Real) and least < step < math.inf for step in self.steps)):
+            raise InputError(
+                f"steps: expected a list of finite lengths above zero, in metres above {GRID:g}; got {self.steps!r:.60}"
+            )
         ratios = np.array(self.steps) / min(self.steps)
         if not np.allclose(ratios, np.round(ratios)):
             raise InputError(

@@ -93,6 +93,12 @@ def test_weights_are_finite(name: str) -> None:
         Reward(**{name: float("nan")})
 
 
+@pytest.mark.parametrize("weight", ["1", None, [1.0]])
+def test_weights_are_numbers(weight: Any) -> None:
+    with pytest.raises(ValueError, match=r"^reward\.theta2: expected a finite number; got .+"):
+        Reward(theta2=weight)
+
+
 @pytest.mark.parametrize("array", [np.array, torch.tensor])
 def test_a_batch_has_one_reward_each_as_arrays_or_tensors(array: Callable[[list[float]], Any]) -> None:
     ious = (

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -277,6 +278,12 @@ def test_steps_in_pixels_that_would_lead_nowhere_in_a_room_are_refused() -> None
 )
 def test_steps_that_are_no_multiples_of_the_shortest_are_refused(steps: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="expected"):
+        Moves(steps)
+
+
+@pytest.mark.parametrize("steps", [0.1, None, "0.1", ("0.1",), (None,), np.array([0.1, 0.2])])
+def test_steps_that_are_no_list_of_numbers_are_refused(steps: Any) -> None:
+    with pytest.raises(InputError, match=r"^steps: expected a list of finite lengths above zero, .*; got .+"):
         Moves(steps)
 
 
