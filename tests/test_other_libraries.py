@@ -17,6 +17,7 @@ import torch
 
 from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import COLUMNS
+from layoutrl.env.rooms_observation import ROOM_COLUMNS
 from layoutrl.rooms.files import read_rooms, write_rooms
 from layoutrl.rooms.room import Item
 from tests.builders import rectangular_room
@@ -72,6 +73,12 @@ def test_both_environments_of_the_page_have_the_spaces_that_are_given(
     exec("".join(re.findall(r"^    ((?:spaces|learns|is_tested) = .*\n)", PAGE, flags=re.MULTILINE)), names)
     assert names["learns"].observation_space == names["is_tested"].observation_space
     assert names["learns"].observation_space.shape == (24, len(COLUMNS) + 4)
+
+
+def test_the_page_names_the_columns_of_an_observation_in_order() -> None:
+    table = PAGE[PAGE.index("| column | name | value |") :].partition("\n\n")[0]
+    named = [name for line in table.splitlines() for name in re.findall(r"`(\w+)`", line.split("|")[2])]
+    assert tuple(named) == ROOM_COLUMNS
 
 
 def assert_rewards_are_scaled(rewards: Any, slack: float = 0.0) -> None:

@@ -25,12 +25,13 @@ from layoutrl.rooms.clearances import period
 from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Point, Room, middles, polygons
 
-# Columns of one element in the geometry observation; one column per known furniture category follows.
+# Columns of one element in the geometry observation; one column per known furniture category follows. Extents are those
+# along x and y once it is turned back by the angle of cos2 and sin2: with rotation 0 an item's depth is along x.
 KINDS = ("moving", "wall", "door", "window", "item")
-COLUMNS = ("x", "y", "present", *KINDS, "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
-X, Y, PRESENT, ITEM, WIDTH, DEPTH, COS2, SIN2, CIRCLE, COS, SIN = (
+COLUMNS = ("x", "y", "present", *KINDS, "extent_x", "extent_y", "cos2", "sin2", "circle", "cos", "sin")
+X, Y, PRESENT, ITEM, EXTENT_X, EXTENT_Y, COS2, SIN2, CIRCLE, COS, SIN = (
     COLUMNS.index(name)
-    for name in ("x", "y", "present", "item", "width", "depth", "cos2", "sin2", "circle", "cos", "sin")
+    for name in ("x", "y", "present", "item", "extent_x", "extent_y", "cos2", "sin2", "circle", "cos", "sin")
 )
 STANDING = slice(COLUMNS.index("wall"), COLUMNS.index("item") + 1)  # the kinds of elements that do not move
 LIMIT = 2 * LARGEST  # metres: no entry of a room that can be read is larger
@@ -236,7 +237,7 @@ def elements_of(rooms: Sequence[Room], categories: list[str], origin: np.ndarray
 
 
 def items_described(items: Sequence[Item], degrees: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return the columns `width` to `sin` (n, 7) of items with rotations in degrees (n,)."""
+    """Return the columns `extent_x` to `sin` (n, 7) of items with rotations in degrees (n,)."""
     size = np.array([item.size for item in items]).reshape(-1, 2)
     shown = described(size, np.array(degrees))
     circle = np.array([item.form == "circle" for item in items], dtype=bool)
@@ -246,7 +247,7 @@ def items_described(items: Sequence[Item], degrees: Sequence[float] | np.ndarray
 
 
 def described(size: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-    """The columns `width` to `sin` (n, 7) of rectangles of a size (n, 2), turned by degrees (n,)."""
+    """The columns `extent_x` to `sin` (n, 7) of rectangles of a size (n, 2), turned by degrees (n,)."""
     # Of the equal descriptions of a rectangle, take the one whose rotation lies above -45 and up to 45 degrees.
     quarters = np.ceil((degrees - 45) / 90 - 1e-9).astype(int)
     size = np.where(quarters[:, None] % 2 == 0, size, size[:, ::-1])
@@ -260,7 +261,7 @@ def elements_turned(elements: Tensor, symmetry: Symmetry) -> Tensor:
     for first, last in ((X, Y), (COS, SIN)):
         turned[..., first : last + 1] = elements[..., first : last + 1] @ symmetry.matrix.T
     if symmetry.quarters % 2:
-        turned[..., WIDTH], turned[..., DEPTH] = elements[..., DEPTH], elements[..., WIDTH]
+        turned[..., EXTENT_X], turned[..., EXTENT_Y] = elements[..., EXTENT_Y], elements[..., EXTENT_X]
     if symmetry.mirror:
         turned[..., SIN2].neg_()
     return turned
@@ -270,7 +271,7 @@ def upright_box(element: Tensor) -> tuple[Tensor, Tensor]:
     """Centre and half sides, (2, ...) each, of the upright box around each element (columns, ...)."""
     cosine = ((1 + element[COS2]) / 2).clamp_(0, 1).sqrt_().where(element[CIRCLE] == 0, 1.0)
     sine = (1 - cosine.square()).clamp_(min=0).sqrt_()
-    size = element[WIDTH : DEPTH + 1]
+    size = element[EXTENT_X : EXTENT_Y + 1]
     return element[: Y + 1], (size * cosine + size.flip(0) * sine) / 2
 
 

@@ -18,13 +18,13 @@ from layoutrl.env.observation import (
     COLUMNS,
     COS,
     COS2,
-    DEPTH,
+    EXTENT_X,
+    EXTENT_Y,
     ITEM,
     LIMIT,
     PRESENT,
     SIN,
     SIN2,
-    WIDTH,
     X,
     Y,
     categories_of,
@@ -46,9 +46,9 @@ class RoomsObservation:
     """The state as a set of elements, float32 (B, elements, columns): the N items to place, then what never moves.
 
     Columns are those of GeometryObservation with `stands` and `tucked` before the categories. An item that does not
-    stand yet has x and y 0. If its rotation is given, it is shown turned so; if not, `width` is its size along the way
-    that it faces, `depth` that across, and the columns of its rotation and facing are 0. There are `elements` rows, as
-    in GeometryObservation.
+    stand yet has x and y 0. If its rotation is given, it is shown turned so; if not, its extents are those that it has
+    with rotation 0, its depth along x and its width along y, and the columns of its rotation and facing are 0. There
+    are `elements` rows, as in GeometryObservation.
 
     Raises InputError where rooms need more rows than are given.
     """
@@ -78,7 +78,7 @@ class RoomsObservation:
             if those:
                 for q in range(4):
                     shown = items_described(those, simulator.degrees[r, : len(those), q])
-                    items[r, : len(those), q, WIDTH : SIN + 1] = shown
+                    items[r, : len(those), q, EXTENT_X : SIN + 1] = shown
                 items[r, : len(those), :, PRESENT] = 1.0
                 items[r, : len(those), :, TUCKED] = np.array([item.tucked for item in those])[:, None]
                 waiting[r, : len(those)] = [item.size for item in those]
@@ -100,10 +100,10 @@ class RoomsObservation:
         items = self._items.index_select(0, state.room).gather(2, index).squeeze(2)
         place = state.center - self.origin.index_select(0, state.room)[:, None]
         items[..., X : Y + 1] = place.float() * stands
-        items[..., WIDTH : DEPTH + 1] = torch.where(
-            lies, items[..., WIDTH : DEPTH + 1], self._waiting.index_select(0, state.room)
+        items[..., EXTENT_X : EXTENT_Y + 1] = torch.where(
+            lies, items[..., EXTENT_X : EXTENT_Y + 1], self._waiting.index_select(0, state.room)
         )
-        turned = slice(DEPTH + 1, COS - 1)  # cos2 and sin2; `circle` stays
+        turned = slice(EXTENT_Y + 1, COS - 1)  # cos2 and sin2; `circle` stays
         items[..., turned] *= lies
         items[..., COS : SIN + 1] *= lies
         moves = torch.zeros_like(state.stands).scatter(1, state.moving[:, None], True) & state.stands
@@ -114,7 +114,7 @@ class RoomsObservation:
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:
         """Return the observation of the same rooms, mirrored and turned; what is not `lying` keeps its size."""
-        turned, sizes = elements_turned(observation, symmetry), slice(WIDTH, DEPTH + 1)
+        turned, sizes = elements_turned(observation, symmetry), slice(EXTENT_X, EXTENT_Y + 1)
         turned[..., sizes] = torch.where(lying(observation)[..., None], turned[..., sizes], observation[..., sizes])
         return turned
 
@@ -127,7 +127,7 @@ def moving_first_(values: Tensor, moving: Tensor) -> Tensor:
 
 
 def lying(elements: Tensor) -> Tensor:
-    """Return whether the width and depth of elements (..., columns) are along x and y, not the item's own: bool (...).
+    """Return whether the extents of elements (..., columns) are along the room's x and y, not the item's: bool (...).
 
     So they are for all that stands, and for what waits with a given rotation. (For round items both are the same.)
     """

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID
-from layoutrl.env.observation import COS, DEPTH, ITEM, SIN, WIDTH, X, Y
+from layoutrl.env.observation import COS, EXTENT_X, EXTENT_Y, ITEM, SIN, X, Y
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import STANDS, RoomsObservation, lying, moving_first_
@@ -133,8 +133,8 @@ class ScenesObservation:
         for a, b in ((X, Y), (COS, SIN)):
             elements[..., a : b + 1] = torch.einsum("bij,bnj->bni", back, elements[..., a : b + 1])
         swapped = lying(elements) & (turns % 2 == 1)[:, None]
-        sides = elements[..., WIDTH : DEPTH + 1]
-        elements[..., WIDTH : DEPTH + 1] = torch.where(swapped[..., None], sides.flip(-1), sides)
+        sides = elements[..., EXTENT_X : EXTENT_Y + 1]
+        elements[..., EXTENT_X : EXTENT_Y + 1] = torch.where(swapped[..., None], sides.flip(-1), sides)
         return elements
 
     def turned(self, observation: Tensor, symmetry: Symmetry) -> Tensor:

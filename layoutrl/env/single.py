@@ -47,9 +47,9 @@ class SingleSimulator:
         disc = item.form == "circle"
         turn = math.radians(0.0 if disc or item.degrees % 90 == 0 else item.degrees)
         self._cosine, self._sine = math.cos(turn), math.sin(turn)
-        width, depth = item.size if disc or item.degrees % 180 != 90 else item.size[::-1]
-        self._half = width / 2, depth / 2
-        self._radius = width / 2 if disc else 0.0
+        along_x, along_y = item.size if disc or item.degrees % 180 != 90 else item.size[::-1]
+        self._half = along_x / 2, along_y / 2
+        self._radius = along_x / 2 if disc else 0.0
         self._area = item.area
         first, last = np.searchsorted(simulator.room_of_shape, (room, room + 1))
         is_disc = simulator.is_circle[first:last] | (disc & (np.arange(last - first) == 1))  # the designer's footprint
@@ -84,8 +84,8 @@ class SingleSimulator:
     def reward(self, x: float, y: float) -> RewardTerms[float]:
         """The reward of standing there."""
         x, y = self._cosine * x + self._sine * y, self._cosine * y - self._sine * x
-        width, depth = self._half
-        left, below, right, up = box = x - width, y - depth, x + width, y + depth
+        half_x, half_y = self._half
+        left, below, right, up = box = x - half_x, y - half_y, x + half_x, y + half_y
         shared, ious = [], []
         for shape in self._shapes:
             (x0, y0, x1, y1), area, _, _ = shape

@@ -172,7 +172,7 @@ def test_every_element_of_a_small_room_is_shown_as_worked_out_by_hand():
     ]
     table = [
         dict.fromkeys((*COLUMNS, *CATEGORIES), 0.0)
-        | {"present": 1.0, kind: 1.0, "x": x, "y": y, "width": width, "depth": depth, "cos2": cos2, "sin2": sin2}
+        | {"present": 1.0, kind: 1.0, "x": x, "y": y, "extent_x": width, "extent_y": depth, "cos2": cos2, "sin2": sin2}
         | ({category: 1.0} if category else {})
         | ({"circle": 1.0} if category == "lamp" else {})
         | ({"cos": 1.0} if kind == "moving" else {})
@@ -188,6 +188,11 @@ def test_every_element_of_a_small_room_is_shown_as_worked_out_by_hand():
         assert row == pytest.approx(right, abs=1e-5)
 
 
+def test_an_item_that_faces_along_x_extends_as_far_along_x_as_it_is_deep():
+    (moving, *_) = rows(rectangular_room(4, 3, Item("bed", (2.0, 1.5), (1.0, 1.0))), (1.0, 1.0))
+    assert (moving["extent_x"], moving["extent_y"]) == (2.0, 1.5)
+
+
 @given(SEEDS)
 @settings(max_examples=20)
 def test_the_row_of_an_item_rebuilds_its_footprint(seed):
@@ -197,10 +202,10 @@ def test_the_row_of_an_item_rebuilds_its_footprint(seed):
     shown = [moving, *(row for row in others if row["item"])]
     for row, item in zip(shown, (room.moving, *room.others), strict=True):
         if row["circle"]:
-            shape = shapely.Point(0, 0).buffer(row["width"] / 2, quad_segs=64)
-            assert row["width"] == pytest.approx(row["depth"], abs=1e-5)
+            shape = shapely.Point(0, 0).buffer(row["extent_x"] / 2, quad_segs=64)
+            assert row["extent_x"] == pytest.approx(row["extent_y"], abs=1e-5)
         else:
-            half = np.array([row["width"], row["depth"]]) / 2
+            half = np.array([row["extent_x"], row["extent_y"]]) / 2
             shape = rotate(
                 shapely.box(*-half, *half), np.arctan2(row["sin2"], row["cos2"]) / 2, (0, 0), use_radians=True
             )
@@ -222,7 +227,7 @@ def test_every_wall_and_opening_lies_in_the_rectangle_of_its_row(seed):
         ("window", [o.shape for o in room.windows]),
     ):
         for row, shape in zip([row for row in shown if row[kind]], shapes, strict=True):
-            half = np.array([row["width"], row["depth"]]) / 2
+            half = np.array([row["extent_x"], row["extent_y"]]) / 2
             around = rotate(
                 shapely.box(*-half, *half), np.arctan2(row["sin2"], row["cos2"]) / 2, (0, 0), use_radians=True
             )

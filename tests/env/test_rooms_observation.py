@@ -101,7 +101,7 @@ def test_what_is_still_to_come_is_known_by_category_and_size_and_is_nowhere() ->
     assert torch.equal(one, other)  # the poses that are drawn for later do not show
     for row, item in zip(one, simulator.items[0], strict=False):
         shown = dict(zip((*ROOM_COLUMNS, *categories), row.tolist(), strict=True))
-        assert (shown["width"], shown["depth"]) == pytest.approx(item.size)
+        assert (shown["extent_x"], shown["extent_y"]) == pytest.approx(item.size)
         assert shown["item"] == shown["present"] == shown[item.category] == 1
         for name in ("x", "y", "cos", "sin", "cos2", "sin2", "stands", "moving"):
             assert shown[name] == 0
@@ -146,8 +146,10 @@ def test_a_rotation_that_is_given_shows_before_the_item_stands_and_so_does_what_
     state = State(*map(torch.as_tensor, simulator.begin(np.array([0]), np.random.default_rng(0))))
     seen = observe(state)
     shown = [dict(zip(ROOM_COLUMNS, row.tolist(), strict=False)) for row in seen[0]]
-    assert (shown[0]["width"], shown[0]["depth"], shown[0]["sin"], shown[0]["tucked"]) == pytest.approx((1.5, 2, 1, 0))
-    assert (shown[1]["width"], shown[1]["depth"], shown[1]["sin"], shown[1]["tucked"]) == pytest.approx(
+    assert (shown[0]["extent_x"], shown[0]["extent_y"], shown[0]["sin"], shown[0]["tucked"]) == pytest.approx(
+        (1.5, 2, 1, 0)
+    )
+    assert (shown[1]["extent_x"], shown[1]["extent_y"], shown[1]["sin"], shown[1]["tucked"]) == pytest.approx(
         (0.5, 0.4, 0, 1)
     )
 
@@ -161,5 +163,5 @@ def test_what_waits_with_a_rotation_is_turned_with_the_room_and_what_waits_witho
     observe = RoomsObservation(simulator)
     seen = observe.turned(observe(state), Symmetry(1, False, Moves()))
     turned = RoomsObservation(RoomsSimulator([brief.turned(1)], None, Moves(), Reward()))(state)
-    waiting = slice(COLUMNS.index("width"), TUCKED + 1)
+    waiting = slice(COLUMNS.index("extent_x"), TUCKED + 1)
     torch.testing.assert_close(seen[0, :2, waiting], turned[0, :2, waiting], rtol=0, atol=1e-5)

@@ -137,7 +137,7 @@ def test_what_waits_is_nowhere_and_known_by_its_size() -> None:
     waits = (seen[..., STANDS] == 0) & (seen[..., COLUMNS.index("present")] == 1)
     assert waits.any()
     assert (seen[waits][:, COLUMNS.index("item")] == 0).all()
-    assert (seen[waits][:, COLUMNS.index("width")] > 0).all()
+    assert (seen[waits][:, COLUMNS.index("extent_x")] > 0).all()
 
 
 def test_scenes_that_differ_only_in_the_designers_places_look_the_same() -> None:
