@@ -19,6 +19,7 @@ import shapely
 import torch
 from torch import Tensor
 
+from layoutrl import InputError
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID, snap
@@ -40,8 +41,9 @@ def perfect_places(
 
     The policy ends in a loop, and stops at that place of the loop which the move of highest Q enters. From every place
     on its path its return is the best possible up to TOLERANCE, with moves and rewards as the BatchSimulator of this
-    `dtype` has them. No reward may exceed theta1 times the IoU, so theta2 and theta3 must be at most 0.
+    `dtype` has them. Raises InputError for a discount or a reward that the search does not take (`check_solvable`).
     """
+    check_solvable(simulator, discount)
     batch_simulator = BatchSimulator(simulator, dtype=dtype)
     best = best_rewards(simulator, batch_simulator)[room]
     return np.concatenate(
@@ -55,7 +57,9 @@ def perfect_values(
     """The optimal Q of every move from positions (B, 2) in metres in rooms (B,): (B, A), of rewards / REWARD_SCALE.
 
     It is -inf of illegal moves, and up to discount * TOLERANCE too low of others, with moves and rewards as above.
+    Raises as `perfect_places` does.
     """
+    check_solvable(simulator, discount)
     batch_simulator = BatchSimulator(simulator, dtype=dtype)
     length, legal = _asked(batch_simulator.reach, room, position)
     which, action = np.nonzero(legal)
@@ -66,6 +70,16 @@ def perfect_values(
     q = np.full(legal.shape, -np.inf)
     q[which, action] = _rewards(batch_simulator, of, reached) + discount * (best / (1 - discount) - cost)
     return q
+
+
+def check_solvable(simulator: Simulator, discount: float) -> None:
+    """Raise InputError unless 0 < discount < 1, without which the search has no end, and no reward exceeds theta1 times
+    the IoU, by which it bounds what is to come."""
+    if not 0 < discount < 1:
+        raise InputError(f"discount: expected more than 0 and less than 1; got {discount}")
+    reward = simulator.reward_function
+    if not (reward.theta1 > 0 >= max(reward.theta2, reward.theta3)):
+        raise InputError(f"reward: expected theta1 above 0, theta2 and theta3 at most 0; got {reward}")
 
 
 def _searches(

@@ -13,6 +13,7 @@ import torch
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from layoutrl import InputError
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID
 from layoutrl.env.reward import Reward
@@ -188,6 +189,22 @@ def test_an_item_that_cannot_move_stays():
     room = rectangular_room(1.0, 1.0, Item("bed", (1.2, 1.2), (0.5, 0.5)))
     simulator, start = Simulator([room], Moves((0.5,), slide=False), Reward()), np.array([[0.5, 0.5]])
     np.testing.assert_array_equal(perfect_places(simulator, np.zeros(1, dtype=int), start, 0.7), start)
+
+
+@pytest.mark.parametrize("solve", [perfect_places, perfect_values])
+@pytest.mark.parametrize(
+    ("reward", "discount", "said"),
+    [
+        (Reward(), 0.0, r"^discount: expected more than 0 and less than 1; got 0\.0$"),
+        (Reward(), 1.0, r"^discount: expected more than 0 and less than 1; got 1\.0$"),
+        (Reward(theta2=1.0), 0.7, r"^reward: expected theta1 above 0, theta2 and theta3 at most 0; got .*theta2=1\.0"),
+        (Reward(theta1=0.0), 0.7, r"^reward: expected theta1 above 0"),
+    ],
+)
+def test_what_has_no_solution_is_refused(solve, reward, discount, said):
+    simulator, start = Simulator([rectangular_room()], Moves((0.5,), slide=False), reward), np.array([[2.0, 1.5]])
+    with pytest.raises(InputError, match=said):
+        solve(simulator, np.zeros(1, dtype=int), start, discount)
 
 
 @given(st.integers(0, 2**32 - 1))
