@@ -21,7 +21,7 @@ from layoutrl.env.rooms_env import MAX_MOVES, RoomsEnv, picture, simulator_of
 from layoutrl.env.rooms_observation import RoomsObservation
 from layoutrl.env.rooms_simulator import State
 from layoutrl.env.simulator import Moves
-from layoutrl.env.vector_env import array, checked, masked, reseeded
+from layoutrl.env.vector_env import array, checked_actions, masked, reseeded
 from layoutrl.rooms.room import Room
 
 
@@ -82,7 +82,7 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         simulator, state = self.simulator, self._running
-        action = checked(actions, self.num_envs, simulator.actions, simulator.device)
+        action = checked_actions(actions, self.num_envs, simulator.actions, simulator.device)
         legal = self._legal.gather(1, action[:, None])[:, 0]
         moved = simulator.moved(state, action, self._length.gather(1, action[:, None])[:, 0])
         self._state = either(legal, moved, state)

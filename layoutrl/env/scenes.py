@@ -35,7 +35,8 @@ class Scenes:
         self.rooms = simulator.rooms
         self.moves = simulator.moves
         self.device = simulator.device
-        self.columns = 2 + 3 * simulator.ways.shape[1]
+        self._items = simulator.ways.shape[1]  # N
+        self.columns = 2 + 3 * self._items
         turned = [Symmetry(quarters, False, self.moves, self.device).action for quarters in range(QUARTERS)]
         self._turned = torch.stack(turned)  # (quarters, A): the action that each is in the room
 
@@ -49,7 +50,7 @@ class Scenes:
     def state(self, scene: Tensor, position: Tensor) -> State[Tensor]:
         """Return the states of scenes with the moving item at positions (B, 2)."""
         room, moving, *_ = scene.long().T
-        middle, quarter = scene[:, 2:].split((self.columns - 2) // 3 * 2, 1)
+        middle, quarter = scene[:, 2:].split(2 * self._items, 1)
         center = (middle.double() * GRID).unflatten(1, (-1, 2))
         center = center.scatter(1, moving[:, None, None].expand(-1, 1, 2), position[:, None])
         return State(room, center, quarter.clamp(min=0).long(), quarter >= 0, moving)
@@ -60,7 +61,7 @@ class Scenes:
 
     def quarter(self, scene: Tensor) -> Tensor:
         """Return the quarter of the moving item, as in State: int64 (B,)."""
-        first = 2 + (self.columns - 2) // 3 * 2
+        first = 2 + 2 * self._items
         return scene.gather(1, first + scene[:, 1:2].long())[:, 0].long()
 
     def starts(self, scene: Tensor, generator: torch.Generator) -> Tensor:

@@ -98,7 +98,9 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return self._begun()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        step = self._running.step(checked(actions, self.num_envs, self.simulator.moves.count, self.simulator.device))
+        step = self._running.step(
+            checked_actions(actions, self.num_envs, self.simulator.moves.count, self.simulator.device)
+        )
         if self.render_mode is not None:
             self._path.append(step.next_position)
         observation = array(self._observe(step.room, step.next_position))
@@ -168,7 +170,7 @@ def reseeded(
     return [old if new is None else new for new, old in zip(drawn, streams, strict=True)]
 
 
-def checked(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:
+def checked_actions(actions: np.ndarray, num_envs: int, count: int, device: torch.device) -> Tensor:
     """Actions on the device, int64 (num_envs,). Raises ValueError for those outside the action space."""
     try:
         action = torch.as_tensor(actions, device=device)

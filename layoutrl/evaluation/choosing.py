@@ -21,7 +21,7 @@ from layoutrl.rooms.room import Room
 
 FAULT = 1000  # an item with a fault is as wrong as so many odd ones: no room has more items
 TRIED_UP_TO = 1, 4, 12, 24  # poses of highest value that are tried, until one has nothing wrong; blocks save time
-APART = 0.5  # metres: layouts differ if their largest items stand this far apart, or face different ways
+LARGEST_APART = 0.5  # metres: layouts differ if their largest items stand this far apart, or face different ways
 
 
 class Options(NamedTuple):
@@ -105,7 +105,7 @@ def _wrong_with(
 def unlike(
     rooms: RoomsSimulator, state: State[np.ndarray], options: Options, known: Sequence[Sequence[Furnished]]
 ) -> Options:
-    """Return the options, with value -inf for poses like the item's in a known layout (see APART)."""
+    """Return the options, with value -inf for poses like the item's in a known layout (see LARGEST_APART)."""
     value = options.value.copy()
     for b, layouts in enumerate(known):
         room, n = int(state.room[b]), int(state.moving[b])
@@ -114,7 +114,7 @@ def unlike(
             if stands.center is None:  # it found no place there, and so will find none in another
                 value[b] = -np.inf
                 continue
-            near = np.linalg.norm(options.center[b] - stands.center, axis=1) < APART
+            near = np.linalg.norm(options.center[b] - stands.center, axis=1) < LARGEST_APART
             value[b, near & (rooms.degrees[room, n, options.quarter[b]] == stands.rotation)] = -np.inf
     return options._replace(value=value)
 

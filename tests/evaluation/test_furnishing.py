@@ -17,7 +17,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import choosing, furnishing
-from layoutrl.evaluation.choosing import APART, FAULT, TRIED_UP_TO, Chosen, Options, wrong
+from layoutrl.evaluation.choosing import FAULT, LARGEST_APART, TRIED_UP_TO, Chosen, Options, wrong
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, Placing, spread
 from layoutrl.rooms.brief import brief_of, missing
@@ -184,7 +184,9 @@ def test_layouts_to_choose_from_differ_in_their_largest_item_and_come_by_faults_
         largest = [max(one.layout.furniture, key=lambda item: item.area) for one in layouts]
         for k, one in enumerate(largest):
             for other in largest[:k]:
-                assert np.hypot(*np.subtract(one.center, other.center)) >= APART or one.rotation != other.rotation
+                assert (
+                    np.hypot(*np.subtract(one.center, other.center)) >= LARGEST_APART or one.rotation != other.rotation
+                )
 
 
 def chosen_at(center: np.ndarray, harm: int) -> Chosen:
