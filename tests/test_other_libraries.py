@@ -81,6 +81,19 @@ def test_the_page_names_the_columns_of_an_observation_in_order() -> None:
     assert tuple(named) == ROOM_COLUMNS
 
 
+def test_the_reward_of_the_page_pays_where_the_item_arrives() -> None:
+    names: dict[str, Any] = {"gymnasium": gymnasium}
+    (program,) = re.findall(r"^    (class Arrived.*\n(?:     .*\n|\n)*)", PAGE, flags=re.MULTILINE)
+    exec(program.replace("\n    ", "\n"), names)
+    env = names["Arrived"](LayoutEnv([rectangular_room(4, 3)]))
+    x, y = env.unwrapped.simulator.designer_position[0]
+    paid = []
+    for beside in (0.32, 0.64):
+        env.reset(options={"position": (x - beside, y)})
+        paid.append(env.step(0)[1])
+    assert paid == [1.0, 0.0]
+
+
 def assert_rewards_are_scaled(rewards: Any, slack: float = 0.0) -> None:
     """From -2 to 1; of PPO, the last of an episode has a value added to it."""
     assert -2 - slack <= rewards.min() < rewards.max() <= 1 + slack
