@@ -114,6 +114,9 @@ def trained_run(config: RunConfig) -> TrainedRun:
     device = device_of(config.device)
     kept = trained_network(folder, trained, device, config.checkpoint)
     learns = trained.method.scope, trained.room.type, trained.room.item
+    data, same = asked_data(trained.data, given)
+    # Other rooms are read first: that they are not there is told before the agent's own are made, which takes a while.
+    others = None if data == trained.data else parts_of(*learns, data, trained.fold)
     training, held_out = parts_of(*learns, trained.data, trained.fold)
     if digest(training) != kept.rooms:
         if moved_to != own:
@@ -123,8 +126,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
             )
         print(f"{folder} was trained on other rooms than there are now; how it does may say less than it seems")
 
-    data, same = asked_data(trained.data, given)
-    parts = (training, held_out) if data == trained.data else parts_of(*learns, data, trained.fold)
+    parts = others or (training, held_out)
     part = config.part or ("held_out" if same or data.source == "designer" else "all")
     chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
     if not same:

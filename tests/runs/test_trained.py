@@ -133,6 +133,16 @@ def test_rooms_that_are_elsewhere_now_are_the_runs_own(
     assert trained_run(given).part == "all"
 
 
+def test_other_rooms_that_are_not_there_are_told_before_its_own_are_read(
+    tatami: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    elsewhere = replace(AS_IN_THE_RUN, source="json", root=str(tmp_path / "gone.jsonl"))
+    capsys.readouterr()
+    with pytest.raises(InputError, match=r"gone\.jsonl: no such file or folder"):
+        trained_run(RunConfig(str(tatami), data=elsewhere))
+    assert capsys.readouterr().out == ""
+
+
 def test_furniture_that_the_agent_never_saw_is_told(
     tatami: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
