@@ -92,7 +92,7 @@ class Training:
         self.agent, self.replay, self.stopping = agent, replay, False
         self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
         self._every_move = every_move
-        self._updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
+        self._total_updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
         self._warm = min(warmup_moves, replay.capacity)
         device = replay.device
         episode_rng, self._explore_rng, self._replay_rng = (
@@ -106,12 +106,12 @@ class Training:
 
     def __iter__(self) -> Iterator[Progress]:
         agent = self.agent
-        while agent.updates < self._updates and not self.stopping:
+        while agent.updates < self._total_updates and not self.stopping:
             self._act()
             if self.replay.size < self._warm:
                 continue
             self._learn()
-            if agent.updates % self._report_every == 0 or agent.updates == self._updates:
+            if agent.updates % self._report_every == 0 or agent.updates == self._total_updates:
                 yield self._report()
 
     @property

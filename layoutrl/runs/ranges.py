@@ -43,8 +43,9 @@ def check_method(prefix: str, method: Method) -> None:
     given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
     enough = min(method.updates.values(), default=0) >= 1
     within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")
-    fewest, capacity = max(method.batch, method.episodes), method.replay_capacity
-    within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, a batch")
+    fewest, what = max((method.batch, "a batch"), (method.episodes, "a move of each episode"))
+    capacity = method.replay_capacity
+    within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, {what}")
     within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
     if method.every_move:
         first = method.discount_start

@@ -67,6 +67,15 @@ def test_the_ends_of_a_range_are_in_it_and_all_beyond_is_refused_by_name(
 
 
 @pytest.mark.parametrize(
+    ("batch", "episodes", "said"), [(8, 4, "8 or more, a batch"), (4, 8, "8 or more, a move of each episode")]
+)
+def test_a_replay_holds_a_batch_and_a_move_of_each_episode(batch: int, episodes: int, said: str) -> None:
+    method = replace(METHOD, batch=batch, episodes=episodes, replay_capacity=7)
+    with pytest.raises(InputError, match=rf"^method\.replay_capacity: expected {said}; got 7$"):
+        check_of_method(method)
+
+
+@pytest.mark.parametrize(
     ("check", "settings", "name"),
     [(check_search, RIVALS.search, "search"), (check_annealer, RIVALS.annealer, "annealer")],
 )
