@@ -21,6 +21,7 @@ from typing import Literal
 
 from tqdm import tqdm
 
+from layoutrl import InputError
 from layoutrl.rooms.clearances import passage
 from layoutrl.rooms.designer.balcony import BALCONY
 from layoutrl.rooms.designer.bathroom import BATHROOM
@@ -105,7 +106,16 @@ class Designs:
 
 
 def design_rooms(room_type: str, part: Part, seed: int, count: int) -> Designs:
-    """Rooms 0 to count - 1 of a part, on all cores."""
+    """Rooms 0 to count - 1 of a part, on all cores.
+
+    Raises InputError for an unknown type or part, a negative seed, and a count below 1.
+    """
+    for name, value, known in (("room_type", room_type, [*ROOM_TYPES]), ("part", part, [*PARTS])):
+        if value not in known:
+            raise InputError(f"{name}: expected one of {', '.join(known)}; got {value!r:.60}")
+    for name, number, least in (("seed", seed, 0), ("count", count, 1)):
+        if number < least:
+            raise InputError(f"{name}: expected a whole number, {least} or more; got {number}")
     return joined(design_each(room_type, part, seed, range(count)))
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 from functools import cache
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layoutrl import InputError
 from layoutrl.rooms.designer.generator import Design, Designs, design_room, design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
@@ -177,6 +179,20 @@ def test_rooms_hang_on_type_part_seed_and_index_alone(room_type: str) -> None:
 @cache
 def training_rooms(room_type: str) -> Designs:
     return design_rooms(room_type, "train", 0, 250)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"room_type": "garage"}, r"^room_type: expected one of balcony, .*, tatami; got 'garage'$"),
+        ({"part": "both"}, r"^part: expected one of train, test; got 'both'$"),
+        ({"seed": -1}, r"^seed: expected a whole number, 0 or more; got -1$"),
+        ({"count": 0}, r"^count: expected a whole number, 1 or more; got 0$"),
+    ],
+)
+def test_rooms_that_cannot_be_designed_are_answered(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        design_rooms(**{"room_type": "tatami", "part": "train", "seed": 0, "count": 1} | wrong)
 
 
 @pytest.mark.parametrize("room_type", MAIN_ITEM)
