@@ -46,9 +46,9 @@ def trained_network(
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         trained = agent_training.train(training, rooms, held_out, device, begun)
-        if trained.learner.agent.updates < trained.learner.updates:
+        if trained.learner.dqn.updates < trained.learner.updates:
             raise KeyboardInterrupt
-        return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.agent.updates}
+        return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.dqn.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
     network, categories, *_ = load_network(folder, load_config(folder, TrainConfig), device)

@@ -31,22 +31,22 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     training, held_out = both(*parts_of(scope, room.type, room.item, config.data, config.fold))
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
-    if learner.agent.updates < learner.updates:
+    if learner.dqn.updates < learner.updates:
         raise Stopped(
-            f"stopped after {learner.agent.updates} of {learner.updates} updates",
+            f"stopped after {learner.dqn.updates} of {learner.updates} updates",
             going_on(folder, config, "layoutrl.train"),
         )
     with evaluation_session(folder, config, "layoutrl.train"):
-        network, categories = learner.agent.network, learner.categories
+        network, categories = learner.dqn.network, learner.categories
         result, shown = scored(network, config.method, config.reward, categories, held_out, training, seeds(config)[3])
-        record_result(folder, asdict(config), result, learner.agent.updates)
+        record_result(folder, asdict(config), result, learner.dqn.updates)
         finish(
             folder,
             config,
             result,
             shown,
             device=device,
-            updates=learner.agent.updates,
+            updates=learner.dqn.updates,
             seconds=trained.seconds,
         )
     return folder

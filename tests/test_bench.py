@@ -144,11 +144,11 @@ def test_the_bare_passes_are_those_of_an_update(double: bool, tmp_path: Path) ->
     next(reports)
     calls: list[tuple[str, tuple[int, ...], bool]] = []
     for name in ("network", "target"):
-        module = getattr(learner.agent, name)
+        module = getattr(learner.dqn, name)
         module.register_forward_hook(
             lambda _, inputs, output, name=name: calls.append((name, inputs[0].shape, output.requires_grad))
         )
-    first = next(learner.agent.network.parameters())
+    first = next(learner.dqn.network.parameters())
     first.register_post_accumulate_grad_hook(lambda _: calls.append(("backward", (), True)))
     next(reports)
     update = calls[1:]  # the first is to act
@@ -212,10 +212,10 @@ def test_sb3_trains_our_network_for_as_many_updates(tmp_path: Path) -> None:
     config = configured(f"data.root={tmp_path}", "method.target_period=10")
     training, held_out = read_parts(config.room.type, config.room.item, config.data, config.fold)
     learner = untrained(config, training, CPU, updates=25)
-    before = [weights.clone() for weights in learner.agent.network.parameters()]
+    before = [weights.clone() for weights in learner.dqn.network.parameters()]
     curve = learned_by_sb3(config, training, learner, held_out_probe(config, training, held_out, CPU))
     assert [point.updates for point in curve.points] == [10, 20, 25]
-    agent = learner.agent
+    agent = learner.dqn
     triples = list(zip(before, agent.network.parameters(), agent.target.parameters(), strict=True))
     assert all(not torch.equal(old, new) for old, new, _ in triples)
     assert all(not torch.equal(old, target) and not torch.equal(new, target) for old, new, target in triples)

@@ -85,7 +85,7 @@ class Learner:
             new = [category for category in self.categories if category not in before.categories]
             self.categories = [*before.categories, *new]
             network = before.network.knowing(len(new))
-        self.agent = DQN(network, method.learning_rate, updates, method.target_period, method.double)
+        self.dqn = DQN(network, method.learning_rate, updates, method.target_period, method.double)
         self._seed = training_seed
         # Staggered, so that not all episodes end in the same step.
         ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves
@@ -113,7 +113,7 @@ class Learner:
         """Return a training loop with the method's settings, which reports every `report_every` updates."""
         method = self.method
         return Training(
-            self.agent,
+            self.dqn,
             self._begin,
             self.observe,
             self.replay,

@@ -74,7 +74,7 @@ class Training:
 
     def __init__(
         self,
-        agent: DQN,
+        dqn: DQN,
         begin: Begin,
         observe: Observe,
         replay: Replay,
@@ -89,7 +89,7 @@ class Training:
         seed: np.random.SeedSequence,
         every_move: EveryMove | None = None,
     ):
-        self.agent, self.replay, self.stopping = agent, replay, False
+        self.dqn, self.replay, self.stopping = dqn, replay, False
         self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
         self._every_move = every_move
         self._total_updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
@@ -105,27 +105,26 @@ class Training:
         self._watch = Stopwatch()
 
     def __iter__(self) -> Iterator[Progress]:
-        agent = self.agent
-        while agent.updates < self._total_updates and not self.stopping:
+        while self.updates < self._total_updates and not self.stopping:
             self._act()
             if self.replay.size < self._warm:
                 continue
             self._learn()
-            if agent.updates % self._report_every == 0 or agent.updates == self._total_updates:
+            if self.updates % self._report_every == 0 or self.updates == self._total_updates:
                 yield self._report()
 
     @property
     def updates(self) -> int:
         """How many updates were made so far."""
-        return self.agent.updates
+        return self.dqn.updates
 
     def _act(self) -> None:
         """One move of every episode, stored."""
         running, recent = self._running, self._recent
         with self._watch("act"):
             observation = self._observe(running.room, running.position)
-            greedy = self.agent.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
-            epsilon = running.explore_at(self._epsilon(self.agent.updates))
+            greedy = self.dqn.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
+            epsilon = running.explore_at(self._epsilon(self.dqn.updates))
             action = explore(greedy, running.legal, epsilon, self._explore_rng)
         with self._watch("simulate"):
             step = running.step(action)
@@ -156,7 +155,7 @@ class Training:
             next_observation = self._observe(sampled.room, sampled.next_position)
             turned = _in_every_symmetry(self._observe, self._symmetries, sampled, observation, next_observation)
         with self._watch("learn"):
-            return self.agent.update(*turned)
+            return self.dqn.update(*turned)
 
     def _learn_every(self, every_move: EveryMove, sampled: Transitions, observation: Tensor) -> UpdateStats:
         """An update from every move that could have been made instead."""
@@ -164,11 +163,11 @@ class Training:
             legal, moves = every_move.transitions(sampled.room, sampled.position, self.updates, self._replay_rng)
             next_observation = self._observe(moves.room, moves.next_position)
         with self._watch("learn"):
-            target = every_move.target(self.agent.target, legal, moves, observation, next_observation)
+            target = every_move.target(self.dqn.target, legal, moves, observation, next_observation)
             legal, target = (_values_in_every_symmetry(self._symmetries, values) for values in (legal, target))
             action, updates = _moves_in_every_symmetry(self._symmetries, sampled.action), self.updates
             reward = every_move.reward(sampled.room, sampled.position)
-            return self.agent.update_every_move(
+            return self.dqn.update_every_move(
                 legal,
                 target,
                 in_every_view(self._observe, self._symmetries, observation),
@@ -178,9 +177,9 @@ class Training:
     def _report(self) -> Progress:
         recent, self._recent = self._recent, Recent()
         return Progress(
-            self.agent.updates,
+            self.dqn.updates,
             self._moves,
-            self._epsilon(self.agent.updates),
+            self._epsilon(self.dqn.updates),
             float(torch.cat(recent.losses).mean()),
             float(torch.cat(recent.mean_qs).mean()),
             float(torch.cat(recent.max_qs).max()),
@@ -192,7 +191,7 @@ class Training:
     def state_dict(self) -> dict[str, Any]:
         """Return all that is needed to resume exactly: tensors and plain values."""
         return {
-            "agent": self.agent.state_dict(),
+            "agent": self.dqn.state_dict(),
             "replay": self.replay.state_dict(),
             "episodes": self._running.state_dict(),
             "generators": [generator.get_state() for generator in (self._explore_rng, self._replay_rng)],
@@ -203,7 +202,7 @@ class Training:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore the state of a training with the same settings."""
-        self.agent.load_state_dict(state["agent"])
+        self.dqn.load_state_dict(state["agent"])
         self.replay.load_state_dict(state["replay"])
         self._running.load_state_dict(state["episodes"])
         for generator, its_state in zip((self._explore_rng, self._replay_rng), state["generators"], strict=True):

@@ -129,7 +129,7 @@ def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np
     """Train to the end, or until an IoU or a time is reached; return the curve."""
     curve = Curve(probe)
     for progress in learner.training(probe_every):
-        point = curve.add(progress.updates, greedy(learner.agent.network, learner.method))
+        point = curve.add(progress.updates, greedy(learner.dqn.network, learner.method))
         if point.iou >= iou or point.seconds >= 60 * minutes:
             break
     return curve
@@ -140,7 +140,7 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
     from stable_baselines3 import DQN as TheirDQN
     from stable_baselines3.common.vec_env import DummyVecEnv
 
-    method, agent = learner.method, learner.agent
+    method, dqn = learner.method, learner.dqn
     env = LayoutEnv(
         rooms,
         method.observation,
@@ -174,21 +174,21 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
     )
     # Its policy flattens what it observes.
     assert env.observation_space.shape is not None
-    model.q_net.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), agent.network)
-    model.q_net_target.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), agent.target)
-    model.policy.optimizer = agent.optimizer
+    model.q_net.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), dqn.network)
+    model.q_net_target.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), dqn.target)
+    model.policy.optimizer = dqn.optimizer
 
     curve = Curve(probe)
 
     def goes_on(_locals: dict[str, Any], _globals: dict[str, Any]) -> bool:
         """Called after every step of the environments, before the update that follows."""
         due = model._n_updates > 0 and model._n_updates % config.probe_every == 0
-        return not due or curve.add(model._n_updates, greedy(learner.agent.network, learner.method)).iou < SB3_IOU
+        return not due or curve.add(model._n_updates, greedy(learner.dqn.network, learner.method)).iou < SB3_IOU
 
     steps = learner.updates + -(-method.warmup_moves // method.episodes) - 1  # the last of the warm-up learns already
     model.learn(steps * method.episodes, callback=goes_on, log_interval=ENDLESS)
     if curve.minutes_to(SB3_IOU) is None:
-        curve.add(model._n_updates, greedy(learner.agent.network, learner.method))
+        curve.add(model._n_updates, greedy(learner.dqn.network, learner.method))
     return curve
 
 

@@ -55,17 +55,17 @@ def sample(learner: Learner, count: int) -> Transitions:
 
 def bare_passes(learner: Learner) -> Callable[[], None]:
     """Return a function that only makes the forward and backward passes of one update: no learner is faster."""
-    agent, batch = learner.agent, sample(learner, learner.method.batch)
+    dqn, batch = learner.dqn, sample(learner, learner.method.batch)
     observation = learner.observe(batch.room, batch.position)
     next_observation = learner.observe(batch.room, batch.next_position)
 
     def passes() -> None:
         with torch.no_grad():
-            agent.target(next_observation)
-            if agent.double:
-                agent.network(next_observation)
-        agent.network.zero_grad()
-        agent.network(observation).sum().backward()
+            dqn.target(next_observation)
+            if dqn.double:
+                dqn.network(next_observation)
+        dqn.network.zero_grad()
+        dqn.network(observation).sum().backward()
 
     return passes
 
@@ -82,7 +82,7 @@ def speed(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
         for each, poses in ((learner, config.batch), (pictured, config.images))
     }
     result |= {name: {method: rates[method][name] for method in rates} for name in rates[config.method.name]}
-    result["evaluation_seconds"] = evaluating(config, learner.agent, rooms, held_out, device)
+    result["evaluation_seconds"] = evaluating(config, learner.dqn, rooms, held_out, device)
     return result
 
 
@@ -122,7 +122,7 @@ def learning(learner: Learner, poses: int, seconds: float) -> dict[str, float]:
 
 
 def evaluating(
-    config: BenchConfig, agent: DQN, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
+    config: BenchConfig, dqn: DQN, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
 ) -> float:
     """Return the seconds of an evaluation in the held-out rooms: new here, so that all set-up is included.
 
@@ -131,7 +131,7 @@ def evaluating(
     method = config.method
     began = time.perf_counter()
     evaluate(
-        greedy(agent.network, method),
+        greedy(dqn.network, method),
         Simulator(held_out, method.moves, config.reward),
         observation_of(method.observation, held_out, device, categories_of(training)),
         training,
@@ -166,10 +166,10 @@ def training_pace(learner: Learner, seconds: float) -> float:
     """Updates a second, over so many seconds; warm-up left out."""
     reports = iter(learner.training(REPORT))
     next(reports)
-    began, first = time.perf_counter(), learner.agent.updates
+    began, first = time.perf_counter(), learner.dqn.updates
     while time.perf_counter() - began < seconds:
         next(reports)
-    return (learner.agent.updates - first) / (time.perf_counter() - began)
+    return (learner.dqn.updates - first) / (time.perf_counter() - began)
 
 
 def peak_bytes() -> int:

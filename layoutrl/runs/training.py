@@ -55,7 +55,7 @@ def train(
     learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device, before)
     training = learner.training(max(1, updates // budget.reports))
     whole = method.scope == "room"
-    network = learner.agent.network
+    network = learner.dqn.network
     policy: Any = Furnisher(network, method, learner.categories) if whole else greedy(network, method)
     probes: dict[str, Any] = {}
     parts = {"train": training_rooms, "held_out": held_out}

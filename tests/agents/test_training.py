@@ -228,9 +228,7 @@ def test_from_every_move_an_agent_learns_the_way_home(rises_from: float):
     simulator = BatchSimulator(Simulator([room], method.moves, Reward()))
     starts = torch.tensor([(2.0, 1.6), (0.4, 1.6), (2.0, 0.4)], dtype=torch.float64)
     ends = (
-        greedy(learner.agent.network, method)
-        .rollout(simulator, learner.observe, torch.zeros(3, dtype=int), starts)
-        .final
+        greedy(learner.dqn.network, method).rollout(simulator, learner.observe, torch.zeros(3, dtype=int), starts).final
     )
     np.testing.assert_allclose(ends, [(0.4, 0.4)] * 3, atol=1e-6)
 

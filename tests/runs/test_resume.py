@@ -421,7 +421,7 @@ def spoilt(monkeypatch: pytest.MonkeyPatch, *, stops: bool) -> None:
     def spoilt_after_35(training: Training) -> None:
         learn(training)
         if training.updates == 35:
-            next(training.agent.network.parameters()).data.fill_(torch.nan)
+            next(training.dqn.network.parameters()).data.fill_(torch.nan)
             training.stopping = stops
 
     monkeypatch.setattr(Training, "_learn", spoilt_after_35)
