@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import shapely
 
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.categories import OBSTACLE
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.checked_brief import CheckedBrief, checked_brief, in_no_type
@@ -61,9 +62,12 @@ def request_of(
 
 
 def staying(items: Sequence[Item], those: Collection[int], known: Collection[str]) -> frozenset[int]:
-    """Return which of `those` standing items stay with move=all: unknown ones, and chairs tucked under such."""
+    """Return which of `those` standing items stay with move=all: unknown ones, and chairs tucked under such.
+
+    An obstacle may be what is indoors of a table that reaches beyond the walls: a chair stays under it, too.
+    """
     stays = {k for k in those if items[k].category not in known}
-    hosts = [items[k].footprint for k in stays if items[k].category in HOSTS]
+    hosts = [items[k].footprint for k in stays if items[k].category in (*HOSTS, OBSTACLE)]
     under = {k for k in those if items[k].tucked and any(items[k].footprint.intersects(host) for host in hosts)}
     return frozenset(stays | under)
 

@@ -42,6 +42,7 @@ def test_a_chair_stays_under_a_table_that_nobody_knows_and_goes_from_one_that_is
     assert request(room, {0, 1, 2}, {"chair", "bed"}).stays == {0, 1}
     assert request(room, {1, 2}, {"chair", "bed"}).stays == {1}  # though the table was not lifted
     assert request(under("harp"), {0, 1, 2}, {"chair", "bed"}).stays == {0}  # which one does not sit at
+    assert request(under("obstacle"), {1, 2}, {"chair", "bed"}).stays == {1}  # as a table drawn through a wall
     for only in (None, "chair"):
         found = request(room, {0, 1, 2}, {TABLE, "chair", "bed"}, only)
         assert not found.stays

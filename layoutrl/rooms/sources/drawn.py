@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry import Polygon
 
 from layoutrl.rooms.brief import without_poses
-from layoutrl.rooms.categories import NO_ROOM, NOTED, Names
+from layoutrl.rooms.categories import DESIGNED, NO_ROOM, NOTED, Names
 from layoutrl.rooms.clearances import HOSTS, PASSAGE
 from layoutrl.rooms.collection import NOBODYS, ODD, UNTOLD, taken_for
 from layoutrl.rooms.room import FILM, Item, Room, RoomError
@@ -166,13 +166,15 @@ class Storey(Generic[P]):
         group: str,
         room_type: str | None = None,
         moves: Callable[[P], bool] = lambda _: False,
+        named: Collection[str] = (),
         or_else: str = "",
     ) -> Iterator[tuple[Room, list[P]]]:
         """Yield (room, its pieces) for every room that has a type and can be made; add the others to `left_out`.
 
-        Pieces for which `moves` is true have no pose in the room: they are to be placed. `room_type` is assigned to
-        rooms whose type neither name nor furniture tells. If it is None, they are left out, and `or_else` ends the
-        reason with an option that would help.
+        Pieces for which `moves` is true have no pose in the room: they are to be placed. Of what reaches beyond the
+        walls, these are only the categories that the designer gives such a room, or that are `named`: all else is in
+        the way. `room_type` is assigned to rooms whose type neither name nor furniture tells. If it is None, they are
+        left out, and `or_else` ends the reason with an option that would help.
         """
         why_odd = f" (the first: {self.why_odd})" if self.why_odd else ""
         for what, found, why in (
@@ -197,7 +199,9 @@ class Storey(Generic[P]):
                 continue
             standing = _tucked([piece.item for piece in drawn.pieces])
             pieces = [replace(piece, item=item) for piece, item in zip(drawn.pieces, standing, strict=True)]
-            items = without_poses(standing, {k for k, piece in enumerate(pieces) if moves(piece)})
+            anew = {k for k, piece in enumerate(pieces) if moves(piece)}
+            sure = {k for k in anew if pieces[k].item.category in DESIGNED[kind].union(named)}
+            items = without_poses(standing, sure)
             about = drawn.floor.buffer(NEAR + ACROSS)
             near = [self.openings[k] for k in sorted(shapes.query(about, predicate="intersects"))]
             # Doors first: of two in one place the first counts.
@@ -220,6 +224,8 @@ class Storey(Generic[P]):
             for k, item in held.items():
                 if item is not items[k]:
                     pieces[k] = replace(pieces[k], item=item, known=False)
+            free = {n for n, k in enumerate(held) if k in anew - sure and pieces[k].known}
+            room = replace(room, furniture=without_poses(room.furniture, free))
             if told is None:
                 self.untold.add(room_id)
                 self.notes.append(taken_for(room))

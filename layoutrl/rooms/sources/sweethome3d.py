@@ -151,7 +151,7 @@ def _home(
     moved = None if move is None else names_in(move)
     levels: dict[str, str | None] = {}  # of rooms, by their ids
     for level, storey in storeys.items():
-        made = storey.make_rooms(names, name, room_type, lambda piece: _moves(piece, moved, False), or_else)
+        made = storey.make_rooms(names, name, room_type, lambda each: _moves(each, moved, False), moved or (), or_else)
         for read, pieces in made:
             home.collection.rooms.append(read)
             home.pieces[read.id] = pieces

@@ -422,6 +422,16 @@ def test_what_is_drawn_through_a_wall_is_in_the_way_as_far_as_it_is_in_its_room(
     assert (anew.category, anew.size, anew.center) == ("dresser", (0.5, 1.1), None)
 
 
+def test_what_is_drawn_through_a_wall_is_in_the_way_of_all_that_moves_where_nobody_places_it(tmp_path: Path) -> None:
+    table = piece("table", 357, 250, 110, 50)
+    stool = piece("bar stool", 100, 250, 40, 40)  # which nobody places in a bedroom either, but it is indoors
+    bed, cut, other = flat(tmp_path, FLAT + table + stool, move="all").rooms[0].furniture
+    assert cut.footprint.symmetric_difference(box(3.02, -2.75, 4, -2.25)).area < 1e-6
+    assert (cut.category, bed.center, other.category, other.center) == ("obstacle", None, "stool", None)
+    named = flat(tmp_path, FLAT + table, move="all,table").rooms[0].furniture[1]
+    assert (named.category, named.size, named.center) == ("table", (0.5, 1.1), None)
+
+
 # What is to be placed
 
 
