@@ -42,7 +42,10 @@ OUTLINE: dict[str, Any] = {
     "linewidth": 1.0,
     "path_effects": [withStroke(linewidth=2.5, foreground="white")],
 }
+LEGIBLE = 0.05  # metres: a name needs more, across and along
+PARTS = 20  # of a box: the largest of those that are looked at
 
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
 
 # Letters of the faults that a picture can show: Overlaps, in a Wall, Blocks, not Reached, Front.
 FAULT_MARKS = {OVERLAPS: "O", OUTSIDE: "W", BLOCKS: "B", OUT_OF_REACH: "R", FRONT_NOT_FREE: "F"}
@@ -59,16 +62,18 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         axes.add_patch(Polygon(wall, color=rgb(BLACK), linewidth=0))
     for opening in room.openings:
         axes.add_patch(Polygon(opening.polygon, color=rgb(DOOR if opening.kind == "door" else WINDOW), linewidth=0))
+    boxes = name_boxes(room)
     for k, item in in_drawing_order(room):
         assert item.center is not None
         if k == room.target and not moving:
             continue
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
         if names:
-            x0, y0, x1, y1 = item.footprint.bounds
+            x0, y0, x1, y1 = boxes[k]
             along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: so the name fits into a narrow item
             name = item.category.replace("_", "\n")
-            axes.text(*item.center, name, fontsize=names, rotation=along, ha="center", va="center")
+            middle = (x0 + x1) / 2, (y0 + y1) / 2
+            axes.text(*middle, name, fontsize=names, rotation=along, ha="center", va="center")
     axes.autoscale_view()
 
 
@@ -81,6 +86,38 @@ def in_drawing_order(room: Room) -> list[tuple[int, Item]]:
     return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
 
 
+def name_boxes(room: Room) -> dict[int, Box]:
+    """Return where to write the name of each item that has a place: a box in metres, by the item's index.
+
+    It is the largest part of the item's bounding box that is found beside, above or below what is drawn over it. Where
+    none is larger than LEGIBLE, across and along, it is the whole box.
+    """
+    boxes: dict[int, Box] = {}
+    over: list[Box] = []  # of what is drawn later
+    for k, item in reversed(in_drawing_order(room)):
+        whole = item.footprint.bounds
+        free = [whole]
+        for box in over:
+            parts = [part for each in free for part in _beside(each, box)]
+            free = sorted(parts, key=_area, reverse=True)[:PARTS]
+        boxes[k] = free[0] if free else whole
+        over.append(whole)
+    return boxes
+
+
+def _beside(box: Box, other: Box) -> list[Box]:
+    """Return the largest parts of a box that are on the left and right of, below and above another; it, if apart."""
+    (a0, b0, a1, b1), (x0, y0, x1, y1) = box, other
+    if x0 >= a1 or x1 <= a0 or y0 >= b1 or y1 <= b0:
+        return [box]
+    parts = (a0, b0, x0, b1), (x1, b0, a1, b1), (a0, b0, a1, y0), (a0, y1, a1, b1)
+    return [part for part in parts if min(part[2] - part[0], part[3] - part[1]) > LEGIBLE]
+
+
+def _area(box: Box) -> float:
+    return (box[2] - box[0]) * (box[3] - box[1])
+
+
 def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> list[Artist]:
     """Draw an item centred at a point, with a line to its front if it is a filled rectangle; return what was drawn.
 
@@ -91,7 +128,13 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
     axes.add_patch(outline)
     if item.form == "circle" or not outline.get_fill():
         return [outline]
-    return [outline, *axes.plot(*front(item, center).T, color="black", linewidth=0.8, alpha=looks.get("alpha"))]
+    marks: dict[str, Any] = {
+        "color": "black",
+        "linewidth": 0.8,
+        "alpha": looks.get("alpha"),
+        "zorder": outline.get_zorder(),
+    }
+    return [outline, *axes.plot(*front(item, center).T, **marks)]  # what is drawn later covers both
 
 
 def front(item: Item, center: Sequence[float]) -> np.ndarray:

@@ -19,7 +19,19 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
-from layoutrl.figures import HALO, NO_MATH, ORANGE, STYLE, any_script, draw_item, draw_room, front, in_drawing_order
+from layoutrl.figures import (
+    HALO,
+    NO_MATH,
+    ORANGE,
+    STYLE,
+    Box,
+    any_script,
+    draw_item,
+    draw_room,
+    front,
+    in_drawing_order,
+    name_boxes,
+)
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
 
@@ -58,7 +70,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
     coarse = _coarse(room)
-    faults, items, floor_size = _by_item(wrong), in_drawing_order(room), _size(room)
+    faults, items, boxes, floor_size = _by_item(wrong), in_drawing_order(room), name_boxes(room), _size(room)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
@@ -72,7 +84,7 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
             for leaf in _leaves(room)
         ],
         "furniture": [_item(k, item, faults[k]) for k, item in items],
-        "labels": [_label(item, faults[k], coarse) for k, item in items],
+        "labels": [_label(item, boxes[k], faults[k], coarse) for k, item in items],
         "scale": [
             f'<path d="M{_points(_metre(x0, y0))}" fill="none" stroke="#000" stroke-width=".02"/>',
             _text("1 m", left + 1.08, y0 + MARGIN + 2 * LINE, LETTERS[1]),
@@ -220,21 +232,21 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
     return f'<g data-id="{index}" data-category="{category}"{wrong}>{"".join(parts)}</g>'
 
 
-def _label(item: Item, faults: Sequence[str], coarse: float) -> str:
-    """Return an item's label: its category, one word per line, and below it the faults.
+def _label(item: Item, box: Box, faults: Sequence[str], coarse: float) -> str:
+    """Return an item's label in a box: its category, one word per line, and below it the faults.
 
-    The letters are as large as fit in the item, within the limits of `_letters`. The label is turned by a quarter where
+    The letters are as large as fit in the box, within the limits of `_letters`. The label is turned by a quarter where
     that makes them much larger.
     """
-    assert item.center is not None
-    x0, y0, x1, y1 = item.footprint.bounds
+    x0, y0, x1, y1 = box
+    x, y = (x0 + x1) / 2, -(y0 + y1) / 2
     words = item.category.replace("_", " ").split()
     said = [*words, *faults]
     size, turned = (_letters(said, *space, coarse) for space in ((x1 - x0, y1 - y0), (y1 - y0, x1 - x0)))
     turn = ""
     if turned > 1.2 * size:
-        size, turn = turned, f' transform="rotate(-90 {_number(item.center[0])} {_number(-item.center[1])})"'
-    x, top = item.center[0], -item.center[1] - size * len(said) / 2
+        size, turn = turned, f' transform="rotate(-90 {_number(x)} {_number(y)})"'
+    top = y - size * len(said) / 2
     lines = [
         f'<tspan x="{_number(x)}" y="{_number(top + (n + 0.8) * size)}"{weight}>{_written(text)}</tspan>'
         for n, (text, weight) in enumerate([*((w, "") for w in words), *((f, ' font-weight="bold"') for f in faults)])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from shapely.geometry import LineString, Point, Polygon, box
 
-from layoutrl.env.render import DOOR
+from layoutrl.env.render import DOOR, color_of
 from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.doors import drawn_leaves
@@ -191,6 +191,43 @@ def test_a_label_is_within_its_item_turned_in_a_narrow_one_and_larger_in_a_hall(
         replace(rectangular_room(4, 3), furniture=(replace(shelf, size=(0.08, 0.9)),), target=None)
     )
     assert narrow <= 0.08
+
+
+def seated() -> Room:
+    """A room of 4 by 3 m, a chair under a table, with 20 cm beside it, and a table on the left of a rug."""
+    furniture = (
+        Item("rug", (2.0, 1.0), (1.5, 0.6), 0.0),
+        Item("coffee_table", (0.6, 0.6), (1.4, 0.6), 0.0),
+        Item("chair", (0.5, 0.5), (1.05, 2.0), 0.0, tucked=True),
+        Item("table", (1.0, 1.6), (1.5, 2.0), 0.0),
+    )
+    return replace(rectangular_room(4, 3), furniture=furniture, target=None)
+
+
+def test_a_label_is_where_its_item_is_not_covered() -> None:
+    room = seated()
+    where = {
+        "".join(line.text or "" for line in label): Point(float(label[0].get("x", "")), -float(label[0].get("y", "")))
+        for label in layers(svg(room))["labels"]
+    }
+    for said, visible in (("chair", box(0.8, 1.75, 1.0, 2.25)), ("rug", box(1.7, 0.1, 2.5, 1.1))):
+        assert visible.contains(where[said])
+    covered = replace(room.furniture[2], center=(1.27, 2.0))  # 2 cm of it are left
+    (chair,) = [
+        label for label in layers(svg(replace(room, furniture=(covered, room.furniture[3]))))["labels"]
+        if "chair" in "".join(label.itertext())
+    ]  # fmt: skip
+    assert float(chair[0].get("x", "")) == 1.27
+
+
+def test_png_shows_no_front_of_a_chair_on_its_table(tmp_path: Path) -> None:
+    room = seated()
+    draw(room, [], tmp_path / "room.png")
+    x0, y0, x1, y1 = sheet(room)
+    with Image.open(tmp_path / "room.png") as picture:
+        column, row = (1.26 - x0) / (x1 - x0) * picture.width, (y1 - 2.0) / (y1 - y0) * picture.height
+        there = picture.convert("RGB").crop((int(column) - 2, int(row) - 4, int(column) + 3, int(row) + 5))
+        assert {tuple(pixel) for pixel in np.array(there).reshape(-1, 3)} == {color_of("table")}
 
 
 @pytest.mark.parametrize("width", [1.5, 3.0, 6.0])
