@@ -421,7 +421,7 @@ def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
 def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
     """Make the folder for pictures and return it; None if none are asked for.
 
-    Raises InputError if it is for a `new` run and not empty, and for DXF without ezdxf.
+    Raises InputError if it is a file, if it is for a `new` run and not empty, and for DXF without ezdxf.
     """
     if config.pictures is None:
         return None
@@ -429,6 +429,8 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
         raise InputError("drawing: dxf needs ezdxf; expected it: in the checkout, pip install '.[dxf]'")
     shard, shards = config.shard_of
     folder = Path(config.pictures) / (f"{shard}of{shards}" if shards > 1 else "")
+    if folder.is_file():
+        raise InputError(f"pictures: {folder} is a file; expected a new folder, as pictures=<folder>")
     folder.mkdir(parents=True, exist_ok=True)
     if new and any(folder.iterdir()):
         raise InputError(f"pictures: {folder} is not empty; expected a new folder, as pictures=<folder>")

@@ -877,6 +877,7 @@ def test_nothing_of_the_users_is_overwritten(middle: Middle, tmp_path: Path) -> 
         ({}, "out: .* is there already"),
         ({"out": str(file)}, "out: .* is there already"),
         ({"out": str(tmp_path / "new.jsonl"), "pictures": str(tmp_path / "pictures")}, "pictures: .* is not empty"),
+        ({"out": str(tmp_path / "new.jsonl"), "pictures": str(file)}, "pictures: .* is a file; expected a new folder"),
     ):
         with pytest.raises(InputError, match=said):
             place(PlaceConfig(by="search", rooms=str(file), **given))
@@ -1220,6 +1221,7 @@ def test_a_shard_that_is_none_is_refused(shard: str) -> None:
     ("given", "said"),
     [
         ("rooms=", "rooms: expected a name; it is empty"),
+        ("rooms=", "it is empty$"),
         ("pictures=", "pictures: expected a name; it is empty"),
         ("item=", "item: expected a name; it is empty"),
         ("choices=21", "choices: expected 1 to 20"),

@@ -339,7 +339,7 @@ def _ring(value: Any, field: str) -> Ring:
     if not polygon.is_valid:
         raise RoomError(field, f"expected a simple polygon; got one with {explain_validity(polygon)}")
     if polygon.area < TOLERANCE**2:
-        raise RoomError(field, "expected a polygon with an area")
+        raise RoomError(field, f"expected a polygon with an area; it has {polygon.area:.1g} m²: is the unit right?")
     return ring if polygon.exterior.is_ccw else ring[::-1]
 
 

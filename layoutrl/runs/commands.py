@@ -30,7 +30,7 @@ from layoutrl.runs.wording import misfit, options
 
 INCOMPLETE = 2  # the exit status of a command that has done its work, but not all that was asked
 BROKEN_PIPE = 141  # the exit status after a broken pipe, as in shells
-ALIKE = 0.6  # 0 to 1: names less similar than this are not suggested
+ALIKE = 0.65  # 0 to 1: names less similar than this are not suggested
 OF_MEMORY = "can't allocate memory", "out of memory", "ALLOC_FAILED"  # as torch says it of the CPU, GPUs and cuBLAS
 AGAIN = "make the same sweep again to go on with it"
 FULL_ERROR = "HYDRA_FULL_ERROR"  # the environment variable that makes Hydra raise errors instead of printing them

@@ -18,6 +18,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import MISSING, OmegaConf
 
 import layoutrl
+from layoutrl import InputError
 from layoutrl.agents.method import Method
 from layoutrl.env.reward import Reward
 from layoutrl.rivals.rooms.annealer import Annealing
@@ -297,8 +298,8 @@ class PlaceConfig:
         within("choices", self.choices, 1 <= self.choices <= MOST_CHOICES, f"1 to {MOST_CHOICES}")
         within("only", self.only, "" not in self.only_rooms, "the id of a room, or several with commas between")
         for name in ("rooms", "out", "pictures", "run", "item"):
-            value = getattr(self, name)
-            within(name, value, value is None or value.strip() != "", "a name; it is empty")
+            if (value := getattr(self, name)) is not None and not value.strip():
+                raise InputError(f"{name}: expected a name; it is empty")
         split = re.fullmatch(r"(\d+)/(\d+)", self.shard)
         in_range = split is not None and int(split[1]) < int(split[2])
         several = "; several need -m" if "," in self.shard else ""

@@ -96,6 +96,11 @@ def test_walls_that_are_given_are_kept_even_if_there_are_none() -> None:
     assert room_from_dict(document(walls=[])).walls == ()
 
 
+def test_of_lengths_that_make_no_area_the_unit_is_asked_for() -> None:
+    with pytest.raises(RoomError, match=r"an area; it has 4e-07 m²: is the unit right\?"):
+        room_from_dict(document(outline=[[0, 0], [1e-3, 0], [1e-3, 4e-4], [0, 4e-4]]))
+
+
 def test_holes_bound_the_indoor_area_and_may_be_left_out() -> None:
     assert room_from_dict(document()).holes == ()
     hole = [[2.5, 0.5], [3, 0.5], [3, 1], [2.5, 1]]

@@ -24,6 +24,7 @@ from layoutrl.runs.config import (
     BenchConfig,
     EvaluateConfig,
     GalleryConfig,
+    PlaceConfig,
     PlanitCommand,
     TrainCommand,
     TrainConfig,
@@ -105,6 +106,11 @@ def test_what_is_wrong_with_a_command_line_is_answered_in_one_line(ask, argument
     assert line.startswith("error: ")
     assert expected in line
     assert not re.search("Hydra|Error|EOF|DictConfig|type '", line)
+
+
+def test_of_an_unknown_option_no_name_is_suggested_that_is_not_alike(ask) -> None:
+    _, _, said = ask("place", PlaceConfig, "layouts=3")
+    assert "layouts: unknown; expected the name of an option; --help shows all options" in said
 
 
 def test_the_version_is_the_projects(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
