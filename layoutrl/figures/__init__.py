@@ -68,7 +68,7 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         if k == room.target and not moving:
             continue
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
-        if names:
+        if names and k in boxes:
             x0, y0, x1, y1 = boxes[k]
             along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: so the name fits into a narrow item
             name = item.category.replace("_", "\n")
@@ -87,10 +87,10 @@ def in_drawing_order(room: Room) -> list[tuple[int, Item]]:
 
 
 def name_boxes(room: Room) -> dict[int, Box]:
-    """Return where to write the name of each item that has a place: a box in metres, by the item's index.
+    """Return where to write the name of each item that is seen: a box in metres, by the item's index.
 
-    It is the largest part of the item's bounding box that is found beside, above or below what is drawn over it. Where
-    none is larger than LEGIBLE, across and along, it is the whole box.
+    It is the largest part of the item's bounding box that is found beside, above or below what is drawn over it. There
+    is none for an item of which no part is larger than LEGIBLE, across and along: its name would stand on another.
     """
     boxes: dict[int, Box] = {}
     over: list[Box] = []  # of what is drawn later
@@ -100,7 +100,8 @@ def name_boxes(room: Room) -> dict[int, Box]:
         for box in over:
             parts = [part for each in free for part in _beside(each, box)]
             free = sorted(parts, key=_area, reverse=True)[:PARTS]
-        boxes[k] = free[0] if free else whole
+        if free:
+            boxes[k] = free[0]
         over.append(whole)
     return boxes
 

@@ -84,7 +84,11 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
             for leaf in _leaves(room)
         ],
         "furniture": [_item(k, item, faults[k]) for k, item in items],
-        "labels": [_label(item, boxes[k], faults[k], coarse) for k, item in items],
+        "labels": [
+            _label(item, boxes.get(k, item.footprint.bounds), faults[k], coarse)
+            for k, item in items
+            if k in boxes or faults[k]
+        ],
         "scale": [
             f'<path d="M{_points(_metre(x0, y0))}" fill="none" stroke="#000" stroke-width=".02"/>',
             _text("1 m", left + 1.08, y0 + MARGIN + 2 * LINE, LETTERS[1]),

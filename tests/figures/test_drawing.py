@@ -213,11 +213,9 @@ def test_a_label_is_where_its_item_is_not_covered() -> None:
     for said, visible in (("chair", box(0.8, 1.75, 1.0, 2.25)), ("rug", box(1.7, 0.1, 2.5, 1.1))):
         assert visible.contains(where[said])
     covered = replace(room.furniture[2], center=(1.27, 2.0))  # 2 cm of it are left
-    (chair,) = [
-        label for label in layers(svg(replace(room, furniture=(covered, room.furniture[3]))))["labels"]
-        if "chair" in "".join(label.itertext())
-    ]  # fmt: skip
-    assert float(chair[0].get("x", "")) == 1.27
+    hidden = replace(room, furniture=(covered, room.furniture[3]))
+    for faults, said in (([], ["table"]), ([(0, "out of reach")], ["chairout of reach", "table"])):
+        assert ["".join(label.itertext()) for label in layers(svg(hidden, faults))["labels"]] == said
 
 
 def test_png_shows_no_front_of_a_chair_on_its_table(tmp_path: Path) -> None:
