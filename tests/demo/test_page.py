@@ -1164,6 +1164,16 @@ def test_files_are_opened_and_dropped(page, tmp_path):
     expect(page.locator("#title")).to_have_attribute("data-room", "dropped")
 
 
+def test_while_a_file_is_read_the_page_says_so(page):
+    held = []
+    page.route("**/api/read*", lambda route: held.append(route))
+    page.evaluate(DROP, "no room")
+    expect(page.locator("#lines")).to_have_text("room.json is being read.")
+    held[0].continue_()
+    expect(page.locator("#verdict")).to_contain_text("room.json: line:1: column 1: expected JSON")
+    expect(page.locator("#lines")).to_be_empty()
+
+
 def test_rooms_of_the_gallery_of_a_file_and_drawn_ones_are_taken_up_as_they_were_left(page):
     page.evaluate(DROP, json.dumps([OWN, SQUARE]))
     expect(page.locator("#title")).to_have_attribute("data-room", OWN["id"])

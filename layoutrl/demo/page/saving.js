@@ -83,11 +83,14 @@ async function opened(file, before = { source: null, entries: [] }) {
   if (!file) return;
   const mine = { ...before, file, unit: $("unit").value };
   last = mine;
+  const reading = [`${file.name} is being read.`];
   state.lines = [];
   render();
   try {
     const most = (await file.slice(0, 2).text()) === "PK" ? LARGEST.home : LARGEST.other; // a home is a ZIP
     if (file.size > most * 1e6) return say(`${file.name} is larger than ${most} MB.`);
+    state.lines = reading; // a large home takes seconds
+    render();
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const name = file.name.replace(/(?<=.)\.\w+$/, "");
     const { rooms, left_out, home: whole } = await read(content, name, mine.unit);
@@ -99,6 +102,8 @@ async function opened(file, before = { source: null, entries: [] }) {
     state.lines = left_out;
     render();
   } catch (error) {
+    if (state.lines === reading) state.lines = [];
+    render();
     say(`${file.name}: ${error.message}`);
   }
 }
