@@ -18,6 +18,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
+from layoutrl import InputError
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
 from layoutrl.figures import (
     HALO,
@@ -51,8 +52,14 @@ MIDDLE = 5  # a DXF text's attachment point: its middle
 ACI = {"A-WALL": 7, "A-DOOR": 3, "A-GLAZ": 5, "A-FURN": 8}  # layers of a DXF, and their AutoCAD colours
 
 
-def draw(room: Room, wrong: Wrong, path: Path) -> None:
-    """Write a drawing in the format of the suffix: .svg, .png, or .dxf, which needs ezdxf."""
+def draw(room: Room, wrong: Wrong, path: Path | str) -> None:
+    """Write a drawing in the format of the suffix: .svg, .png, or .dxf, which needs ezdxf.
+
+    A file that is there is overwritten. Raises InputError for any other suffix.
+    """
+    path = Path(path)
+    if path.suffix not in (".svg", ".png", ".dxf"):
+        raise InputError(f"path: expected a file that ends in .svg, .png or .dxf; got {path}")
     if path.suffix == ".svg":
         path.write_text(svg(room, wrong), encoding="utf-8", newline="\n")
     elif path.suffix == ".png":

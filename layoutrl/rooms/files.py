@@ -77,7 +77,10 @@ def with_type(document: Any, room_type: str | None) -> tuple[Any, bool]:
 
 
 def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
-    """Write rooms to a .jsonl file, one a line; or to a .json file, one by itself, others as a list."""
+    """Write rooms to a .jsonl file, one a line; or to a .json file, one by itself, others as a list.
+
+    A file that is there is overwritten.
+    """
     lines = [json.dumps(room_to_dict(room)) for room in rooms]
     if Path(path).suffix.lower() == ".json" and len(lines) != 1:
         lines = ["[" + ",\n".join(lines) + "]"]

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from shapely.geometry import LineString, Point, Polygon, box
 
+from layoutrl import InputError
 from layoutrl.env.render import DOOR, color_of
 from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
@@ -102,6 +103,14 @@ def test_names_of_the_users_own_are_no_markup() -> None:
     drawn = layers(svg(replace(room, id="<i>", furniture=(strange,)), [(0, "<fault>")]))
     (group,) = drawn["furniture"]
     assert group.get("data-category") == strange.category
+
+
+def test_a_drawing_of_no_known_format_is_refused_and_not_written_as_another(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"^path: expected a file that ends in \.svg, \.png or \.dxf; got .*room\.pdf$"
+    ):
+        draw(rectangular_room(), [], str(tmp_path / "room.pdf"))
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_dollar_in_a_name_is_a_dollar(tmp_path: Path) -> None:
