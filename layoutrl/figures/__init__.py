@@ -42,6 +42,7 @@ OUTLINE: dict[str, Any] = {
     "linewidth": 1.0,
     "path_effects": [withStroke(linewidth=2.5, foreground="white")],
 }
+MARK = 0.7  # share of half an item's depth, at which the line to its front begins
 LEGIBLE = 0.05  # metres: a name needs more, across and along
 PARTS = 20  # of a box: the largest of those that are looked at
 
@@ -141,7 +142,7 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
 def front(item: Item, center: Sequence[float]) -> np.ndarray:
     """Return a line (2, 2) to the middle of an item's front, for the item centred at a point. Metres."""
     angle = np.radians(item.degrees)
-    return np.asarray(center) + np.outer((0.7, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
+    return np.asarray(center) + np.outer((MARK, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
 
 
 def draw_faults(axes: Axes, layout: Room, size: float = 5) -> None:

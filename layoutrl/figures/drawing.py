@@ -22,6 +22,7 @@ from layoutrl import InputError
 from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
 from layoutrl.figures import (
     HALO,
+    MARK,
     NO_MATH,
     ORANGE,
     STYLE,
@@ -246,14 +247,18 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
 def _label(item: Item, box: Box, faults: Sequence[str], coarse: float) -> str:
     """Return an item's label in a box: its category, one word per line, and below it the faults.
 
-    The letters are as large as fit in the box, within the limits of `_letters`. The label is turned by a quarter where
-    that makes them much larger.
+    The letters are as large as fit in the box behind the line to the front, within the limits of `_letters`. The label
+    is turned by a quarter where that makes them much larger.
     """
     x0, y0, x1, y1 = box
+    across, up = x1 - x0, y1 - y0
+    if item.form != "circle":
+        ahead = abs(np.cos(np.radians(item.degrees))) > 0.5**0.5  # it faces along x rather than y
+        across, up = (MARK * across, up) if ahead else (across, MARK * up)
     x, y = (x0 + x1) / 2, -(y0 + y1) / 2
     words = item.category.replace("_", " ").split()
     said = [*words, *faults]
-    size, turned = (_letters(said, *space, coarse) for space in ((x1 - x0, y1 - y0), (y1 - y0, x1 - x0)))
+    size, turned = (_letters(said, *space, coarse) for space in ((across, up), (up, across)))
     turn = ""
     if turned > 1.2 * size:
         size, turn = turned, f' transform="rotate(-90 {_number(x)} {_number(y)})"'

@@ -237,6 +237,14 @@ def test_png_shows_no_front_of_a_chair_on_its_table(tmp_path: Path) -> None:
         assert {tuple(pixel) for pixel in np.array(there).reshape(-1, 3)} == {color_of("table")}
 
 
+@pytest.mark.parametrize("rotation", [0.0, 90.0, 180.0, 270.0])
+def test_the_line_to_the_front_strikes_through_no_label(rotation: float) -> None:
+    wardrobe = Item("wardrobe", (0.6, 0.9), (2.0, 1.5), rotation)
+    ((high, turned),) = letters(replace(rectangular_room(4, 3), furniture=(wardrobe,), target=None))
+    along = turned == (rotation % 180 == 0)  # the name runs along the front, not towards it
+    assert (high if along else WIDE * len("wardrobe") * high) <= 0.7 * 0.6 + TENTH
+
+
 @pytest.mark.parametrize("width", [1.5, 3.0, 6.0])
 def test_the_name_of_a_narrow_room_fits_on_its_sheet(width: float) -> None:
     room = replace(rectangular_room(width, 3.0, Item("bed", (2.0, 1.0)), target=None), id="flat 12, the second bedroom")
