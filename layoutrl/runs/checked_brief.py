@@ -79,9 +79,9 @@ def checked_brief(
     for one, other in combinations(standing(room), 2):
         if _stacked(one, other):
             x, y = one.footprint.centroid.coords[0]
-            lines.append(
-                f"the {one.category} at {x:g}, {y:g} and the {other.category} overlap by more than half; both are kept"
-            )
+            at = f"{round(x, 2):g}, {round(y, 2):g}"
+            line = f"the {one.category} at {at} and the {other.category} overlap by more than half; both are kept"
+            lines += [] if line in lines else [line]
     if not room.doors:
         lines.append("it has no door: what can be reached is told from the largest free floor")
     elif (width := max(door_widths(room))) < NARROWEST:

@@ -119,6 +119,13 @@ def test_two_items_at_one_place_and_a_missing_door_are_said_and_all_is_kept() ->
     assert found.brief == room
 
 
+def test_what_overlaps_twice_alike_is_said_once_to_a_centimetre() -> None:
+    counter = Item("counter", (0.6, 1.2), (3.00004, 1.0), 90.0)
+    taps = [Item("tap", (0.1, 0.1), (x, 1.0), 90.0) for x in (2.8, 3.2)]
+    (line,) = checked_brief(room_with(BED, counter, *taps), KNOWN).lines
+    assert line == "the counter at 3, 1 and the tap overlap by more than half; both are kept"
+
+
 def test_no_place_is_where_another_stands() -> None:
     bed, desk = Item("bed", (2.0, 1.4), None, None), Item("desk", (0.6, 1.2), (3.7, 1.5), 180.0)
     brief = room_with(bed, bed, desk)
