@@ -1725,6 +1725,17 @@ def test_a_link_holds_the_room_and_what_is_locked(page, browser):
     assert next(pages, None) is None
 
 
+def test_a_link_goes_when_the_room_is_no_longer_that_which_it_holds(page):
+    link_of(page)
+    expect(page.locator("#link")).to_be_visible()
+    take(page, "bathroom")
+    expect(page.locator("#link")).to_be_hidden()
+    page.locator("#share").click()
+    expect(page.locator("#link")).to_be_visible()
+    dragged(page, item(page, "toilet"), 0, 0.2)
+    expect(page.locator("#link")).to_be_hidden()
+
+
 def test_a_link_and_a_file_are_opened_when_the_page_has_furnished(still):
     link = link_of(still)
     linked, held = room_of(still), []

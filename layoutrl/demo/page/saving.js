@@ -30,11 +30,15 @@ function withLocks({ room, locked }) {
   return { ...room, furniture };
 }
 
+// The link holds a room as it was.
+const hideLink = () => { $("link-label").hidden = true; };
+
 // Take up a room of the strip as it was left, with what its file says of it, unless that is of another type now.
 export async function shown({ room, fixed = [] }, source) {
   const left = source.now.get(room.id);
   const now = left ? JSON.parse(left) : { room: structuredClone(room), locked: locks(room, fixed) };
   if (!(await open(now.room, now.locked, source))) return;
+  hideLink();
   if (now.room.room_type === room.room_type) state.lines = source.lines.filter((line) => line.startsWith(`${room.id}: `));
   render();
 }
@@ -62,12 +66,14 @@ export function offer(source, before = false) {
 // Take a room that is from no file; the strip keeps it.
 export async function openAlone(room, locked) {
   if (!(await open(room, locked))) return false;
+  hideLink();
   state.source.rooms.push(state.look);
   offer(state.source, true);
   return true;
 }
 
 document.addEventListener("looked", () => {
+  hideLink();
   const { room, look, source } = state;
   const picture = source.pictures.get(room.id);
   if (!picture) return;
