@@ -25,7 +25,17 @@ from layoutrl.rooms.brief import missing, without_poses
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, MISSING, OUT_OF_REACH, OUTSIDE, OVERLAPS, Fault, faults
+from layoutrl.rooms.faults import (
+    BLOCKS,
+    FAULTS,
+    FRONT_NOT_FREE,
+    MISSING,
+    OUT_OF_REACH,
+    OUTSIDE,
+    OVERLAPS,
+    Fault,
+    faults,
+)
 from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
@@ -91,6 +101,7 @@ class Answers:
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
             "raised": sorted(RAISED),
+            "oddities": [name for name in WORDS if name not in FAULTS],
             "units": [*UNITS],
         }
         self.questions: dict[str, Callable[[Any], Answer]] = {

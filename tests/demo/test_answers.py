@@ -21,9 +21,9 @@ from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.rooms.brief import brief_of, missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
-from layoutrl.rooms.faults import OVERLAPS, faults
+from layoutrl.rooms.faults import OVERLAPS, Items, faults
 from layoutrl.rooms.furnished import Furnished, same
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, item_oddities, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from layoutrl.runs import pretrained
 from layoutrl.runs.checked_brief import checked_brief
@@ -44,6 +44,11 @@ def test_the_gallery_shows_faultless_rooms_of_all_types(answers):
     rooms = [room_from_dict(entry["room"]) for entry in answers.begin["gallery"]]
     assert {room.room_type for room in rooms} == {*MAIN_ITEM}
     assert not any(faults(room) for room in rooms)
+
+
+def test_the_page_is_told_which_faults_are_oddities(answers):
+    room = ROOMS[0]
+    assert answers.begin["oddities"] == [*item_oddities([room], Items.of([room]))]
 
 
 def test_the_palette_has_the_sizes_of_designed_rooms(answers):

@@ -18,8 +18,9 @@ from PIL import Image
 from layoutrl.benchmarks.serving import browser_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict
-from layoutrl.rooms.faults import faults
+from layoutrl.rooms.faults import OVERLAPS, faults
 from layoutrl.rooms.formats import opened
+from layoutrl.rooms.oddities import IN_SWING, OFF_ITS_WALL
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.rooms.units import UNITS
 from tests.demo.conftest import served
@@ -688,6 +689,20 @@ def test_furnish_plays_moves_offers_choices_and_skips(page):
     page.locator("#undo").click()
     settled(page)
     assert room_of(page)["furniture"] == first
+
+
+def test_choices_count_oddities_apart_from_faults(still):
+    wrong = [[0, name, "in words"] for name in (OFF_ITS_WALL, IN_SWING, OVERLAPS)]
+    found = [wrong[:2], wrong, [*wrong[1:], wrong[2]], []]
+    furniture = room_of(still)["furniture"]
+    choices = [{"furniture": furniture, "path": [], "faults": told} for told in found]
+    answer = json.dumps({"lines": [], "choices": choices})
+    still.route("**/api/furnish", lambda route: route.fulfill(body=answer))
+    still.locator("#furnish").click()
+    said = ["2 oddities", "1 fault, 2 oddities", "2 faults, 1 oddity", "no fault"]
+    labels = [f"Choice {k}: {text}" for k, text in enumerate(said, 1)]
+    expect(still.locator("#choices").get_by_role("button")).to_have_text(labels)
+    settled(still)
 
 
 def test_the_page_is_used_while_other_choices_are_found(still):

@@ -13,7 +13,8 @@ const FIRST = "bedroom";
 
 try {
   const said = await begin();
-  Object.assign(known, said, { fronts: new Set(said.fronts), raised: new Set(said.raised) });
+  Object.assign(known, said);
+  for (const name of ["fronts", "raised", "oddities"]) known[name] = new Set(said[name]);
   offerKinds();
   offerUnits();
   const gallery = sourceOf(known.gallery);

@@ -6,7 +6,9 @@ import { canTravel, commit, item, openings, outdated, sourceOf, state, words } f
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
-export const known = { gallery: [], palette: {}, fronts: new Set(), raised: new Set(), units: [] }; // what the server said at first
+export const known = { // what the server said at first
+  gallery: [], palette: {}, fronts: new Set(), raised: new Set(), oddities: new Set(), units: [],
+};
 
 export function element(tag, attributes = {}, ...children) {
   const node = Object.assign(document.createElement(tag), attributes);
@@ -225,6 +227,8 @@ function renderSelected() {
   $("gaps").textContent = gaps.length ? `Free beside it: ${gaps.map(([, , metres]) => `${metres.toFixed(2)} m`).join(", ")}` : "";
 }
 
+const counted = (count, one, several) => count && `${count} ${count > 1 ? several : one}`;
+
 function renderChoices() {
   const { choices, chosen, room, look, mode } = state;
   $("choices").hidden = choices.length === 0 || mode === "draw";
@@ -232,7 +236,9 @@ function renderChoices() {
   $("choices").replaceChildren(...choices.map(({ furniture, faults, by }, k) => {
     const standing = { ...room, furniture };
     const count = new Set(faults.map(([index]) => index));
-    const text = faults.length ? `${faults.length} ${faults.length > 1 ? "faults" : "fault"}` : "no fault";
+    const odd = faults.filter(([, name]) => known.oddities.has(name)).length;
+    const counts = [counted(faults.length - odd, "fault", "faults"), counted(odd, "oddity", "oddities")];
+    const text = counts.filter(Boolean).join(", ") || "no fault";
     const whose = by ? `, by ${by}` : "";
     const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
     node.setAttribute("aria-pressed", k === chosen);
