@@ -46,6 +46,7 @@ PRINTED = 40  # millimetres per metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
 HALL = 7.0  # metres: in longer rooms letters are larger in proportion
 ARC = 18  # straight lines for the arc of a door's leaf
+OPENINGS = {"door": DOOR, "window": WINDOW}  # colours of their outlines
 POINTS = 1.6 * 72  # points per metre in PNG
 WIDE = 0.6  # width of a letter, as a share of its height
 NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -82,9 +83,10 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
-        "walls": [_polygon(wall, _hex(BLACK)) for wall in room.walls],
+        "walls": [f'<polygon points="{_points(wall)}" fill="{_hex(BLACK)}"/>' for wall in room.walls],
         "openings": [
-            _polygon(opening.polygon, _hex(DOOR if opening.kind == "door" else WINDOW), f' data-kind="{opening.kind}"')
+            f'<polygon points="{_points(opening.polygon)}" fill="#fff" stroke="{_hex(OPENINGS[opening.kind])}" '
+            f'stroke-width=".02" data-kind="{opening.kind}"/>'
             for opening in room.openings
         ],
         "leaves": [
@@ -134,6 +136,9 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
         for leaf in _leaves(room):
             axes.plot(*leaf.T, color=np.array(DOOR) / 255, linewidth=0.8, zorder=0)
         draw_room(axes, replace(room, target=None), names=7)
+        # What draw_room adds first are walls, then openings.
+        for shape, opening in zip(axes.patches[len(room.walls) :], room.openings, strict=False):
+            shape.set(facecolor="white", edgecolor=np.array(OPENINGS[opening.kind]) / 255, linewidth=1.6)
         for k, faults in _by_item(wrong).items():
             item = room.furniture[k]
             if item.center is not None:
@@ -299,10 +304,6 @@ def in_xml(text: str) -> str:
 
 def _written(text: str) -> str:
     return escape(in_xml(text))
-
-
-def _polygon(ring: Sequence[Point], color: str, more: str = "") -> str:
-    return f'<polygon points="{_points(ring)}" fill="{color}"{more}/>'
 
 
 def _points(ring: Iterable[Point]) -> str:

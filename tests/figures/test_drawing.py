@@ -15,7 +15,7 @@ from PIL import Image
 from shapely.geometry import LineString, Point, Polygon, box
 
 from layoutrl import InputError
-from layoutrl.env.render import DOOR, color_of
+from layoutrl.env.render import DOOR, WINDOW, color_of
 from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.doors import drawn_leaves
@@ -145,6 +145,21 @@ def test_png_shows_the_leaf_of_a_door(tmp_path: Path) -> None:
         column, row = (x - x0) / (x1 - x0) * picture.width, (y1 - y) / (y1 - y0) * picture.height
         near = picture.convert("RGB").crop((int(column) - 3, int(row) - 3, int(column) + 4, int(row) + 4))
         assert min(abs(np.array(near) - np.array(DOOR)).sum(-1).ravel()) < 120
+
+
+def test_openings_are_white_between_lines_of_their_colour(tmp_path: Path) -> None:
+    room = room_from_dict(document(furniture=[]))
+    (door, window), (x0, y0, x1, y1) = room.openings, sheet(room)
+    drawn = [(shape.get("fill"), shape.get("stroke")) for shape in layers(svg(room))["openings"]]
+    assert drawn == [("#fff", "#00a03c"), ("#fff", "#285ae6")]
+    draw(room, [], tmp_path / "room.png")
+    with Image.open(tmp_path / "room.png") as picture:
+        for opening, color in ((door, DOOR), (window, WINDOW)):
+            (left, low, right, high), middle = opening.shape.bounds, opening.shape.centroid
+            across = (middle.x, low) if right - left > high - low else (left, middle.y)
+            for (x, y), expected in (((middle.x, middle.y), (255, 255, 255)), (across, color)):
+                column, row = (x - x0) / (x1 - x0) * picture.width, (y1 - y) / (y1 - y0) * picture.height
+                assert picture.convert("RGB").getpixel((int(column), int(row))) == expected
 
 
 @given(room=rooms())
