@@ -108,8 +108,8 @@ class Names:
     def category(self, *names: str | None) -> tuple[str, bool] | None:
         """Return (category, whether it is a known one) of a thing with these names; None for decor and rugs.
 
-        An obstacle is called by its name in the table, and an unknown thing by its first name. The latter is counted
-        in `unknown`.
+        An obstacle is called by its name in the table, and an unknown thing by its first name, if any. The latter is
+        counted in `unknown`.
         """
         given = [name for name in names if name and name.strip()]
         if part := self._known(given):
@@ -117,7 +117,7 @@ class Names:
             called = part.replace(" ", "_") if found == OBSTACLE else found
             return None if found in NOT_FURNITURE else (called, found != OBSTACLE)
         called = (plain(given[0]) if given else "").replace(" ", "_")[:40] or OBSTACLE
-        self.unknown[given[-1][:40] if given else "without a name", called] += 1
+        self.unknown[given[-1][:40] if given else "", called] += 1
         return called, False
 
     def meant(self, name: str) -> str | None:
@@ -246,10 +246,13 @@ class Names:
         return next((named for named in whole if named in self._winning), whole[0] if whole else None)
 
     def notes(self) -> list[str]:
-        """Return a line for each unknown name, the most frequent first, NOTED at most."""
+        """Return a line for each unknown name, the most frequent first, and for what has none; NOTED at most."""
         known = self.categories
         lines = []
         for (name, called), times in self.unknown.most_common(NOTED):
+            if not name:
+                lines.append(f"furniture without a name ({times}) stands as an obstacle")
+                continue
             near = difflib.get_close_matches(called, known, 3, 0)
             lines.append(
                 f"{name!r} ({times}) is no known furniture and stands as an obstacle; nearest are {', '.join(near)} "

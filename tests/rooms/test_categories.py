@@ -396,3 +396,9 @@ def test_a_documents_furniture_is_called_by_its_categories() -> None:
         "id": "Bett", "furniture": [{"category": "bed", "size": [2, 1]}, {"category": "sofa"}]
     }  # fmt: skip
     assert given["furniture"][0]["category"] == "Bett"
+
+
+def test_nothing_is_near_to_furniture_without_a_name() -> None:
+    names = names_of()
+    assert [names.category(None, " "), names.category()] == [("obstacle", False)] * 2
+    assert names.notes() == ["furniture without a name (2) stands as an obstacle"]
