@@ -175,6 +175,14 @@ def name_in(document: Any) -> str:
     return f"room {document['id']!r}: " if isinstance(document, dict) and "id" in document else ""
 
 
+def check_room_type(name: str) -> None:
+    """Raise RoomError unless it is a known room type, with a hint at what the name means in the table of names."""
+    if name not in MAIN_ITEM:
+        ours = own_names().room_type(name, ())
+        hint = f", which is a {ours} here" if ours and ours != NO_ROOM else ""
+        raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {name!r}{hint}")
+
+
 def room_from_dict(document: Any) -> Room:
     """Return the room of a document of plain lists and numbers, as `room_to_dict` makes it.
 
@@ -187,8 +195,7 @@ def room_from_dict(document: Any) -> Room:
     _check_fields(document, "room", REQUIRED, OPTIONAL)
     room_id = _text(document["id"], "id")
     room_type = _text(document["room_type"], "room_type")
-    if room_type not in MAIN_ITEM:
-        raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {room_type!r}{_meant(room_type)}")
+    check_room_type(room_type)
 
     outline = _ring(document["outline"], "outline")
     holes = tuple(_ring(h, f"holes[{k}]")[::-1] for k, h in enumerate(_list(document.get("holes", []), "holes")))
@@ -274,12 +281,6 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
         known = required + optional
         if name not in known and (near := difflib.get_close_matches(name, known, 1, ALIKE)):
             raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
-
-
-def _meant(room_type: str) -> str:
-    """Return a hint at the room type that another name means in the table of names, or ""."""
-    ours = own_names().room_type(room_type, ())
-    return f", which is a {ours} here" if ours and ours != NO_ROOM else ""
 
 
 def _furniture(entries: list[Any]) -> tuple[Item, ...]:

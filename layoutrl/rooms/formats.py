@@ -23,6 +23,7 @@ from layoutrl import InputError
 from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.categories import ALL, names_in, names_of
 from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.documents import check_room_type
 from layoutrl.rooms.files import FORMATS, HOMES, check_new, check_not_given, files_below, write_rooms
 from layoutrl.rooms.files import SUFFIXES as JSON_SUFFIXES
 from layoutrl.rooms.room import Item, Room
@@ -109,7 +110,8 @@ def opened(
 ) -> Source:
     """Read the rooms of a file, or of all files of a folder.
 
-    Raises InputError where none can be read, and for an option that does not apply to their format.
+    Raises InputError where none can be read, for an unknown `room_type`, and for an option that does not apply to
+    their format.
 
     The format is detected from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d, .sh3x),
     houses of ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
@@ -123,6 +125,8 @@ def opened(
     - `categories`: a YAML file with more names of furniture; for all formats but rooms in JSON.
     - `unit`: of the lengths in JSON, as in `layoutrl.rooms.files.read_rooms`. Layouts are written in metres.
     """
+    if room_type is not None:
+        check_room_type(room_type)
     path = Path(path)
     kind = format_of(path)
     if kind == "json":

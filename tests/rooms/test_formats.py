@@ -190,6 +190,16 @@ def test_rooms_of_which_nothing_tells_the_type_are_what_is_said_of_houses_and_fo
         assert f"{taken.rooms[0].id}: nothing tells its type; it is taken for a study" in taken.notes
 
 
+@pytest.mark.parametrize(
+    ("room_type", "said"), [("garage", "got 'garage'$"), ("office", "got 'office', which is a study here$")]
+)
+def test_a_room_type_that_is_none_is_refused_whatever_the_file(room_type: str, said: str, tmp_path: Path) -> None:
+    write_rooms(tmp_path / "rooms.json", [rectangular_room()])
+    for path in (tmp_path / "rooms.json", home_file(tmp_path / "flat.sh3d", FLAT)):
+        with pytest.raises(InputError, match=f"^room_type: expected one of bathroom, .*; {said}"):
+            opened(path, room_type=room_type)
+
+
 @pytest.mark.parametrize("none", [{}, {"room_type": None}, {"room_type": ""}])
 def test_a_room_in_json_without_a_type_is_what_its_id_or_furniture_tells_or_what_is_said(
     none: dict[str, Any], tmp_path: Path
