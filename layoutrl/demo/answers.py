@@ -63,10 +63,11 @@ LONGEST_NAME = 60  # letters of a room's name in a message, and of a file's at t
 NO_NAME = '/\\:*?"<>|'  # characters that no file's name has, on this system or another
 STEPS = (0.05, 1.0)  # metres between the places of a heat map, at least and at most
 
-# What messages about a file say about options of commands, and what the page says instead.
+# What messages about a file say about options of commands and suffixes, and what the page says instead.
 OPTIONS = {
     " (categories=<file> names it)": "",
     " (into=<id>)": "",
+    " (a room over several lines is a .json file)": "",
     "(unit=m if they are)": "(choose unit m if they are)",
     "(unit=in if lengths are inches)": "(choose unit in if lengths are inches)",
 }

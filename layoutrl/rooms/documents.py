@@ -140,10 +140,11 @@ def with_layout(
     return {**document, "furniture": entries}
 
 
-def parsed(text: str | bytes) -> Any:
+def parsed(text: str | bytes, line: bool = False) -> Any:
     """Return the content of a JSON text, or a RoomError that says why it cannot be read.
 
-    In a list, each entry in which a key stands twice is a RoomError of its own.
+    The text is a whole file or a `line` of one. In a list, each entry in which a key stands twice is a RoomError of its
+    own.
     """
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
@@ -151,11 +152,10 @@ def parsed(text: str | bytes) -> Any:
     except json.JSONDecodeError as error:
         if not error.doc.strip():
             return RoomError("file", "is empty; expected a room, or a list of them")
-        several = "\n" in error.doc.rstrip()  # lines: it is a whole file, not a line of one
         if error.pos < len(error.doc.rstrip()):
-            line = f"line {error.lineno}, " * several
-            return RoomError(f"{line}column {error.colno}", f"expected JSON; {error.msg}")
-        if several:
+            where = f"line {error.lineno}, " if "\n" in error.doc.rstrip() else ""
+            return RoomError(f"{where}column {error.colno}", f"expected JSON; {error.msg}")
+        if not line:
             return RoomError("file", "expected whole JSON; the text breaks off")
         said = "expected one whole JSON object; the text breaks off (a room over several lines is a .json file)"
         return RoomError("line", said)

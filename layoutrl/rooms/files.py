@@ -142,7 +142,9 @@ def documents_of(file: Path) -> Iterator[tuple[str, Any]]:
     try:
         with file.open("rb") as stream:
             if file.suffix.lower() == ".jsonl":
-                yield from ((f"{file}:{n}", parsed(line)) for n, line in enumerate(stream, 1) if line.strip())
+                yield from (
+                    (f"{file}:{n}", parsed(line, line=True)) for n, line in enumerate(stream, 1) if line.strip()
+                )
                 return
             document = parsed(stream.read())
         if isinstance(document, list):

@@ -106,12 +106,12 @@ def standard_input() -> Iterator[tuple[str, Any] | None]:
         *ends, begins = read.split(b"\n")
         for end in ends:
             if line := b"".join([*begun, end]).strip():
-                yield f"standard input:{number}", parsed(line)
+                yield f"standard input:{number}", parsed(line, line=True)
             number, begun = number + 1, []
         begun.append(begins)
         yield None
     if line := b"".join(begun).strip():
-        yield f"standard input:{number}", parsed(line)
+        yield f"standard input:{number}", parsed(line, line=True)
 
 
 def source_entries(source: Source) -> Iterator[Entry]:

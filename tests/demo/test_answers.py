@@ -362,6 +362,8 @@ def test_a_broken_file_is_told_where_it_is_broken(answers):
     said = answers.read(b"{broken\n" + lines_of(ROOMS[:2]))
     assert [entry["room"]["id"] for entry in said["rooms"]] == [room.id for room in ROOMS[:2]]
     assert said["left_out"][0].startswith("line:1: column 2: expected JSON")
+    with pytest.raises(InputError, match=r"^line:1: line: expected one whole JSON object; the text breaks off$"):
+        answers.read(lines_of(ROOMS[:1])[:-40])
 
 
 def test_houses_without_the_sizes_of_their_furniture_are_left_to_place(answers):

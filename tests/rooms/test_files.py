@@ -253,6 +253,13 @@ def test_a_mistake_in_a_file_of_several_lines_is_named_by_its_line(tmp_path: Pat
     assert re.match(said, reason)
 
 
+def test_only_a_line_that_breaks_off_is_told_which_file_may_have_several_for_a_room(tmp_path: Path) -> None:
+    for name, said in (("room.json", "file: expected whole JSON; the text breaks off"), ("room.jsonl", ".json file)")):
+        path = write(tmp_path / name, json.dumps(document())[:-40])
+        ((_, reason),) = read_rooms(path).left_out
+        assert reason.endswith(said)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
