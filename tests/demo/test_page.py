@@ -1179,6 +1179,17 @@ def test_files_are_opened_and_dropped(page, tmp_path):
     expect(page.locator("#title")).to_have_attribute("data-room", "dropped")
 
 
+def test_many_lines_on_a_file_take_no_more_space_than_ten_and_can_all_be_read(page):
+    page.evaluate(DROP, json.dumps([SQUARE | {"id": "many"}, *[{}] * 30]))
+    expect(page.locator("#lines li")).to_have_count(30)
+    height, line, whole = page.locator("#lines").evaluate(
+        "node => [node.clientHeight, parseFloat(getComputedStyle(node).lineHeight), node.scrollHeight]"
+    )
+    assert height <= 10 * line + 1 < whole
+    page.locator("#lines li").last.scroll_into_view_if_needed()
+    expect(page.locator("#lines li").last).to_be_in_viewport()
+
+
 def test_while_a_file_is_read_the_page_says_so(page):
     held = []
     page.route("**/api/read*", lambda route: held.append(route))
