@@ -42,6 +42,7 @@ OUTLINE: dict[str, Any] = {
     "linewidth": 1.0,
     "path_effects": [withStroke(linewidth=2.5, foreground="white")],
 }
+OPENINGS = {"door": DOOR, "window": WINDOW}  # their colours
 MARK = 0.7  # share of half an item's depth, at which the line to its front begins
 LEGIBLE = 0.05  # metres: a name needs more, across and along
 PARTS = 20  # of a box: the largest of those that are looked at
@@ -52,17 +53,20 @@ Box = tuple[float, float, float, float]  # x0, y0, x1, y1 in metres
 FAULT_MARKS = {OVERLAPS: "O", OUTSIDE: "W", BLOCKS: "B", OUT_OF_REACH: "R", FRONT_NOT_FREE: "F"}
 
 
-def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4) -> None:
+def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None = 4, outlined: bool = False) -> None:
     """Draw a room as designed: walls black, doors green, windows blue, the target red; a line shows an item's front.
 
     Without `moving`, the target is left out. `names` is the size of the categories' names in points; None for no names.
+    With `outlined`, doors and windows are white within a line, as on floor plans.
     """
     axes.set_aspect("equal")
     axes.axis("off")
     for wall in room.walls:
         axes.add_patch(Polygon(wall, color=rgb(BLACK), linewidth=0))
     for opening in room.openings:
-        axes.add_patch(Polygon(opening.polygon, color=rgb(DOOR if opening.kind == "door" else WINDOW), linewidth=0))
+        color = rgb(OPENINGS[opening.kind])
+        fill, width = ("white", 1.6) if outlined else (color, 0.0)
+        axes.add_patch(Polygon(opening.polygon, facecolor=fill, edgecolor=color, linewidth=width))
     boxes = name_boxes(room)
     for k, item in in_drawing_order(room):
         assert item.center is not None

@@ -19,11 +19,12 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl import InputError
-from layoutrl.env.render import BLACK, DOOR, WINDOW, color_of
+from layoutrl.env.render import BLACK, DOOR, color_of
 from layoutrl.figures import (
     HALO,
     MARK,
     NO_MATH,
+    OPENINGS,
     ORANGE,
     STYLE,
     Box,
@@ -46,7 +47,6 @@ PRINTED = 40  # millimetres per metre in SVG: 1:25
 LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
 HALL = 7.0  # metres: in longer rooms letters are larger in proportion
 ARC = 18  # straight lines for the arc of a door's leaf
-OPENINGS = {"door": DOOR, "window": WINDOW}  # colours of their outlines
 POINTS = 1.6 * 72  # points per metre in PNG
 WIDE = 0.6  # width of a letter, as a share of its height
 NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -135,10 +135,7 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
         axes = figure.add_axes((0, 0, 1, 1))
         for leaf in _leaves(room):
             axes.plot(*leaf.T, color=np.array(DOOR) / 255, linewidth=0.8, zorder=0)
-        draw_room(axes, replace(room, target=None), names=7)
-        # What draw_room adds first are walls, then openings.
-        for shape, opening in zip(axes.patches[len(room.walls) :], room.openings, strict=False):
-            shape.set(facecolor="white", edgecolor=np.array(OPENINGS[opening.kind]) / 255, linewidth=1.6)
+        draw_room(axes, replace(room, target=None), names=7, outlined=True)
         for k, faults in _by_item(wrong).items():
             item = room.furniture[k]
             if item.center is not None:
