@@ -48,12 +48,6 @@ TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # columns trained anew for real rooms
 # Columns that furnish real rooms only where they are asked for.
 DESIGNED_ALONE = ("rooms_untrained", "annealer_long", "search_long", "rooms_planit")
-# Agents of real rooms have longer episodes and a smaller replay buffer, the defaults of when their cells were filled.
-FORMER_DEFAULTS = {
-    "method.max_moves": "30", "method.evaluation_moves": "30", "method.episodes": "64",
-    "method.replay_capacity": "200000",
-}  # fmt: skip
-FORMER_UPDATES = {"bedroom": {"method.updates.default": "48000"}, "tatami": {"method.updates.default": "24000"}}
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_untrained", "rooms_pointer",
@@ -124,10 +118,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             learn = [column for column in columns.split(",") if column in LEARNS.values()]
             left_out = {*learn} if "column" in chosen else {*learn, *DESIGNED_ALONE}
             others = [column for column in columns.split(",") if column not in left_out]
-            for column in learn:
-                for room in real:
-                    former = FORMER_DEFAULTS | FORMER_UPDATES[room] if column == LEARNS["agent"] else {}
-                    made.append(former | trained_on | sweep | {"column": column, "room": room})
+            made += [trained_on | sweep | {"column": ",".join(learn)}] if learn else []
             made += [sweep | {"column": ",".join(others)}] if others else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:
