@@ -1193,8 +1193,11 @@ def test_many_lines_on_a_file_take_no_more_space_than_ten_and_can_all_be_read(pa
 def test_while_a_file_is_read_the_page_says_so(page):
     held = []
     page.route("**/api/read*", lambda route: held.append(route))
-    page.evaluate(DROP, "no room")
-    expect(page.locator("#lines")).to_have_text("room.json is being read.")
+    with page.expect_request("**/api/read*"):
+        page.evaluate(DROP, "no room")
+    expect(page.locator("#verdict")).to_have_text("room.json is being read.")
+    while not held:
+        page.wait_for_timeout(10)
     held[0].continue_()
     expect(page.locator("#verdict")).to_contain_text("room.json: line:1: column 1: expected JSON")
     expect(page.locator("#lines")).to_be_empty()
@@ -1757,6 +1760,9 @@ def test_a_link_goes_when_the_room_is_no_longer_that_which_it_holds(page):
     take(page, "bathroom")
     expect(page.locator("#link")).to_be_hidden()
     page.locator("#share").click()
+    expect(page.locator("#link")).to_be_visible()
+    item(page, "toilet").click()
+    expect(page.locator("#gaps")).not_to_be_empty()
     expect(page.locator("#link")).to_be_visible()
     dragged(page, item(page, "toilet"), 0, 0.2)
     expect(page.locator("#link")).to_be_hidden()

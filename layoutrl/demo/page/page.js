@@ -2,7 +2,7 @@
 
 import { ask } from "./api.js";
 import { draw, drawDraft, thumbnail } from "./plan.js";
-import { canTravel, commit, item, openings, outdated, sourceOf, state, words } from "./store.js";
+import { canTravel, commit, item, openings, outdated, snapshot, sourceOf, state, words } from "./store.js";
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
@@ -162,6 +162,7 @@ export function render() {
   renderChoices();
   renderTools();
   renderLines();
+  $("link-label").hidden = snapshot() !== state.linked; // the link holds a room as it was
   if (where) (document.querySelector(`[data-${where[0]}="${where[1]}"]`) ?? plan).focus({ preventScroll: true });
 }
 

@@ -30,15 +30,11 @@ function withLocks({ room, locked }) {
   return { ...room, furniture };
 }
 
-// The link holds a room as it was.
-const hideLink = () => { $("link-label").hidden = true; };
-
 // Take up a room of the strip as it was left, with what its file says of it, unless that is of another type now.
 export async function shown({ room, fixed = [] }, source) {
   const left = source.now.get(room.id);
   const now = left ? JSON.parse(left) : { room: structuredClone(room), locked: locks(room, fixed) };
   if (!(await open(now.room, now.locked, source))) return;
-  hideLink();
   if (now.room.room_type === room.room_type) state.lines = source.lines.filter((line) => line.startsWith(`${room.id}: `));
   render();
 }
@@ -66,14 +62,12 @@ export function offer(source, before = false) {
 // Take a room that is from no file; the strip keeps it.
 export async function openAlone(room, locked) {
   if (!(await open(room, locked))) return false;
-  hideLink();
   state.source.rooms.push(state.look);
   offer(state.source, true);
   return true;
 }
 
 document.addEventListener("looked", () => {
-  hideLink();
   const { room, look, source } = state;
   const picture = source.pictures.get(room.id);
   if (!picture) return;
@@ -89,14 +83,12 @@ async function opened(file, before = { source: null, entries: [] }) {
   if (!file) return;
   const mine = { ...before, file, unit: $("unit").value };
   last = mine;
-  const reading = [`${file.name} is being read.`];
   state.lines = [];
   render();
   try {
     const most = (await file.slice(0, 2).text()) === "PK" ? LARGEST.home : LARGEST.other; // a home is a ZIP
     if (file.size > most * 1e6) return say(`${file.name} is larger than ${most} MB.`);
-    state.lines = reading; // a large home takes seconds
-    render();
+    say(`${file.name} is being read.`, false); // a large home takes seconds
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const name = file.name.replace(/(?<=.)\.\w+$/, "");
     const { rooms, left_out, home: whole } = await read(content, name, mine.unit);
@@ -108,8 +100,6 @@ async function opened(file, before = { source: null, entries: [] }) {
     state.lines = left_out;
     render();
   } catch (error) {
-    if (state.lines === reading) state.lines = [];
-    render();
     say(`${file.name}: ${error.message}`);
   }
 }
@@ -202,9 +192,10 @@ saving("save-png", async () => {
 $("share").onclick = async () => {
   await judged();
   const mark = marks(state.source, [state.room.id]);
-  history.replaceState(null, "", `#room=${await packed(snapshot())}`);
+  state.linked = snapshot();
+  history.replaceState(null, "", `#room=${await packed(state.linked)}`);
   mark();
-  $("link-label").hidden = false;
+  render();
   $("link").value = location.href;
   $("link").select();
 };

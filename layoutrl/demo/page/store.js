@@ -14,6 +14,7 @@ export const state = {
   cursor: [1, 1], // where the keyboard would put the next
   choices: [],
   chosen: 0,
+  linked: null, // a snapshot: what the link holds
   thoughts: null, // {values, moves} of the chosen item
 };
 
