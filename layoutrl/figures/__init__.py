@@ -57,7 +57,7 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
     """Draw a room as designed: walls black, doors green, windows blue, the target red; a line shows an item's front.
 
     Without `moving`, the target is left out. `names` is the size of the categories' names in points; None for no names.
-    With `outlined`, doors and windows are white within a line, as on floor plans.
+    With `outlined`, doors and windows are white within a line of their colour, as on floor plans.
     """
     axes.set_aspect("equal")
     axes.axis("off")
@@ -67,18 +67,16 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         color = rgb(OPENINGS[opening.kind])
         fill, width = ("white", 1.6) if outlined else (color, 0.0)
         axes.add_patch(Polygon(opening.polygon, facecolor=fill, edgecolor=color, linewidth=width))
-    boxes = name_boxes(room)
-    for k, item in in_drawing_order(room):
+    drawn = [(k, item) for k, item in in_drawing_order(room) if moving or k != room.target]
+    boxes = name_boxes(drawn)
+    for k, item in drawn:
         assert item.center is not None
-        if k == room.target and not moving:
-            continue
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
         if names and k in boxes:
             x0, y0, x1, y1 = boxes[k]
             along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: so the name fits into a narrow item
             name = item.category.replace("_", "\n")
-            middle = (x0 + x1) / 2, (y0 + y1) / 2
-            axes.text(*middle, name, fontsize=names, rotation=along, ha="center", va="center")
+            axes.text(*middle(boxes[k]), name, fontsize=names, rotation=along, ha="center", va="center")
     axes.autoscale_view()
 
 
@@ -91,24 +89,39 @@ def in_drawing_order(room: Room) -> list[tuple[int, Item]]:
     return sorted(placed, key=lambda entry: (entry[1].category not in RAISED, not entry[1].tucked))
 
 
-def name_boxes(room: Room) -> dict[int, Box]:
+def name_boxes(drawn: Sequence[tuple[int, Item]]) -> dict[int, Box]:
     """Return where to write the name of each item that is seen: a box in metres, by the item's index.
 
-    It is the largest part of the item's bounding box that is found beside, above or below what is drawn over it. There
-    is none for an item of which no part is larger than LEGIBLE, across and along: its name would stand on another.
+    `drawn` is what is drawn, in order, as of `in_drawing_order`. The box of an item that is partly covered is the
+    largest part of its bounding box that is found beside, above or below what covers it and the line to its front.
+    There is none where no such part is larger than LEGIBLE, across and along: the name would stand on another item.
     """
     boxes: dict[int, Box] = {}
     over: list[Box] = []  # of what is drawn later
-    for k, item in reversed(in_drawing_order(room)):
+    for k, item in reversed(drawn):
+        assert item.center is not None
         whole = item.footprint.bounds
         free = [whole]
         for box in over:
-            parts = [part for each in free for part in _beside(each, box)]
-            free = sorted(parts, key=_area, reverse=True)[:PARTS]
+            free = _largest_beside(free, box)
+        if free != [whole] and item.form != "circle":
+            (x0, y0), (x1, y1) = front(item, item.center)
+            free = _largest_beside(free, (min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)))
         if free:
             boxes[k] = free[0]
         over.append(whole)
     return boxes
+
+
+def middle(box: Box) -> tuple[float, float]:
+    """Return the middle of a box."""
+    x0, y0, x1, y1 = box
+    return (x0 + x1) / 2, (y0 + y1) / 2
+
+
+def _largest_beside(boxes: Sequence[Box], other: Box) -> list[Box]:
+    """Return the parts of boxes beside another, the largest first, PARTS at most."""
+    return sorted((part for box in boxes for part in _beside(box, other)), key=_area, reverse=True)[:PARTS]
 
 
 def _beside(box: Box, other: Box) -> list[Box]:

@@ -33,6 +33,7 @@ from layoutrl.figures import (
     draw_room,
     front,
     in_drawing_order,
+    middle,
     name_boxes,
 )
 from layoutrl.rooms.doors import drawn_leaves
@@ -79,7 +80,8 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
     x0, y0, x1, y1 = sheet(room)
     left, width, height = x0 + MARGIN, x1 - x0, y1 - y0
     coarse = _coarse(room)
-    faults, items, boxes, floor_size = _by_item(wrong), in_drawing_order(room), name_boxes(room), _size(room)
+    faults, items, floor_size = _by_item(wrong), in_drawing_order(room), _size(room)
+    boxes = name_boxes(items)
     floor = " ".join(f"M{_points(ring)}Z" for ring in (room.outline, *room.holes))
     layers = {
         "floor": [f'<path d="{floor}" fill="#fff" fill-rule="evenodd"/>'],
@@ -136,13 +138,14 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
         for leaf in _leaves(room):
             axes.plot(*leaf.T, color=np.array(DOOR) / 255, linewidth=0.8, zorder=0)
         draw_room(axes, replace(room, target=None), names=7, outlined=True)
+        boxes = name_boxes(in_drawing_order(room))
         for k, faults in _by_item(wrong).items():
             item = room.furniture[k]
             if item.center is not None:
                 draw_item(axes, item, item.center, fill=False, hatch="////", edgecolor=ORANGE, linewidth=1.5)
-                said = "\n".join(faults)
-                at = item.center[0], item.center[1] - 0.12
-                axes.text(*at, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
+                said = "\n".join(faults if k in boxes else [item.category, *faults])
+                x, y = middle(boxes.get(k, item.footprint.bounds))
+                axes.text(x, y - 0.12, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
         absent, width = _not_placed(room), x1 - x0
         axes.text(x0, y1, absent, fontsize=min(6, POINTS * _letters([absent], width)), va="top")
         axes.plot(*np.transpose(_metre(x0, y0)), color="black", linewidth=1)
@@ -249,15 +252,16 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
 def _label(item: Item, box: Box, faults: Sequence[str], coarse: float) -> str:
     """Return an item's label in a box: its category, one word per line, and below it the faults.
 
-    The letters are as large as fit in the box behind the line to the front, within the limits of `_letters`. The label
-    is turned by a quarter where that makes them much larger.
+    The letters are as large as fit in the box, in that of a whole item behind the line to its front, within the limits
+    of `_letters`. The label is turned by a quarter where that makes them much larger.
     """
     x0, y0, x1, y1 = box
     across, up = x1 - x0, y1 - y0
-    if item.form != "circle":
+    if item.form != "circle" and box == item.footprint.bounds:
         ahead = abs(np.cos(np.radians(item.degrees))) > 0.5**0.5  # it faces along x rather than y
         across, up = (MARK * across, up) if ahead else (across, MARK * up)
-    x, y = (x0 + x1) / 2, -(y0 + y1) / 2
+    x, y = middle(box)
+    y = -y
     words = item.category.replace("_", " ").split()
     said = [*words, *faults]
     size, turned = (_letters(said, *space, coarse) for space in ((across, up), (up, across)))

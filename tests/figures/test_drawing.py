@@ -16,6 +16,7 @@ from shapely.geometry import LineString, Point, Polygon, box
 
 from layoutrl import InputError
 from layoutrl.env.render import DOOR, WINDOW, color_of
+from layoutrl.figures import front
 from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.doors import drawn_leaves
@@ -234,7 +235,7 @@ def test_a_label_is_where_its_item_is_not_covered() -> None:
         "".join(line.text or "" for line in label): Point(float(label[0].get("x", "")), -float(label[0].get("y", "")))
         for label in layers(svg(room))["labels"]
     }
-    for said, visible in (("chair", box(0.8, 1.75, 1.0, 2.25)), ("rug", box(1.7, 0.1, 2.5, 1.1))):
+    for said, visible in (("chair", box(0.8, 1.75, 1.0, 2.25)), ("rug", box(0.5, 0.1, 1.1, 1.1))):
         assert visible.contains(where[said])
     covered = replace(room.furniture[2], center=(1.27, 2.0))  # 2 cm of it are left
     hidden = replace(room, furniture=(covered, room.furniture[3]))
@@ -258,6 +259,16 @@ def test_the_line_to_the_front_strikes_through_no_label(rotation: float) -> None
     ((high, turned),) = letters(replace(rectangular_room(4, 3), furniture=(wardrobe,), target=None))
     along = turned == (rotation % 180 == 0)  # the name runs along the front, not towards it
     assert (high if along else WIDE * len("wardrobe") * high) <= 0.7 * 0.6 + TENTH
+
+
+def test_the_line_to_the_front_strikes_through_no_label_of_what_is_partly_covered() -> None:
+    room = seated()
+    labels = {"".join(label.itertext()): label for label in layers(svg(room))["labels"]}
+    high = float(labels["rug"].get("font-size", ""))
+    ((x, y),) = {(float(line.get("x", "")), -float(line.get("y", ""))) for line in labels["rug"]}
+    wide = WIDE * len("rug") * high
+    name = box(x - wide / 2, y - 0.2 * high, x + wide / 2, y + 0.8 * high)
+    assert not name.intersects(LineString(front(room.furniture[0], (1.5, 0.6))))
 
 
 @pytest.mark.parametrize("width", [1.5, 3.0, 6.0])
