@@ -158,7 +158,6 @@ class Work:
         self._seen: set[str] | None = set()  # categories so far; None in a resumed run, which has not seen them all
         self._unmet = {*config.only_rooms}  # the names in `only` that no room so far has
         self._ids: list[str] = []  # of the first rooms
-        self._taken: set[str] = set()  # the ids of all rooms of a file so far
         self._objects = 0  # entries that are JSON objects, right or wrong
         self.drawn = list[Path]()  # pictures of rooms that are not written yet
 
@@ -308,13 +307,6 @@ class Work:
             self.say(unit_line(entry.unit, [entry.document]))
         if not entry.told and self.placer.means(room):
             self.say(taken_for(room))
-        if self.config.rooms != STANDARD:  # who writes there may ask about a room again
-            if room.id in self._taken and self.placer.means(room):
-                self.say(
-                    f"{entry.where}: an earlier room is called {room.id!r}, too: both are taken here, but data=json "
-                    "and the page read the first alone; expected a name of its own"
-                )
-            self._taken.add(room.id)
 
     def _told(self, answer: Answer, picture: Path | None) -> None:
         if not answer.request.wanted:

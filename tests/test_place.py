@@ -34,7 +34,6 @@ from layoutrl.rivals.rooms.annealer import MOVES
 from layoutrl.rooms.brief import missing, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
-from layoutrl.rooms.files import read_rooms
 from layoutrl.rooms.formats import opened, to_place
 from layoutrl.rooms.furnished import Furnished, same
 from layoutrl.rooms.room import Room
@@ -528,21 +527,6 @@ def test_a_room_that_says_no_type_is_of_that_of_the_command(
     said = capsys.readouterr().out
     assert said.count("; it is taken for a study") == 1
     assert "x: nothing tells its type; it is taken for a study" in said
-
-
-def test_rooms_of_one_id_are_both_furnished_and_it_is_said(
-    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file = written(tmp_path, [bare(DOCUMENTS[0]), bare(DOCUMENTS[1]), bare(DOCUMENTS[0])])
-    assert len(run(PlaceConfig(by="search", rooms=str(file)))) == 3
-    assert len(middle.seen) == 3
-    said = capsys.readouterr().out
-    assert f"rooms.jsonl:3: an earlier room is called '{DOCUMENTS[0]['id']}', too: both are taken here" in said
-    assert said.count("an earlier room") == 1
-    assert [where for where, _ in read_rooms(file).left_out] == [f"{file}:3"]
-    monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(file.read_bytes())))
-    place(PlaceConfig(by="search", rooms="-"))
-    assert "an earlier room" not in capsys.readouterr().err
 
 
 def furnished_room(**changed: Any) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from layoutrl.runs.config import DemoConfig
 
 LARGEST_FILE = 5_000_000  # bytes
 LARGEST_HOME = 50_000_000  # bytes: most are models and textures, which nobody reads
-MOST_FILES = 4  # whose bytes are in memory at once; others are not received yet
+MOST_FILES = 4  # that are received and read at once, for the sake of memory: others wait before they are received
 LINE = LARGEST_LINE + 1  # bytes of the line of JSON above a home that is written back
 LEFT = "Layoutrl-Left"  # header of a saved home: JSON of a message on rooms that it has as before, and their indices
 KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}

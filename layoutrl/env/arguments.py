@@ -1,4 +1,4 @@
-"""Checks of what users pass to the environments in Python: rooms, moves, options of a reset, actions."""
+"""Checks of what users pass in Python: rooms; to the environments also moves, options of a reset, actions."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ REQUIRED = ("id", "room_type", "outline", "doors", "windows", "furniture")
 OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # limit of any number in a room, metres or degrees: refuses NaN, infinity, lengths in millimetres
 SMALLEST = 1e-12  # metres: what is nearer to zero is read as zero, since geometry divides by it
-WINDOW_DEPTH = math.sqrt(2) * WALL_THICKNESS  # metres, at most, without `walls`: to the corners of theirs
+WINDOW_DEPTH = math.sqrt(2) * WALL_THICKNESS  # metres, at most, without `walls`: homes have windows deeper than walls
 MOST = 1000  # corners of a polygon, or entries of any other list, at most
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
@@ -224,7 +224,7 @@ def room_from_dict(document: Any) -> Room:
 def _check_places(room: Room, with_walls: bool) -> None:
     border = room.indoor.boundary
     corners = [point for wall in room.walls for point in wall] if with_walls else []
-    # As far out as the walls' corners: homes have windows that are deeper than their walls.
+    # As far out as the corners of walls that are given, for the same reason as WINDOW_DEPTH.
     deepest = max([WALL_THICKNESS] + [shapely.distance(room.indoor, shapely.Point(point)) for point in corners])
     kinds = {"door": 0, "window": 0}
     for opening in room.openings:

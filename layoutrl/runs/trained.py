@@ -77,7 +77,7 @@ def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
     """Return the data meant by those `given` for a run with its `own`, and whether both are of the same source.
 
     Without a source, what is not given is as in the run. For the designer, the same source means the same seed; prints
-    what is given of its training rooms and cannot count.
+    what is given of its training rooms, other than by default, and cannot count.
     """
     data = given
     if data.source is None:

@@ -17,6 +17,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from numbers import Integral
 from typing import Literal
 
 from tqdm import tqdm
@@ -114,8 +115,8 @@ def design_rooms(room_type: str, part: Part, seed: int, count: int) -> Designs:
         if value not in known:
             raise InputError(f"{name}: expected one of {', '.join(known)}; got {value!r:.60}")
     for name, number, least in (("seed", seed, 0), ("count", count, 1)):
-        if number < least:
-            raise InputError(f"{name}: expected a whole number, {least} or more; got {number}")
+        if not isinstance(number, Integral) or number < least:
+            raise InputError(f"{name}: expected a whole number, {least} or more; got {number!r:.60}")
     return joined(design_each(room_type, part, seed, range(count)))
 
 

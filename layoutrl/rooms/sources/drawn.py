@@ -224,6 +224,7 @@ class Storey(Generic[P]):
             for k, item in held.items():
                 if item is not items[k]:
                     pieces[k] = replace(pieces[k], item=item, known=False)
+            # Of the others, what is not cut by a wall loses its pose only now.
             free = {n for n, k in enumerate(held) if k in anew - sure and pieces[k].known}
             room = replace(room, furniture=without_poses(room.furniture, free))
             if told is None:

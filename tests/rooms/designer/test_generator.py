@@ -187,6 +187,8 @@ def training_rooms(room_type: str) -> Designs:
         ({"room_type": "garage"}, r"^room_type: expected one of balcony, .*, tatami; got 'garage'$"),
         ({"part": "both"}, r"^part: expected one of train, test; got 'both'$"),
         ({"seed": -1}, r"^seed: expected a whole number, 0 or more; got -1$"),
+        ({"seed": None}, r"^seed: expected a whole number, 0 or more; got None$"),
+        ({"count": 1.5}, r"^count: expected a whole number, 1 or more; got 1\.5$"),
         ({"count": 0}, r"^count: expected a whole number, 1 or more; got 0$"),
     ],
 )
