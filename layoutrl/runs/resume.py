@@ -150,14 +150,13 @@ def session(
 @contextmanager
 def write_errors_explained(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
     """Context that raises InputError for an OSError, with the command that resumes. Checkpoints raise their own."""
-    later = going_on(folder, config, entry_point)
     try:
         yield
     except OSError as error:
         begins = "the last checkpoint goes on" if checkpoints(folder) else "it begins anew, as nothing is saved yet"
         raise InputError(
             f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
-            f"to write to, where {begins}: {later}"
+            f"to write to, where {begins}: {going_on(folder, config, entry_point)}"
         ) from None
 
 
@@ -167,15 +166,15 @@ def evaluation_session(folder: Path, config: AnyTraining, entry_point: str) -> I
 
     Raises Stopped then, and InputError if the folder cannot be written to or is in use by another process.
     """
-    later = going_on(folder, config, entry_point)
     with locked(folder / LOCK, wait=False):
         try:
             yield
         except KeyboardInterrupt:
-            raise Stopped("stopped in its evaluation", later) from None
+            raise Stopped("stopped in its evaluation", going_on(folder, config, entry_point)) from None
         except OSError as error:
             raise InputError(
-                f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to, and then: {later}"
+                f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to, and then: "
+                f"{going_on(folder, config, entry_point)}"
             ) from None
 
 
