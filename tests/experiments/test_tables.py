@@ -27,22 +27,24 @@ from printing import Row
 from layoutrl import InputError
 from layoutrl.runs.config import RoomConfig, composed, config_directory
 from layoutrl.runs.folder import differences
-from tests.commands import PROJECT, fresh
+from tests.commands import PROJECT
 from tests.experiments.builders import LITTLE, REAL, script
 
 
-def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed):
+def test_cells_run_side_by_side_and_one_that_fails_stops_no_other(tmp_path, designed, monkeypatch, capfd):
     both = ("room=tatami,kitchen", "seed=0", designed, "room.item=platform")  # no kitchen has one
     options = (*LITTLE, "column=oracle,rules", *both, f"results={tmp_path / 'results'}")
-    done = fresh(str(PROJECT / "experiments" / "table1.py"), *options, cwd=tmp_path)  # workers cannot be forked
-    assert done.returncode == 1
-    assert "kitchen-platform-own-oracle-seed0 failed: error: room.item" in done.stderr
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    assert table1.main([*options]) == 1  # in this process; workers cannot be forked
+    out, err = capfd.readouterr()
+    assert "kitchen-platform-own-oracle-seed0 failed: error: room.item" in err
     folder = tmp_path / "results" / "smoke" / "table1"
     assert {path.name for path in folder.glob("*.json")} == {
         f"tatami-platform-own-{column}-seed0.json" for column in ("oracle", "rules")
     }
     assert len(list(folder.glob("*.error"))) == 2
-    printed = [line.split(" |")[0] for line in done.stdout.splitlines() if line.startswith("| ")]
+    printed = [line.split(" |")[0] for line in out.splitlines() if line.startswith("| ")]
     assert {*printed} == {"| ", "| ---", "| tatami", "| kitchen"}  # what was asked for
     assert "| balcony | 0.951" in (folder.parent / "table1.md").read_text()  # all that there is
 
