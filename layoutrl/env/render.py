@@ -24,6 +24,7 @@ WHITE = (255, 255, 255)
 BLACK = (0, 0, 0)
 DOOR = (0, 160, 60)
 WINDOW = (40, 90, 230)
+OPENINGS = {"door": DOOR, "window": WINDOW}
 MOVING = (225, 30, 30)
 YELLOW, PINK, VIOLET, CYAN, ORANGE, GREY = OTHERS = (
     (245, 205, 40), (245, 150, 190), (150, 105, 215), (80, 200, 205), (240, 140, 50), (165, 165, 165),
@@ -174,7 +175,7 @@ def _painted_background(room: Room, view: View, outlined: bool) -> np.ndarray:
     # Walls and openings in one piece first, so that no white seam shows where two of them meet.
     paint(image, view, shapely.union_all([*room.wall_shapes, *(o.shape for o in room.openings)]), BLACK)
     for opening in room.openings:
-        paint(image, view, opening.shape, DOOR if opening.kind == "door" else WINDOW)
+        paint(image, view, opening.shape, OPENINGS[opening.kind])
     for item in room.others:
         paint(image, view, item.footprint, color_of(item.category))
         if outlined:

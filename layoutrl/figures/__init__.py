@@ -23,7 +23,7 @@ from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
 
 from layoutrl import InputError
-from layoutrl.env.render import BLACK, DOOR, MOVING, WINDOW, color_of
+from layoutrl.env.render import BLACK, MOVING, OPENINGS, color_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.clearances import RAISED
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
@@ -42,7 +42,6 @@ OUTLINE: dict[str, Any] = {
     "linewidth": 1.0,
     "path_effects": [withStroke(linewidth=2.5, foreground="white")],
 }
-OPENINGS = {"door": DOOR, "window": WINDOW}  # their colours
 MARK = 0.7  # share of half an item's depth, at which the line to its front begins
 LEGIBLE = 0.05  # metres: a name needs more, across and along
 PARTS = 20  # of a box: the largest of those that are looked at
@@ -68,11 +67,11 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         fill, width = ("white", 1.6) if outlined else (color, 0.0)
         axes.add_patch(Polygon(opening.polygon, facecolor=fill, edgecolor=color, linewidth=width))
     drawn = [(k, item) for k, item in in_drawing_order(room) if moving or k != room.target]
-    boxes = name_boxes(drawn)
+    boxes = name_boxes(drawn) if names else {}
     for k, item in drawn:
         assert item.center is not None
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
-        if names and k in boxes:
+        if k in boxes:
             x0, y0, x1, y1 = boxes[k]
             along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: so the name fits into a narrow item
             name = item.category.replace("_", "\n")
@@ -193,7 +192,7 @@ def draw_episode(axes: Axes, room: Room, path: np.ndarray) -> None:
 
 def room_legend(axes: Axes, rooms: Sequence[Room], **where: Any) -> None:
     """Draw the legend of the colours: furniture of these rooms, walls and openings, the item that moves."""
-    kinds = {"wall": BLACK, "door": DOOR, "window": WINDOW, rooms[0].moving.category: MOVING}
+    kinds = {"wall": BLACK, **OPENINGS, rooms[0].moving.category: MOVING}
     kinds |= {item.category: color_of(item.category) for room in rooms for item in room.others}
     patches = [Patch(color=rgb(color), label=name.replace("_", " ")) for name, color in kinds.items()]
     axes.axis("off")

@@ -19,12 +19,11 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from layoutrl import InputError
-from layoutrl.env.render import BLACK, DOOR, color_of
+from layoutrl.env.render import BLACK, DOOR, OPENINGS, color_of
 from layoutrl.figures import (
     HALO,
     MARK,
     NO_MATH,
-    OPENINGS,
     ORANGE,
     STYLE,
     Box,
