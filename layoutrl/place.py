@@ -78,10 +78,11 @@ def furnish(
 ) -> list[Answer]:
     """Furnish rooms in memory as the command does: return for each room up to `choices` layouts, best first.
 
-    `stood` is the furniture of each room as it stood, needed where items have lost their centers already
-    (`Source.stood`); the other options are those of conf/place.yaml. An item that cannot be placed stays where it
-    stood, or has no center. Items have categories; `move` may also have everyday names, separated by commas. Raises
-    InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
+    The options are those of conf/place.yaml. Items have categories; `move` may also have everyday names, separated by
+    commas. `stood` is the furniture of each room as it stood, needed where items have lost their centers already
+    (`Source.stood`): then they are all that is placed, and `move` is what was told to `opened`. An item that cannot be
+    placed stays where it stood, or has no center. Raises InputError for what is no list of rooms, for an invalid
+    option, and if `run` is not the folder of a training run.
     """
     check_rooms(rooms)
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
@@ -89,9 +90,10 @@ def furnish(
     config = by_category(config)
     if run is not None:
         load_config(Path(run), TrainConfig)
+    briefs = rooms if stood else [to_place(room, config.move) for room in rooms]
     entries = [
-        Entry(room.id, to_place(room, config.move), room_to_dict(room), stood=tuple(items))
-        for room, items in zip(rooms, stood or [room.furniture for room in rooms], strict=True)
+        Entry(room.id, brief, room_to_dict(room), stood=tuple(items))
+        for room, brief, items in zip(rooms, briefs, stood or [room.furniture for room in rooms], strict=True)
     ]
     return RoomPlacer(config).place(entries)
 
