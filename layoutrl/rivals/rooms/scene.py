@@ -18,6 +18,7 @@ from shapely.affinity import rotate
 from layoutrl.rooms.brief import facings, with_poses
 from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before
 from layoutrl.rooms.doors import DOOR_CLEARANCE, entrance, way_width
+from layoutrl.rooms.faults import slim
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
@@ -90,6 +91,10 @@ def scene_of(brief: Room) -> Scene:
     front = np.array([front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
     shared = np.array([[may_share_floor(a, b) for b in brief.furniture] for a in brief.furniture], dtype=bool)
     before = [[may_stand_before(a.category, b.category) for b in brief.furniture] for a in brief.furniture]
+    stands = np.flatnonzero(standing)
+    footprint = np.array([brief.furniture[k].footprint for k in stands], dtype=object)
+    takes_none = np.zeros(len(items), dtype=bool)
+    takes_none[stands] = slim([brief.indoor], np.zeros(len(stands), dtype=int), footprint)
     aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
     half = np.array([h for h, _ in items]).reshape(-1, 4, 2)
     along = np.abs(FACINGS)
@@ -105,7 +110,7 @@ def scene_of(brief: Room) -> Scene:
         front_offset=FACINGS * (half + front / 2),
         stands_aside=aside,
         may_overlap=shared | np.eye(len(items), dtype=bool),
-        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool),
+        may_stand_before=np.array(before, dtype=bool) | np.eye(len(items), dtype=bool) | takes_none,
         movable=np.flatnonzero(~np.array(standing, dtype=bool)),
         turnable=np.array([item.rotation is None for item in brief.furniture], dtype=bool),
         center=np.array(center).reshape(-1, 2),
