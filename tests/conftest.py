@@ -81,6 +81,7 @@ def small_planit(small_networks: None, monkeypatch: pytest.MonkeyPatch) -> None:
 
 CONTENT = {
     "layoutrl.evaluation.furnishing.AFRESH": 1,
+    "layoutrl.evaluation.furnishing.ALONG_WALLS": 0,
     "layoutrl.evaluation.furnishing.ELSEWHERE": 1,
     "layoutrl.evaluation.choosing.TRIED_UP_TO": (1, 4),
 }

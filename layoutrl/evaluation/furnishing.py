@@ -24,8 +24,10 @@ from layoutrl.rooms.room import Point, Room, rotation
 SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
 REPAIRS = 1  # further such sweeps, in rooms in which something is wrong
 AFRESH = 3  # times that a room is furnished anew, its most wrong items first, while something is wrong
+ALONG_WALLS = 3  # further times, the largest first again, with places along walls to fall back on
 ELSEWHERE = 2  # further times, with its largest item elsewhere, while a fault is left
-Task = tuple[int, tuple[int, ...], tuple[int, ...]]  # a room, the order of its items, the ids of layouts to differ from
+# A room, the order of its items, the ids of layouts to differ from, and whether places along walls are tried.
+Task = tuple[int, tuple[int, ...], tuple[int, ...], bool]
 DIRECTION_NAMES = ("ahead", "back", "to its right", "to its left")  # the four directions, as seen from the item
 BLOCK = 128  # rooms furnished at once, for the sake of memory, not speed
 
@@ -39,8 +41,8 @@ class Furnisher:
     then the start places. An item that has no legal move anywhere is left out. An item whose back ends just before a
     wall or another item slides back to it, and one that belongs at a wall slides sideways to a neighbour that is near.
     Once all stand, each but the largest is lifted once more, and moved if another pose is better; and again where
-    something is still wrong. If that does not help, the room is furnished anew, its most wrong items first; and if a
-    fault is left, with its largest item elsewhere.
+    something is still wrong. If that does not help, the room is furnished anew, its most wrong items first; then
+    with places along walls to fall back on; and if a fault is left, with its largest item elsewhere.
 
     A room whose walls lean is furnished upright, since agents learn in upright ones, and turned back. The designer's
     layout is not known here. Nothing is random: the same briefs always get the same layouts. (Among other briefs the
@@ -151,11 +153,11 @@ class Furnisher:
         latest = dict[int, np.ndarray]()  # how wrong each item is in the layout that was found last
 
         def furnish(
-            which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
+            placing: Placing, which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
         ) -> dict[int, Furnished]:
             """Return layouts of these rooms that differ from the others; keep a room's best, of equals the first."""
             order = rank.argsort(1, kind="stable")  # `made` keeps the others alive, so their ids stay unique
-            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b]))) for b in which}
+            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b])), placing.to_walls) for b in which}
             if new := [b for b in which if task[b] not in made]:
                 layouts = self._furnished(placing, np.array(new), rank, others)
                 made.update(zip((task[b] for b in new), layouts, strict=True))
@@ -166,14 +168,14 @@ class Furnisher:
                     best[b], least[b] = layout, latest[b].sum()
             return found
 
-        rank = placing.rooms.size_rank()
-        found = furnish(range(len(known)), rank, known)
-        for _ in range(AFRESH):
-            if not (which := [b for b in found if least[b]]):
-                break
-            for b in which:
-                rank[b, np.flatnonzero(latest[b] == latest[b].max())] -= rank.shape[1]
-            found = furnish(which, rank, known)
+        which, along_walls = list(range(len(known))), placing.along_walls()
+        for world, times in ((placing, 1 + AFRESH), (along_walls, ALONG_WALLS)):
+            rank = placing.rooms.size_rank()
+            for _ in range(times):
+                found = furnish(world, which, rank, known)
+                which = [b for b in found if least[b]]
+                for b in which:
+                    rank[b, np.flatnonzero(latest[b] == latest[b].max())] -= rank.shape[1]
         # In further layouts the largest item stands elsewhere anyway.
         found, tried = {b: layout for b, layout in best.items() if not known[b]}, [list[Furnished]() for _ in known]
         for _ in range(ELSEWHERE):
@@ -181,7 +183,7 @@ class Furnisher:
                 tried[b].append(layout)
             if not (which := [b for b in found if least[b] >= FAULT]):
                 break
-            found = furnish(which, placing.rooms.size_rank(), tried)
+            found = furnish(along_walls, which, placing.rooms.size_rank(), tried)
         for b, layout in best.items():
             known[b].append(layout)
 

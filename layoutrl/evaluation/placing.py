@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 import torch
@@ -36,6 +37,13 @@ class Placing:
         self.rooms = RoomsSimulator(briefs, None, moves, Reward())
         self.scenes = Scenes(BatchRoomsSimulator(self.rooms, device))
         self.observe = ScenesObservation(self.scenes, RoomsObservation(self.rooms, categories, device))
+        self.to_walls = False  # whether places along walls are tried last
+
+    def along_walls(self) -> Placing:
+        """Return a copy that tries places along walls last, if items slide."""
+        other = copy(self)
+        other.to_walls = self.moves.slide
+        return other
 
     def chosen(
         self,
@@ -56,14 +64,18 @@ class Placing:
         or_stay = self._or_stay(state, stood, ends) if stood.any() else ends
         chosen = best_of(self.rooms, state, before, unlike(self.rooms, state, or_stay, known))
         can_move = np.isfinite(starts.value).any(1)
-        for beside in (True, False):
+        for others in ("beside", "starts", "walls") if self.to_walls else ("beside", "starts"):
             b = np.flatnonzero((chosen.harm > 0) & can_move)
             if not len(b):
                 break
             some = rows(state, b)
-            options = self._beside(some, ends.take(b)) if beside else starts.take(b)
+            if others == "beside":
+                options = self._beside(some, ends.take(b))
+            else:
+                options = self._along_walls(some, starts.take(b)) if others == "walls" else starts.take(b)
             options = unlike(self.rooms, some, options, [known[n] for n in b.tolist()])
-            chosen = chosen.replaced_where_better(b, best_of(self.rooms, some, before[b], options))
+            best = best_of(self.rooms, some, before[b], options, every_one=others == "walls")
+            chosen = chosen.replaced_where_better(b, best)
         if not self.moves.slide:
             return chosen
         placed = np.flatnonzero(np.isfinite(chosen.value))
@@ -168,6 +180,38 @@ class Placing:
                 for ways, k, places in zip(ends.way, best, center, strict=True)
             ],
         )
+
+    def _along_walls(self, state: State[np.ndarray], starts: Options) -> Options:
+        """Where items end that slide back to a wall from their start places, and from there to either side.
+
+        Items that others stop on their way back are left out. Of equal places only the first has a value.
+        """
+        back, *sides = (self.moves.first_slide + way for way in (*BACK, *SIDEWAYS))
+        b, k = np.nonzero(np.isfinite(starts.value))
+        quarter = starts.quarter[b, k]
+        scene = self.scenes_of(state, b, quarter)
+        start = torch.as_tensor(starts.center[b, k], device=scene.device)
+        alone = self.scenes_of(state._replace(stands=np.zeros_like(state.stands)), b, quarter)
+        (wall, legal), (farthest, _) = (
+            [values[:, back] for values in destinations(self.scenes, each, start)] for each in (scene, alone)
+        )
+        at_wall = legal & ((wall - farthest).norm(dim=1) < TOUCHING)
+        aside, legal = (values[:, sides] for values in destinations(self.scenes, scene, wall))
+        place = torch.cat([wall[:, None], aside.where(legal[..., None], wall[:, None])], 1)  # (n, 3, 2)
+        found = np.column_stack([b, quarter, at_wall.cpu().numpy()]).repeat(3, 0)
+        _, first = np.unique(np.column_stack([found, place.flatten(0, 1).cpu().numpy().round(3)]), True, axis=0)
+        first = np.sort(first[found[first, 2] > 0])
+        n, way = np.divmod(first, 3)
+        end = place[n, way]
+        center = np.repeat(starts.center[:, :, None], 3, 2)  # (B, K, 3, 2)
+        value = np.full(center.shape[:-1], -np.inf)
+        center[b[n], k[n], way], value[b[n], k[n], way] = end.cpu().numpy(), self.best_values(scene[n], end)
+        ways = [
+            [np.concatenate([path, end[None]]) for path, ends in zip(paths, places, strict=True) for end in ends]
+            for paths, places in zip(starts.way, center, strict=True)
+        ]
+        center, value = (each.reshape(len(each), -1, *each.shape[3:]) for each in (center, value))
+        return Options(center, starts.quarter.repeat(3, 1), value, ways)
 
     def _or_stay(self, state: State[np.ndarray], stood: np.ndarray, options: Options) -> Options:
         """Return the options and, for items that `stood` (B,), their present pose, with BETTER added to its value."""
