@@ -1149,6 +1149,13 @@ def test_what_nobody_places_stays_where_it_stood_though_it_was_lifted(middle: Mi
         assert answer.layouts[0].furniture[0].center not in (None, room.furniture[0].center)
 
 
+def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle) -> None:
+    room = room_from_dict(furnished_room())
+    (answer,) = furnish([to_place(room, "bed,table")], stood=[room.furniture], move="all")
+    assert answer.request.wanted == [0]  # not the chair, which nobody lifted; the table, which nobody places, stays
+    assert answer.layouts[0].furniture[1:] == room.furniture[1:]
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from shapely import union_all
 from shapely.geometry import MultiPoint
 
 from layoutrl.agents.learner import q_network
@@ -15,15 +16,17 @@ from layoutrl.agents.method import Method
 from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
+from layoutrl.env.scenes import QUARTERS
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation import choosing, furnishing
 from layoutrl.evaluation.choosing import FAULT, LARGEST_APART, TRIED_UP_TO, Chosen, Options, wrong
 from layoutrl.evaluation.furnishing import Furnisher
-from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, Placing, spread
+from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, STARTS, Placing, spread
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.faults import faults
+from layoutrl.rooms.faults import Items, faults
 from layoutrl.rooms.furnished import Furnished
+from layoutrl.rooms.oddities import sides_off_walls
 from layoutrl.rooms.room import Item, Room, rotation
 from layoutrl.runs.config import composed
 from layoutrl.watch import rooms_filling_up
@@ -246,6 +249,64 @@ def test_only_what_belongs_at_a_wall_slides_sideways(furnisher, monkeypatch) -> 
         state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
         chosen = world.chosen(state, nothing, spread(0, 128), [()])
         assert chosen.center[0, 1] == pytest.approx(ends, abs=1e-5)
+
+
+def test_places_along_walls_are_those_to_which_nothing_bars_the_way_and_beside_them(furnisher) -> None:
+    bed, wardrobe = Item("bed", (2.0, 1.5), None, None), Item("wardrobe", (0.4, 1.0), None, None)
+    brief = rectangular_room(5, 4, bed, others=(wardrobe,), target=None)
+    world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
+    first, second, back = np.zeros(1, int), np.ones(1, int), 1
+    state = world.rooms.put(world.rooms.empty(first), second, np.array([[1.5, 2.5]]), first)._replace(moving=first)
+    starts = world._starts(state, spread(0, QUARTERS * STARTS))
+    options, found = world._along_walls(state, starts), set()
+
+    def bed_at(center: np.ndarray, quarter: int) -> tuple[Room, Item]:
+        layout = world.rooms.layout(world.rooms.put(state, first, center[None], np.array([quarter])), 0)
+        return layout, layout.furniture[0]
+
+    def rounded(item: Item) -> tuple[float, ...]:
+        return (item.degrees, *np.round(item.center, 3).tolist())
+
+    for k in np.flatnonzero(np.isfinite(options.value[0])):
+        layout, there = bed_at(options.center[0, k], options.quarter[0, k])
+        if brief.indoor.covers(bed_at(starts.center[0, k // 3], options.quarter[0, k])[1].footprint):
+            assert sides_off_walls([layout], Items.of([layout]), first)[0, back] == pytest.approx(0, abs=1e-5)
+        assert options.way[0][k][-1].tolist() == options.center[0, k].tolist()
+        found.add(rounded(there))
+    assert len(found) == np.isfinite(options.value).sum()  # each once
+    assert {(0.0, 1.0, 0.75), (90.0, 0.75, 1.0), (180.0, 4.0, 3.25), (270.0, 4.25, 3.0)} <= found  # into corners
+    free, barred = set(), 0
+    for center, quarter in zip(starts.center[0], starts.quarter[0], strict=True):
+        layout, begins = bed_at(center, quarter)
+        if not brief.indoor.covers(begins.footprint):
+            continue  # one that begins in a wall may end before it
+        x, y = center.tolist()
+        ends = replace(begins, center={0: (1.0, y), 90: (x, 1.0), 180: (4.0, y), 270: (x, 3.0)}[begins.degrees])
+        swept = union_all([begins.footprint, ends.footprint]).convex_hull
+        if swept.intersection(layout.furniture[1].footprint).area > 1e-3:
+            barred += 1
+        else:
+            free.add(rounded(ends))
+    assert barred
+    assert free <= found
+
+
+def test_where_all_else_is_odd_an_item_goes_to_a_wall(furnisher, monkeypatch) -> None:
+    there = np.array([[2.5, 2.0]])
+    off = Options(there[None], np.zeros((1, 1), int), np.ones((1, 1)), [[there]])
+    for name in ("_ends", "_beside", "_starts"):
+        monkeypatch.setattr(Placing, name, lambda *_: off)
+    brief = rectangular_room(5, 4, Item("bed", (2.0, 1.5)), target=None)
+    world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
+    state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
+    assert world.chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
+    chosen = world.along_walls().chosen(state, nothing, spread(0, 128), [()])
+    assert (chosen.center.tolist(), chosen.harm.tolist()) == (
+        [[pytest.approx(1.0, abs=1e-5), pytest.approx(0.75, abs=1e-5)]],
+        [0],
+    )
+    without_slides = Placing([brief], furnisher._policy, Moves(slide=False), furnisher._categories)
+    assert not without_slides.along_walls().to_walls
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from scipy.ndimage import label
 
 from layoutrl.env.measures import measured
 from layoutrl.evaluation.metrics import blocks_openings
+from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.designer.generator import design_room
 from layoutrl.rooms.faults import MISSING, Items, faults, faults_of_all, free_fronts, new_faults, within_reach
@@ -152,6 +153,19 @@ def test_the_floor_before_an_item_is_free(item: Item, other: Item | None, free: 
         assert of(room).fronts == free
     if not counted.any():
         assert np.isnan(of(room).fronts)
+
+
+@pytest.mark.parametrize(
+    ("depth", "off", "free"), [(0.1, 0.0, True), (0.15, 0.0, True), (0.17, 0.0, False), (0.1, 0.1, False)]
+)
+def test_what_lies_along_a_wall_takes_no_floor_before_an_item(depth: float, off: float, free: bool) -> None:
+    radiator = Item("radiator", (depth, 1.0), (1.25 - off - depth / 2, 1.5), 180.0)
+    room = rectangular_room(1.25, 3.0, WARDROBE, others=(radiator,), target=None)
+    assert named(room, "front not free") == ([] if free else [0])
+    brief = replace(room, furniture=(replace(WARDROBE, center=None, rotation=None), radiator))
+    before = scene_of(brief).may_stand_before
+    assert before[0, 1] == free  # for the search and the annealer, too
+    assert not before[1, 0]
 
 
 @pytest.mark.parametrize("category", sorted(RUGS))
