@@ -80,9 +80,9 @@ def furnish(
 
     The options are those of conf/place.yaml. Items have categories; `move` may also have everyday names, separated by
     commas. `stood` is the furniture of each room as it stood, needed where items have lost their centers already
-    (`Source.stood`): then they are all that is placed, and `move` is what was told to `opened`. An item that cannot be
-    placed stays where it stood, or has no center. Raises InputError for what is no list of rooms, for an invalid
-    option, and if `run` is not the folder of a training run.
+    (`Source.stood`). With it only items without a center are placed; give the same `move` as to `opened`, since after
+    "all" what nobody can place stays. An item that cannot be placed stays where it stood, or has no center. Raises
+    InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
     """
     check_rooms(rooms)
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
@@ -90,10 +90,12 @@ def furnish(
     config = by_category(config)
     if run is not None:
         load_config(Path(run), TrainConfig)
-    briefs = rooms if stood else [to_place(room, config.move) for room in rooms]
+    briefs = rooms
+    if stood is None:
+        briefs, stood = [to_place(room, config.move) for room in rooms], [room.furniture for room in rooms]
     entries = [
         Entry(room.id, brief, room_to_dict(room), stood=tuple(items))
-        for room, brief, items in zip(rooms, briefs, stood or [room.furniture for room in rooms], strict=True)
+        for room, brief, items in zip(rooms, briefs, stood, strict=True)
     ]
     return RoomPlacer(config).place(entries)
 

@@ -21,7 +21,6 @@ from layoutrl.rooms.room import Room
 
 FAULT = 1000  # an item with a fault is as wrong as so many odd ones: no room has more items
 TRIED_UP_TO = 1, 4, 12, 24  # poses of highest value that are tried, until one has nothing wrong; blocks save time
-MANY = 96  # where every pose is tried, so many are before the rest
 LARGEST_APART = 0.5  # metres: layouts differ if their largest items stand this far apart, or face different ways
 
 
@@ -70,18 +69,19 @@ def best_of(
     """Return for each item (B,) the option of highest value with which no more is wrong than `before`.
 
     If there is none, it is the option with which the least is wrong. `before` (B,) is what is `wrong_at` these states.
-    At most the last number of TRIED_UP_TO are tried, those of the highest value; or, one after another, `every_one`.
+    At most the last number of TRIED_UP_TO are tried, those of the highest value; with `every_one` the rest follow.
     """
     every = np.arange(len(state.room))
     order = np.argsort(-options.value, 1, kind="stable")
     best, least = order[:, 0].copy(), np.full(len(every), np.iinfo(int).max)
-    for first, last in pairwise((0, *TRIED_UP_TO, *(MANY, order.shape[1]) * every_one)):
+    up_to = (*TRIED_UP_TO, 4 * TRIED_UP_TO[-1], order.shape[1]) if every_one else TRIED_UP_TO
+    for first, last in pairwise((0, *up_to)):
         k = order[:, first:last]
         some = np.isfinite(np.take_along_axis(options.value, k[:, :1], 1)).any(1)
         b = np.flatnonzero(some & (least > before))
         if not len(b):
             break
-        k = k[:, np.isfinite(np.take_along_axis(options.value[b], k[b], 1)).any(0)]
+        k = k[:, np.isfinite(np.take_along_axis(options.value[b], k[b], 1)).any(0)]  # others would only take time
         found = _wrong_with(rooms, state, options, b, k[b])
         free = found <= before[b, None]
         first_best = np.where(free.any(1), free.argmax(1), found.argmin(1))

@@ -24,7 +24,7 @@ from layoutrl.rooms.room import Point, Room, rotation
 SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
 REPAIRS = 1  # further such sweeps, in rooms in which something is wrong
 AFRESH = 3  # times that a room is furnished anew, its most wrong items first, while something is wrong
-ALONG_WALLS = 3  # further times, the largest first again, with places along walls to fall back on
+ALONG_WALLS = 3  # further times, from the usual order again, with places along walls to fall back on
 ELSEWHERE = 2  # further times, with its largest item elsewhere, while a fault is left
 # A room, the order of its items, the ids of layouts to differ from, and whether places along walls are tried.
 Task = tuple[int, tuple[int, ...], tuple[int, ...], bool]
@@ -153,13 +153,13 @@ class Furnisher:
         latest = dict[int, np.ndarray]()  # how wrong each item is in the layout that was found last
 
         def furnish(
-            placing: Placing, which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
+            world: Placing, which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
         ) -> dict[int, Furnished]:
             """Return layouts of these rooms that differ from the others; keep a room's best, of equals the first."""
             order = rank.argsort(1, kind="stable")  # `made` keeps the others alive, so their ids stay unique
-            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b])), placing.to_walls) for b in which}
+            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b])), world.walls) for b in which}
             if new := [b for b in which if task[b] not in made]:
-                layouts = self._furnished(placing, np.array(new), rank, others)
+                layouts = self._furnished(world, np.array(new), rank, others)
                 made.update(zip((task[b] for b in new), layouts, strict=True))
             found = {b: layout for b in which if (layout := made[task[b]])}
             for b, layout in found.items():
@@ -168,14 +168,15 @@ class Furnisher:
                     best[b], least[b] = layout, latest[b].sum()
             return found
 
-        which, along_walls = list(range(len(known))), placing.along_walls()
-        for world, times in ((placing, 1 + AFRESH), (along_walls, ALONG_WALLS)):
+        which, with_walls = list(range(len(known))), placing.with_walls()
+        for world, times in ((placing, 1 + AFRESH), (with_walls, ALONG_WALLS)):
             rank = placing.rooms.size_rank()
             for _ in range(times):
                 found = furnish(world, which, rank, known)
                 which = [b for b in found if least[b]]
                 for b in which:
                     rank[b, np.flatnonzero(latest[b] == latest[b].max())] -= rank.shape[1]
+            which = [b for b in best if least[b]]
         # In further layouts the largest item stands elsewhere anyway.
         found, tried = {b: layout for b, layout in best.items() if not known[b]}, [list[Furnished]() for _ in known]
         for _ in range(ELSEWHERE):
@@ -183,7 +184,7 @@ class Furnisher:
                 tried[b].append(layout)
             if not (which := [b for b in found if least[b] >= FAULT]):
                 break
-            found = furnish(along_walls, which, placing.rooms.size_rank(), tried)
+            found = furnish(with_walls, which, placing.rooms.size_rank(), tried)
         for b, layout in best.items():
             known[b].append(layout)
 

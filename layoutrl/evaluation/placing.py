@@ -37,12 +37,12 @@ class Placing:
         self.rooms = RoomsSimulator(briefs, None, moves, Reward())
         self.scenes = Scenes(BatchRoomsSimulator(self.rooms, device))
         self.observe = ScenesObservation(self.scenes, RoomsObservation(self.rooms, categories, device))
-        self.to_walls = False  # whether places along walls are tried last
+        self.walls = False  # whether places along walls are tried last
 
-    def along_walls(self) -> Placing:
+    def with_walls(self) -> Placing:
         """Return a copy that tries places along walls last, if items slide."""
         other = copy(self)
-        other.to_walls = self.moves.slide
+        other.walls = self.moves.slide
         return other
 
     def chosen(
@@ -64,7 +64,7 @@ class Placing:
         or_stay = self._or_stay(state, stood, ends) if stood.any() else ends
         chosen = best_of(self.rooms, state, before, unlike(self.rooms, state, or_stay, known))
         can_move = np.isfinite(starts.value).any(1)
-        for others in ("beside", "starts", "walls") if self.to_walls else ("beside", "starts"):
+        for others in ("beside", "starts", "walls") if self.walls else ("beside", "starts"):
             b = np.flatnonzero((chosen.harm > 0) & can_move)
             if not len(b):
                 break
@@ -182,9 +182,9 @@ class Placing:
         )
 
     def _along_walls(self, state: State[np.ndarray], starts: Options) -> Options:
-        """Where items end that slide back to a wall from their start places, and from there to either side.
+        """Where items end that slide back from their start places as far as they would alone, and from there sideways.
 
-        Items that others stop on their way back are left out. Of equal places only the first has a value.
+        That is at a wall, as a rule, or at what stood there before. Of equal places only the first has a value.
         """
         back, *sides = (self.moves.first_slide + way for way in (*BACK, *SIDEWAYS))
         b, k = np.nonzero(np.isfinite(starts.value))
@@ -195,20 +195,19 @@ class Placing:
         (wall, legal), (farthest, _) = (
             [values[:, back] for values in destinations(self.scenes, each, start)] for each in (scene, alone)
         )
-        at_wall = legal & ((wall - farthest).norm(dim=1) < TOUCHING)
+        reached = legal & ((wall - farthest).norm(dim=1) < TOUCHING)
+        scene, wall = scene[reached], wall[reached]
+        b, k, quarter = (values[reached.cpu().numpy()] for values in (b, k, quarter))
         aside, legal = (values[:, sides] for values in destinations(self.scenes, scene, wall))
-        place = torch.cat([wall[:, None], aside.where(legal[..., None], wall[:, None])], 1)  # (n, 3, 2)
-        found = np.column_stack([b, quarter, at_wall.cpu().numpy()]).repeat(3, 0)
-        _, first = np.unique(np.column_stack([found, place.flatten(0, 1).cpu().numpy().round(3)]), True, axis=0)
-        first = np.sort(first[found[first, 2] > 0])
-        n, way = np.divmod(first, 3)
-        end = place[n, way]
-        center = np.repeat(starts.center[:, :, None], 3, 2)  # (B, K, 3, 2)
-        value = np.full(center.shape[:-1], -np.inf)
-        center[b[n], k[n], way], value[b[n], k[n], way] = end.cpu().numpy(), self.best_values(scene[n], end)
+        places = torch.cat([wall[:, None], aside.where(legal[..., None], wall[:, None])], 1).cpu().numpy()  # (n, 3, 2)
+        once = np.column_stack([np.column_stack([b, quarter]).repeat(3, 0), places.reshape(-1, 2).round(3)])
+        n, way = np.divmod(np.unique(once, return_index=True, axis=0)[1], 3)
+        center, value = np.repeat(starts.center[:, :, None], 3, 2), np.full((*starts.value.shape, 3), -np.inf)
+        center[b, k] = places
+        value[b[n], k[n], way] = self.best_values(scene[n], places[n, way])
         ways = [
-            [np.concatenate([path, end[None]]) for path, ends in zip(paths, places, strict=True) for end in ends]
-            for paths, places in zip(starts.way, center, strict=True)
+            [np.concatenate([path, ends[[0, way]] if way else ends[:1]]) for path, ends in each for way in range(3)]
+            for each in map(zip, starts.way, center)
         ]
         center, value = (each.reshape(len(each), -1, *each.shape[3:]) for each in (center, value))
         return Options(center, starts.quarter.repeat(3, 1), value, ways)

@@ -13,7 +13,6 @@ from itertools import chain
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
 
 from layoutrl.rooms.clearances import HOSTS, RAISED, RUGS, front_depth, may_stand_before, period
 from layoutrl.rooms.doors import bars, empty_floor, entrance, kept_free, way_width
@@ -25,7 +24,7 @@ OVERLAPS, OUTSIDE, BLOCKS = "overlaps", "outside", "blocks an opening"
 OUT_OF_REACH, FRONT_NOT_FREE = "out of reach", "front not free"
 FAULTS = (MISSING, OVERLAPS, OUTSIDE, BLOCKS, OUT_OF_REACH, FRONT_NOT_FREE)
 Fault = tuple[int, str]  # index of an item in its room, what is wrong with it
-SLIM = 0.15  # metres: what lies within so much of the walls, such as a radiator, takes no floor before an item
+ALONG_WALLS = 0.15  # metres: what lies so near to walls, as a radiator, takes no floor before an item; unsourced
 CORNERS = np.array([(0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)])
 
 
@@ -189,8 +188,8 @@ def blocking(
 def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether the floor of FRONT_DEPTH before each item is indoors and free of others, but for 1 cm all round: (N,).
 
-    Others that are RAISED, MAY_STAND_BEFORE it or are `slim` do not count. True for an item that keeps no floor free,
-    False for one that does and is not placed.
+    Others that are RAISED or lie `along_walls`, or MAY_STAND_BEFORE it, do not count. True for an item that keeps no
+    floor free, False for one that does and is not placed.
     """
     keeps = np.flatnonzero(items.front > 0)
     depth, width = items.front[keeps], items.size[keeps]
@@ -205,17 +204,16 @@ def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
         for category, other in zip(items.category[keeps[a]], items.category[b], strict=True)
     ]
     taken = (keeps[a] != b) & ~np.array(welcome, dtype=bool) & shapely.intersects(floor[a], items.footprint[b])
-    a, b = a[taken], b[taken]
-    free[a[~slim([layout.indoor for layout in layouts], items.room[b], items.footprint[b])]] = False
+    free[a[taken & ~along_walls(layouts, items)[b]]] = False
     result = np.ones(len(items.room), dtype=bool)
     result[keeps] = free
     return result
 
 
-def slim(indoor: Sequence[Polygon], room: np.ndarray, footprint: np.ndarray) -> np.ndarray:
-    """Whether footprints (N,) in the rooms of index `room` (N,) lie within SLIM of the walls around `indoor`: (N,)."""
-    along = {k: shapely.buffer(indoor[k].boundary, SLIM + TOLERANCE) for k in np.unique(room).tolist()}
-    return shapely.covers([along[k] for k in room.tolist()], footprint)
+def along_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether all of an item is within ALONG_WALLS of the walls: (N,). False for one that is not placed."""
+    middle = shapely.buffer([layout.indoor for layout in layouts], -ALONG_WALLS - TOLERANCE)
+    return shapely.disjoint(middle[items.room], items.footprint)
 
 
 @dataclass(frozen=True)

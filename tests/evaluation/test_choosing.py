@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation.choosing import FAULT, MANY, TRIED_UP_TO, Chosen, Options, best_of, blame, wrong, wrong_at
+from layoutrl.evaluation.choosing import FAULT, TRIED_UP_TO, Chosen, Options, best_of, blame, wrong, wrong_at
 from layoutrl.rooms.documents import MOST
 from layoutrl.rooms.room import Item
 from tests.builders import opening, rectangular_room
@@ -101,7 +101,7 @@ def test_the_best_of_each_room_is_the_one_that_is_found_one_by_one(odd: list[boo
 
 def test_where_every_one_is_tried_the_least_valued_is_found() -> None:
     rooms, options = small_room()
-    state, count = rooms.empty(np.zeros(1, dtype=int)), 3 * MANY
+    state, count = rooms.empty(np.zeros(1, dtype=int)), 12 * TRIED_UP_TO[-1]
     at_door, *_, free = options.center[0]
     center = np.array([[at_door] * (count - 1) + [free]])
     many = Options(center, np.zeros((1, count), int), np.arange(count, 0, -1.0)[None], [list(center[0][:, None])])

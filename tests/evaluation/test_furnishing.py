@@ -18,15 +18,15 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scenes import QUARTERS
 from layoutrl.env.simulator import Moves
-from layoutrl.evaluation import choosing, furnishing
-from layoutrl.evaluation.choosing import FAULT, LARGEST_APART, TRIED_UP_TO, Chosen, Options, wrong
+from layoutrl.evaluation import choosing, furnishing, placing
+from layoutrl.evaluation.choosing import FAULT, LARGEST_APART, TRIED_UP_TO, Chosen, Options, best_of, wrong
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, STARTS, Placing, spread
+from layoutrl.rooms import oddities
 from layoutrl.rooms.brief import brief_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import Items, faults
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.oddities import sides_off_walls
 from layoutrl.rooms.room import Item, Room, rotation
 from layoutrl.runs.config import composed
 from layoutrl.watch import rooms_filling_up
@@ -73,7 +73,7 @@ def remembered(furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch) -> None:
     furnish = furnisher._furnished
 
     def once(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any) -> Any:
-        key = repr(([room.id for room in world.rooms.rooms], which.tolist(), rank.tolist(), known))
+        key = repr(([room.id for room in world.rooms.rooms], which.tolist(), rank.tolist(), known, world.walls))
         if key not in found:
             found[key] = furnish(world, which, rank, known)
         return found[key]
@@ -127,7 +127,7 @@ def test_the_way_ends_where_the_items_stand(together: list[Furnished]) -> None:
 def test_it_is_told_where_an_item_is_taken_up_though_it_be_the_same_again(
     furnisher, designs, monkeypatch, lean
 ) -> None:
-    monkeypatch.setattr(Placing, "along_walls", lambda placing: placing)  # there an untrained agent is right at once
+    monkeypatch.setattr(Placing, "with_walls", lambda placing: placing)  # there an untrained agent is right at once
     design = max(designs, key=lambda room: room.indoor.area)
     two = sorted(design.furniture, key=lambda item: -item.area)[:2]
     ((best,),) = furnisher.furnish([brief_of(replace(design, furniture=tuple(two), target=None)).rotated(lean)], 1)
@@ -255,7 +255,7 @@ def test_places_along_walls_are_those_to_which_nothing_bars_the_way_and_beside_t
     bed, wardrobe = Item("bed", (2.0, 1.5), None, None), Item("wardrobe", (0.4, 1.0), None, None)
     brief = rectangular_room(5, 4, bed, others=(wardrobe,), target=None)
     world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
-    first, second, back = np.zeros(1, int), np.ones(1, int), 1
+    first, second = np.zeros(1, int), np.ones(1, int)
     state = world.rooms.put(world.rooms.empty(first), second, np.array([[1.5, 2.5]]), first)._replace(moving=first)
     starts = world._starts(state, spread(0, QUARTERS * STARTS))
     options, found = world._along_walls(state, starts), set()
@@ -270,8 +270,12 @@ def test_places_along_walls_are_those_to_which_nothing_bars_the_way_and_beside_t
     for k in np.flatnonzero(np.isfinite(options.value[0])):
         layout, there = bed_at(options.center[0, k], options.quarter[0, k])
         if brief.indoor.covers(bed_at(starts.center[0, k // 3], options.quarter[0, k])[1].footprint):
-            assert sides_off_walls([layout], Items.of([layout]), first)[0, back] == pytest.approx(0, abs=1e-5)
-        assert options.way[0][k][-1].tolist() == options.center[0, k].tolist()
+            assert oddities.sides_off_walls([layout], Items.of([layout]), first)[0, oddities.BACK] == pytest.approx(
+                0, abs=1e-5
+            )
+        begin, *_, end = way = options.way[0][k].tolist()
+        assert (begin, end) == (starts.center[0, k // 3].tolist(), options.center[0, k].tolist())
+        assert (np.abs(np.diff(way, axis=0)).min(1) < 1e-5).all()  # each slide is along one wall
         found.add(rounded(there))
     assert len(found) == np.isfinite(options.value).sum()  # each once
     assert {(0.0, 1.0, 0.75), (90.0, 0.75, 1.0), (180.0, 4.0, 3.25), (270.0, 4.25, 3.0)} <= found  # into corners
@@ -300,13 +304,44 @@ def test_where_all_else_is_odd_an_item_goes_to_a_wall(furnisher, monkeypatch) ->
     world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
     state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
     assert world.chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
-    chosen = world.along_walls().chosen(state, nothing, spread(0, 128), [()])
+    chosen = world.with_walls().chosen(state, nothing, spread(0, 128), [()])
     assert (chosen.center.tolist(), chosen.harm.tolist()) == (
         [[pytest.approx(1.0, abs=1e-5), pytest.approx(0.75, abs=1e-5)]],
         [0],
     )
-    without_slides = Placing([brief], furnisher._policy, Moves(slide=False), furnisher._categories)
-    assert not without_slides.along_walls().to_walls
+    without_slides = Placing([brief], furnisher._policy, Moves(slide=False), furnisher._categories).with_walls()
+    assert without_slides.chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
+
+
+def test_of_places_along_walls_every_one_is_tried(furnisher, monkeypatch) -> None:
+    tried = []
+    monkeypatch.setattr(placing, "best_of", lambda *args, **named: tried.append(named) or best_of(*args, **named))
+    brief = rectangular_room(5, 4, Item("bed", (2.0, 1.5)), target=None)
+    world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
+    monkeypatch.setattr(choosing, "wrong_at", lambda rooms, state: np.full(len(state.room), FAULT))
+    state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
+    world.with_walls().chosen(state, nothing, spread(0, 128), [()])
+    assert [each.get("every_one", False) for each in tried[:4]] == [False, False, False, True]
+
+
+def test_a_room_that_is_still_wrong_is_furnished_with_places_along_walls_from_the_usual_order(
+    furnisher, monkeypatch
+) -> None:
+    bed, wardrobe = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("wardrobe", (0.6, 1.0), (2.0, 2.0))
+    off = rectangular_room(4, 3, bed, others=(wardrobe,), target=None)
+    well = replace(off, furniture=(bed, replace(wardrobe, center=(0.3, 2.5))))
+    monkeypatch.setattr(furnishing, "AFRESH", 1)
+    monkeypatch.setattr(furnishing, "ALONG_WALLS", 2)
+    asked: list[tuple[bool, list[int]]] = []
+
+    def furnished(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any) -> list[Furnished]:
+        asked.append((world.walls, rank[0].argsort(kind="stable").tolist()))
+        return [Furnished(well if world.walls else off, 0.0)]
+
+    monkeypatch.setattr(furnisher, "_furnished", furnished)
+    ((best,),) = furnisher.furnish([brief_of(off)], 1, 0)
+    assert asked == [(False, [0, 1]), (False, [1, 0]), (True, [0, 1])]
+    assert best.layout == well
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,16 @@ from layoutrl.evaluation.metrics import blocks_openings
 from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
 from layoutrl.rooms.designer.generator import design_room
-from layoutrl.rooms.faults import MISSING, Items, faults, faults_of_all, free_fronts, new_faults, within_reach
+from layoutrl.rooms.faults import (
+    MISSING,
+    Items,
+    along_walls,
+    faults,
+    faults_of_all,
+    free_fronts,
+    new_faults,
+    within_reach,
+)
 from layoutrl.rooms.room import Item, Room
 from tests.builders import DOOR, named, of, opening, random_room, rectangular_room, room_with, shaken
 
@@ -166,6 +175,15 @@ def test_what_lies_along_a_wall_takes_no_floor_before_an_item(depth: float, off:
     before = scene_of(brief).may_stand_before
     assert before[0, 1] == free  # for the search and the annealer, too
     assert not before[1, 0]
+
+
+def test_what_lies_along_a_wall_is_told_by_its_own_room_and_columns_are_walls() -> None:
+    shelf = Item("shelf", (0.1, 0.5), (1.9, 1.5), 180.0)
+    column = ((1.95, 1.0), (1.95, 2.0), (2.3, 2.0), (2.3, 1.0))
+    rooms = [
+        rectangular_room(width, 3.0, shelf, holes=holes) for width, holes in ((4.0, ()), (1.95, ()), (4.0, (column,)))
+    ]
+    assert along_walls(rooms, Items.of(rooms)).tolist() == [False, True, True]
 
 
 @pytest.mark.parametrize("category", sorted(RUGS))

@@ -18,7 +18,7 @@ from shapely.affinity import rotate
 from layoutrl.rooms.brief import facings, with_poses
 from layoutrl.rooms.clearances import RAISED, front_depth, may_share_floor, may_stand_before
 from layoutrl.rooms.doors import DOOR_CLEARANCE, entrance, way_width
-from layoutrl.rooms.faults import slim
+from layoutrl.rooms.faults import Items, along_walls
 from layoutrl.rooms.room import TOLERANCE, Item, Opening, Room, along_and_through, rotation
 
 STRIP = 0.05  # metres: width of the boxes along a slanting wall; unsourced: exactness against time
@@ -55,7 +55,7 @@ class Scene:
     front_offset: Array  # (n, 4, 2) from its middle to that of the floor before it
     stands_aside: Array  # (n,) bool: not in the way of who walks: tucked or raised
     may_overlap: Array  # (n, n) bool: they may share floor
-    may_stand_before: Array  # (n, n) bool: the second may stand in the floor before the first
+    may_stand_before: Array  # (n, n) bool: the second may stand in the floor before the first, or stands along a wall
     movable: Array  # indices of the items to place
     turnable: Array  # (n,) bool: its facing is to be chosen
     center: Array  # (n, 2) where the items stand; for movable ones a point on the floor
@@ -91,10 +91,7 @@ def scene_of(brief: Room) -> Scene:
     front = np.array([front_depth(item) for item in brief.furniture]).reshape(-1, 1, 1)
     shared = np.array([[may_share_floor(a, b) for b in brief.furniture] for a in brief.furniture], dtype=bool)
     before = [[may_stand_before(a.category, b.category) for b in brief.furniture] for a in brief.furniture]
-    stands = np.flatnonzero(standing)
-    footprint = np.array([brief.furniture[k].footprint for k in stands], dtype=object)
-    takes_none = np.zeros(len(items), dtype=bool)
-    takes_none[stands] = slim([brief.indoor], np.zeros(len(stands), dtype=int), footprint)
+    takes_none = along_walls([brief], Items.of([brief]))
     aside = np.array([item.tucked or item.category in RAISED for item in brief.furniture], dtype=bool)
     half = np.array([h for h, _ in items]).reshape(-1, 4, 2)
     along = np.abs(FACINGS)
