@@ -68,11 +68,11 @@ class Placing:
             b = np.flatnonzero((chosen.harm > 0) & can_move)
             if not len(b):
                 break
-            some = rows(state, b)
+            some, options = rows(state, b), starts.take(b)
             if others == "beside":
                 options = self._beside(some, ends.take(b))
-            else:
-                options = self._along_walls(some, starts.take(b)) if others == "walls" else starts.take(b)
+            elif others == "walls":
+                options = self._along_walls(some, options)
             options = unlike(self.rooms, some, options, [known[n] for n in b.tolist()])
             best = best_of(self.rooms, some, before[b], options, every_one=others == "walls")
             chosen = chosen.replaced_where_better(b, best)

@@ -309,6 +309,8 @@ def test_where_all_else_is_odd_an_item_goes_to_a_wall(furnisher, monkeypatch) ->
         [[pytest.approx(1.0, abs=1e-5), pytest.approx(0.75, abs=1e-5)]],
         [0],
     )
+    monkeypatch.setattr(placing, "TOUCHING", -1.0)  # all are stopped on their way
+    assert world.with_walls().chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
     without_slides = Placing([brief], furnisher._policy, Moves(slide=False), furnisher._categories).with_walls()
     assert without_slides.chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
 
