@@ -77,11 +77,11 @@ def best_of(
     up_to = (*TRIED_UP_TO, 4 * TRIED_UP_TO[-1], order.shape[1]) if every_one else TRIED_UP_TO
     for first, last in pairwise((0, *up_to)):
         k = order[:, first:last]
-        some = np.isfinite(np.take_along_axis(options.value, k[:, :1], 1)).any(1)
-        b = np.flatnonzero(some & (least > before))
+        some = np.isfinite(np.take_along_axis(options.value, k, 1))
+        b = np.flatnonzero(some[:, :1].any(1) & (least > before))
         if not len(b):
             break
-        k = k[:, np.isfinite(np.take_along_axis(options.value[b], k[b], 1)).any(0)]  # others would only take time
+        k = k[:, some[b].any(0)]  # others would only take time
         found = _wrong_with(rooms, state, options, b, k[b])
         free = found <= before[b, None]
         first_best = np.where(free.any(1), free.argmax(1), found.argmin(1))

@@ -153,13 +153,13 @@ class Furnisher:
         latest = dict[int, np.ndarray]()  # how wrong each item is in the layout that was found last
 
         def furnish(
-            world: Placing, which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]]
+            which: Sequence[int], rank: np.ndarray, others: Sequence[Sequence[Furnished]], walls: bool
         ) -> dict[int, Furnished]:
             """Return layouts of these rooms that differ from the others; keep a room's best, of equals the first."""
             order = rank.argsort(1, kind="stable")  # `made` keeps the others alive, so their ids stay unique
-            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b])), world.walls) for b in which}
+            task = {b: (b, tuple(order[b].tolist()), tuple(map(id, others[b])), walls) for b in which}
             if new := [b for b in which if task[b] not in made]:
-                layouts = self._furnished(world, np.array(new), rank, others)
+                layouts = self._furnished(placing, np.array(new), rank, others, walls)
                 made.update(zip((task[b] for b in new), layouts, strict=True))
             found = {b: layout for b in which if (layout := made[task[b]])}
             for b, layout in found.items():
@@ -168,11 +168,11 @@ class Furnisher:
                     best[b], least[b] = layout, latest[b].sum()
             return found
 
-        which, with_walls = list(range(len(known))), placing.with_walls()
-        for world, times in ((placing, 1 + AFRESH), (with_walls, ALONG_WALLS)):
+        which = list(range(len(known)))
+        for walls, times in ((False, 1 + AFRESH), (True, ALONG_WALLS)):
             rank = placing.rooms.size_rank()
             for _ in range(times):
-                found = furnish(world, which, rank, known)
+                found = furnish(which, rank, known, walls)
                 which = [b for b in found if least[b]]
                 for b in which:
                     rank[b, np.flatnonzero(latest[b] == latest[b].max())] -= rank.shape[1]
@@ -184,12 +184,17 @@ class Furnisher:
                 tried[b].append(layout)
             if not (which := [b for b in found if least[b] >= FAULT]):
                 break
-            found = furnish(with_walls, which, placing.rooms.size_rank(), tried)
+            found = furnish(which, placing.rooms.size_rank(), tried, walls=True)
         for b, layout in best.items():
             known[b].append(layout)
 
     def _furnished(
-        self, placing: Placing, which: np.ndarray, rank: np.ndarray, known: Sequence[Sequence[Furnished]]
+        self,
+        placing: Placing,
+        which: np.ndarray,
+        rank: np.ndarray,
+        known: Sequence[Sequence[Furnished]],
+        walls: bool = False,
     ) -> list[Furnished | None]:
         """Return a layout of each of these rooms (R,), its items placed in the order of `rank` (rooms, N).
 
@@ -207,7 +212,7 @@ class Furnisher:
             now, every = rows(state, b)._replace(moving=item), np.arange(len(b))
             stood = now.stands[every, item]
             now.stands[every, item] = False
-            chosen = placing.chosen(now, stood, uniform, others)
+            chosen = placing.chosen(now, stood, uniform, others, walls)
             found = np.isfinite(chosen.value)
             put = rooms.put(rows(now, found), item[found], chosen.center[found], chosen.quarter[found])
             for values, those in zip(state, put, strict=True):

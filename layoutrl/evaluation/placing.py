@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 
 import numpy as np
 import torch
@@ -37,13 +36,6 @@ class Placing:
         self.rooms = RoomsSimulator(briefs, None, moves, Reward())
         self.scenes = Scenes(BatchRoomsSimulator(self.rooms, device))
         self.observe = ScenesObservation(self.scenes, RoomsObservation(self.rooms, categories, device))
-        self.walls = False  # whether places along walls are tried last
-
-    def with_walls(self) -> Placing:
-        """Return a copy that tries places along walls last, if items slide."""
-        other = copy(self)
-        other.walls = self.moves.slide
-        return other
 
     def chosen(
         self,
@@ -51,12 +43,14 @@ class Placing:
         stood: np.ndarray,
         uniform: np.ndarray,
         known: Sequence[Sequence[Furnished]],
+        walls: bool = False,
     ) -> Chosen:
         """Choose a pose for the moving item of each state (B,), which does not stand, among the items that do.
 
         Where it `stood` (B,) until now, that pose is an option, too. Numbers `uniform` (3, QUARTERS * STARTS) from 0 to
         1 give the start places, the same numbers in every room. The pose is `unlike` that in each of the layouts
-        `known` of the room; either all rooms have some, or none has.
+        `known` of the room; either all rooms have some, or none has. With `walls`, if items slide, places along walls
+        are tried last.
         """
         before = wrong_at(self.rooms, state)
         starts = self._starts(state, uniform)
@@ -64,7 +58,7 @@ class Placing:
         or_stay = self._or_stay(state, stood, ends) if stood.any() else ends
         chosen = best_of(self.rooms, state, before, unlike(self.rooms, state, or_stay, known))
         can_move = np.isfinite(starts.value).any(1)
-        for others in ("beside", "starts", "walls") if self.walls else ("beside", "starts"):
+        for others in ("beside", "starts", "walls") if walls and self.moves.slide else ("beside", "starts"):
             b = np.flatnonzero((chosen.harm > 0) & can_move)
             if not len(b):
                 break

@@ -72,10 +72,10 @@ def remembered(furnisher: Furnisher, monkeypatch: pytest.MonkeyPatch) -> None:
     found: dict[str, Any] = {}
     furnish = furnisher._furnished
 
-    def once(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any) -> Any:
-        key = repr(([room.id for room in world.rooms.rooms], which.tolist(), rank.tolist(), known, world.walls))
+    def once(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any, walls: bool) -> Any:
+        key = repr(([room.id for room in world.rooms.rooms], which.tolist(), rank.tolist(), known, walls))
         if key not in found:
-            found[key] = furnish(world, which, rank, known)
+            found[key] = furnish(world, which, rank, known, walls)
         return found[key]
 
     monkeypatch.setattr(furnisher, "_furnished", once)
@@ -127,7 +127,8 @@ def test_the_way_ends_where_the_items_stand(together: list[Furnished]) -> None:
 def test_it_is_told_where_an_item_is_taken_up_though_it_be_the_same_again(
     furnisher, designs, monkeypatch, lean
 ) -> None:
-    monkeypatch.setattr(Placing, "with_walls", lambda placing: placing)  # there an untrained agent is right at once
+    # Along walls an untrained agent is right at once.
+    monkeypatch.setattr(Placing, "_along_walls", lambda placing, state, starts: starts)
     design = max(designs, key=lambda room: room.indoor.area)
     two = sorted(design.furniture, key=lambda item: -item.area)[:2]
     ((best,),) = furnisher.furnish([brief_of(replace(design, furniture=tuple(two), target=None)).rotated(lean)], 1)
@@ -304,15 +305,17 @@ def test_where_all_else_is_odd_an_item_goes_to_a_wall(furnisher, monkeypatch) ->
     world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
     state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
     assert world.chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
-    chosen = world.with_walls().chosen(state, nothing, spread(0, 128), [()])
+    # Of the places at the wall the lowest is valued most.
+    monkeypatch.setattr(Placing, "best_values", lambda placing, scene, center: -np.asarray(center)[:, 1])
+    chosen = world.chosen(state, nothing, spread(0, 128), [()], walls=True)
     assert (chosen.center.tolist(), chosen.harm.tolist()) == (
         [[pytest.approx(1.0, abs=1e-5), pytest.approx(0.75, abs=1e-5)]],
         [0],
     )
     monkeypatch.setattr(placing, "TOUCHING", -1.0)  # all are stopped on their way
-    assert world.with_walls().chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
-    without_slides = Placing([brief], furnisher._policy, Moves(slide=False), furnisher._categories).with_walls()
-    assert without_slides.chosen(state, nothing, spread(0, 128), [()]).harm.tolist() == [1]
+    assert world.chosen(state, nothing, spread(0, 128), [()], walls=True).harm.tolist() == [1]
+    without_slides = Placing([brief], furnisher._policy, Moves(slide=False), furnisher._categories)
+    assert without_slides.chosen(state, nothing, spread(0, 128), [()], walls=True).harm.tolist() == [1]
 
 
 def test_of_places_along_walls_every_one_is_tried(furnisher, monkeypatch) -> None:
@@ -322,7 +325,7 @@ def test_of_places_along_walls_every_one_is_tried(furnisher, monkeypatch) -> Non
     world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
     monkeypatch.setattr(choosing, "wrong_at", lambda rooms, state: np.full(len(state.room), FAULT))
     state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
-    world.with_walls().chosen(state, nothing, spread(0, 128), [()])
+    world.chosen(state, nothing, spread(0, 128), [()], walls=True)
     assert [each.get("every_one", False) for each in tried[:4]] == [False, False, False, True]
 
 
@@ -336,9 +339,9 @@ def test_a_room_that_is_still_wrong_is_furnished_with_places_along_walls_from_th
     monkeypatch.setattr(furnishing, "ALONG_WALLS", 2)
     asked: list[tuple[bool, list[int]]] = []
 
-    def furnished(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any) -> list[Furnished]:
-        asked.append((world.walls, rank[0].argsort(kind="stable").tolist()))
-        return [Furnished(well if world.walls else off, 0.0)]
+    def furnished(world: Placing, which: np.ndarray, rank: np.ndarray, known: Any, walls: bool) -> list[Furnished]:
+        asked.append((walls, rank[0].argsort(kind="stable").tolist()))
+        return [Furnished(well if walls else off, 0.0)]
 
     monkeypatch.setattr(furnisher, "_furnished", furnished)
     ((best,),) = furnisher.furnish([brief_of(off)], 1, 0)
