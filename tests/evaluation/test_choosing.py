@@ -115,11 +115,11 @@ def test_where_every_one_is_tried_the_least_valued_is_found() -> None:
 
 def test_of_two_rooms_the_one_with_more_poses_has_all_of_them_tried() -> None:
     rooms, options = small_room()
-    state, count = rooms.empty(np.zeros(2, dtype=int)), TRIED_UP_TO[-1]
+    state, count = rooms.empty(np.zeros(2, dtype=int)), TRIED_UP_TO[1]  # the last of a block
     at_door, *_, free = options.center[0]
     center = np.array([[at_door] * (count - 1) + [free]] * 2)
     value = np.tile(np.arange(count, 0, -1.0), (2, 1))
-    value[1, 1:] = -np.inf
+    value[1, 2:] = -np.inf
     chosen = chosen_of(
         rooms, state, Options(center, np.zeros((2, count), int), value, [list(c[:, None]) for c in center])
     )
