@@ -110,6 +110,7 @@ PLANIT_COST = {
     "updates": "{updates:.0f}",
 }
 WITHOUT_GPU = ("bedroom", "tatami")  # types in which method=paper is trained on a CPU
+LONGER = "12000", ("study",)  # updates of paper_every_move in these types; in others 8000
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before the agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
@@ -129,11 +130,14 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
         sweeps.append(("paper_every_move", "1,2", ("bedroom",)))  # how much seeds differ
     if "column" in chosen:
         sweeps = [(group, "0,1,2", tuple(PAPER)) for group in in_turn(chosen["column"])]
-    return [
-        chosen | {"column": columns, "seed": seeds_of(columns, seeds, chosen), "room": ",".join(among)}
-        for columns, seeds, types in sweeps
-        if (among := [room for room in rooms if room in types])
-    ]
+    made = []
+    for columns, seeds, types in sweeps:
+        sweep = chosen | {"column": columns, "seed": seeds_of(columns, seeds, chosen)}
+        updates, longer = LONGER if columns == METHODS[EVERY_MOVE][0] else ("", ())
+        for more, among in (({}, {*types} - {*longer}), ({"method.updates.default": updates}, {*types} & {*longer})):
+            if asked := [room for room in rooms if room in among]:
+                made.append(more | sweep | {"room": ",".join(asked)})
+    return made
 
 
 @answers_errors()

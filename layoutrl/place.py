@@ -11,7 +11,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -188,7 +188,7 @@ class Work:
             known = ", ".join(self._ids) + ", ..." * (len(self._ids) == LISTED)
             return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one: {known}"
         named = item or move or ALL
-        what = "an item" if ALL in names_in(named) else f"a {named.replace(',', ' or a ')}"
+        what = "an item" if ALL in names_in(named) else any_of(named.split(","))
         anew = "furniture without a center, or what is to be placed anew, as move=wardrobe or move=all"
         return f"{rooms} has no room with {what} to place; expected {'one or more' if move else anew}"
 
@@ -231,7 +231,7 @@ class Work:
         if locked := [f"{name} ({n})" for name, n in self.tally.locked.items()]:
             self.say(f"move: what is locked stays: {', '.join(locked)}")
         if self._seen is not None and (unmet := sorted(named - {ALL} - self._seen)) and not self._none_meant:
-            self.say(f"move: no room that was read has a {' or a '.join(unmet)}")
+            self.say(f"move: no room that was read has {any_of(unmet)}")
         if self.tally.rooms and self._seen is not None and self._unmet:
             self.say(f"only: no room that was read is called {' or '.join(sorted(self._unmet))}")
 
@@ -467,3 +467,8 @@ main = command("place", PlaceConfig, carry_out)
 
 if __name__ == "__main__":
     main()
+
+
+def any_of(names: Iterable[str]) -> str:
+    """Names with their articles: `an armchair or a bed`."""
+    return " or ".join(f"{'an' if name[:1].lower() in [*'aeiou'] else 'a'} {name}" for name in names)

@@ -800,6 +800,8 @@ def test_what_is_to_move_and_is_in_no_room_is_said(
     file = written(tmp_path, [furnished_room()])
     run(PlaceConfig(by="search", rooms=str(file), move="bed,bathtub,toilet"))
     assert "move: no room that was read has a bathtub or a toilet" in capsys.readouterr().out.splitlines()
+    with pytest.raises(InputError, match="has no room with an armchair to place"):
+        run(PlaceConfig(by="search", rooms=str(file), move="armchair", out=str(tmp_path / "other.jsonl")))
 
 
 @pytest.mark.parametrize("move", ["bed", "all"])

@@ -24,7 +24,7 @@ from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing, without_poses
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
-from layoutrl.rooms.documents import BEYOND, parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import (
     BLOCKS,
     FAULTS,
@@ -163,14 +163,13 @@ class Answers:
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
-        entry = Entry(
-            room.id, replace(room, furniture=without_poses(room.furniture, movable)), {}, stood=room.furniture
-        )
+        placed = {k for k in movable if room.furniture[k].center is not None}  # others keep the rotation that they have
+        entry = Entry(room.id, replace(room, furniture=without_poses(room.furniture, placed)), {}, stood=room.furniture)
         request = request_of(entry, movable, True, self.staff.known(room.room_type))
         lines = [said_to_stay(room, request.stays)] if request.stays else []
         if not request.wanted:
-            mend = "expected other furniture" if request.stays else "expected furniture that is not locked"
-            raise InputError("; ".join(["movable: there is nothing to furnish", *lines, mend]))
+            mend = "add other furniture" if request.stays else "unlock or add some furniture"
+            raise InputError("; ".join(["There is nothing to furnish", *lines, mend]))
         seed = int(number(asked.get("seed", 0), "seed", 0, 2**31))
         choices = int(number(asked.get("choices", CHOICES), "choices", 1, CHOICES))
         checked = request.checked
@@ -365,7 +364,9 @@ def limited(room: Room) -> Room:
 
 
 def in_words(error: RoomError, document: Any) -> str:
-    """Return what is wrong with an edited room; for an item moved out of it, in words without fields of JSON."""
+    """Return what is wrong with an edited room: an item moved out of it, and its outline, without fields of JSON."""
+    if error.field == "outline" and error.problem.startswith(NOT_SIMPLE):
+        return "The outline crosses itself"
     found = CENTER.fullmatch(error.field)
     if found is None or not error.problem.endswith(BEYOND):
         return str(error)

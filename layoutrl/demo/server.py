@@ -187,6 +187,8 @@ class Guard:
         self.inner = inner
         port = host.rpartition(":")[2]
         self.hosts = {host, f"localhost:{port}"}
+        if port == "80":  # browsers leave it out
+            self.hosts |= {name.rpartition(":")[0] for name in self.hosts}
         self.origins = {f"http://{name}" for name in self.hosts}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

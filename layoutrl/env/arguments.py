@@ -10,6 +10,7 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from layoutrl import InputError
+from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves
 from layoutrl.rooms.designer.generator import design_rooms
@@ -53,12 +54,17 @@ def rooms_with_targets_or_default(rooms: Sequence[Room] | None) -> Sequence[Room
 
 
 def check_spaces(
-    rooms: Sequence[Room], categories: Sequence[str] | None, elements: int | None, observation: str = "geometry"
+    rooms: Sequence[Room],
+    categories: Sequence[str] | None,
+    elements: int | None,
+    observation: str = "geometry",
+    waiting: bool = True,
 ) -> None:
     """Check what fixes the space of an observation: `categories`, in the order of their columns, and rows (`elements`).
 
-    None stands for what the rooms need. Raises ValueError unless categories are different names and elements is 1 or
-    more, and for either with pictures; InputError where a room has furniture that is not among the categories.
+    None stands for what the rooms need. What has no place counts only if it is `waiting` for one. Raises ValueError
+    unless categories are different names and elements is 1 or more, and for either with pictures; InputError where a
+    room has furniture that is not among the categories.
     """
     if observation == "image" and (categories, elements) != (None, None):
         raise ValueError("categories, elements: expected none with observation='image', which looks alike in all rooms")
@@ -70,7 +76,7 @@ def check_spaces(
     if not (names and all(isinstance(name, str) for name in categories) and len({*categories}) == len(categories)):
         raise ValueError(f"categories: expected a list of different names; got {categories!r:.60}")
     for room in rooms:
-        if unknown := {item.category for item in room.furniture} - {*categories}:
+        if unknown := {*categories_of([room], waiting)} - {*categories}:
             raise InputError(f"categories: expected {', '.join(sorted(unknown))} among them, as room {room.id} has")
 
 

@@ -77,7 +77,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         check_render_mode(render_mode)
         check_at_least_one(max_moves=max_moves)
         rooms = rooms_with_targets_or_default(rooms)
-        check_spaces(rooms, categories, elements, observation)
+        check_spaces(rooms, categories, elements, observation, waiting=False)
         self.simulator = Simulator(rooms, *moves_and_reward_or_default(moves, reward))
         self.max_moves = max_moves
         self.on_illegal = on_illegal

@@ -58,8 +58,12 @@ class Measures:
 
 
 def measured(layouts: Sequence[Room], designed: Sequence[Room]) -> Measures:
-    """Return all measures of layouts (B,) compared with the designer's (B,), of the same rooms in the same order."""
-    assert len(layouts) == len(designed)
+    """Return all measures of layouts (B,) compared with the designer's (B,), of the same rooms in the same order.
+
+    Raises ValueError where their numbers differ.
+    """
+    if len(layouts) != len(designed):
+        raise ValueError(f"expected as many layouts as designs; got {len(layouts)} and {len(designed)}")
     count, items, matches = len(layouts), Items.of(layouts), matched(layouts, designed)
     found = item_faults(layouts, items)
     walkable, reach = walked(layouts, items)

@@ -67,10 +67,10 @@ def observation_of(
 ) -> GeometryObservation | ImageObservation:
     """Return the observation of the rooms. Raises ValueError for another kind.
 
-    The geometry observation has a column for each of the categories, by default those of the rooms.
+    The geometry observation has a column for each of the categories, by default those of what stands in the rooms.
     """
     if kind == "geometry":
-        known = categories_of(rooms) if categories is None else categories
+        known = categories_of(rooms, waiting=False) if categories is None else categories
         return GeometryObservation(rooms, known, device, elements)
     if kind == "image":
         return ImageObservation(rooms, device)
@@ -185,9 +185,10 @@ class ImageObservation:
         windows[at] = painted.round_().to(torch.uint8)
 
 
-def categories_of(rooms: Sequence[Room]) -> list[str]:
-    """The furniture categories of the rooms, sorted."""
-    return sorted({item.category for room in rooms for item in room.furniture})
+def categories_of(rooms: Sequence[Room], waiting: bool = True) -> list[str]:
+    """The furniture categories of the rooms, sorted. Items without a place count only if they are `waiting` for one."""
+    items = (item for room in rooms for item in room.furniture)
+    return sorted({item.category for item in items if waiting or item.center is not None})
 
 
 def enough(elements: int | None, needed: int) -> int:

@@ -73,7 +73,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         check_at_least_one(num_envs=num_envs, max_moves=max_moves)
         device = usable_device(device)
         rooms = rooms_with_targets_or_default(rooms)
-        check_spaces(rooms, categories, elements, observation)
+        check_spaces(rooms, categories, elements, observation, waiting=False)
         self.num_envs = num_envs
         self.max_moves = max_moves
         self.render_mode = render_mode

@@ -25,7 +25,7 @@ from matplotlib.patheffects import withStroke
 from layoutrl import InputError
 from layoutrl.env.render import BLACK, MOVING, OPENINGS, color_of
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.clearances import RAISED
+from layoutrl.rooms.clearances import RAISED, period
 from layoutrl.rooms.faults import BLOCKS, FRONT_NOT_FREE, OUT_OF_REACH, OUTSIDE, OVERLAPS, faults
 from layoutrl.rooms.room import Item, Room
 
@@ -137,14 +137,14 @@ def _area(box: Box) -> float:
 
 
 def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> list[Artist]:
-    """Draw an item centred at a point, with a line to its front if it is a filled rectangle; return what was drawn.
+    """Draw an item centred at a point, with a line to its front if it is filled and has one; return what was drawn.
 
     `looks` are properties of matplotlib's patches.
     """
     usual: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.5}
     outline = Polygon(np.asarray(item.footprint_at((center[0], center[1])).exterior.coords), **usual | looks)
     axes.add_patch(outline)
-    if item.form == "circle" or not outline.get_fill():
+    if not has_front(item) or not outline.get_fill():
         return [outline]
     marks: dict[str, Any] = {
         "color": "black",
@@ -153,6 +153,11 @@ def draw_item(axes: Axes, item: Item, center: Sequence[float], **looks: Any) -> 
         "zorder": outline.get_zorder(),
     }
     return [outline, *axes.plot(*front(item, center).T, **marks)]  # what is drawn later covers both
+
+
+def has_front(item: Item) -> bool:
+    """Whether an item has a front: a table has none, and neither has what is round."""
+    return period(item) == 360
 
 
 def front(item: Item, center: Sequence[float]) -> np.ndarray:

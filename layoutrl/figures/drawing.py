@@ -31,6 +31,7 @@ from layoutrl.figures import (
     draw_item,
     draw_room,
     front,
+    has_front,
     in_drawing_order,
     middle,
     name_boxes,
@@ -48,6 +49,8 @@ LETTERS = 0.05, 0.13  # metres: the least and the greatest height of a name
 HALL = 7.0  # metres: in longer rooms letters are larger in proportion
 ARC = 18  # straight lines for the arc of a door's leaf
 POINTS = 1.6 * 72  # points per metre in PNG
+DOTS = 150  # per inch in PNG: 240 per metre
+LARGEST_PNG = 8000  # pixels of its longer side: larger halls have fewer dots
 WIDE = 0.6  # width of a letter, as a share of its height
 NOT_IN_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 MIDDLE = 5  # a DXF text's attachment point: its middle
@@ -153,7 +156,7 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
             letters = min(7, POINTS * _letters([said], width - 2 * MARGIN))
             axes.text(x0 + MARGIN, y0 + MARGIN + lines_up * LINE, said, fontsize=letters)
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=min(DOTS, LARGEST_PNG / max(figure.get_size_inches())))
 
 
 def dxf(room: Room, wrong: Wrong, path: Path) -> None:
@@ -181,15 +184,21 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
             space.add_circle(item.center, item.size[0] / 2, dxfattribs={"layer": "A-FURN"})
         else:
             space.add_lwpolyline(_corners(item), close=True, dxfattribs={"layer": "A-FURN"})
+        if has_front(item):
             start, end = front(item, item.center).tolist()
             space.add_line(start, end, dxfattribs={"layer": "A-FURN"})
         looks = {"layer": "A-FURN", "insert": item.center, "char_height": LETTERS[1], "attachment_point": MIDDLE}
-        space.add_mtext("\\P".join([item.category, *faults[k]]), dxfattribs=looks)
+        space.add_mtext("\\P".join([_plain(item.category), *faults[k]]), dxfattribs=looks)
     if absent := _not_placed(room):
         x0, _, _, y1 = room.envelope.bounds
         looks = {"layer": "A-FURN", "insert": (x0, y1 + 2 * LETTERS[1]), "char_height": LETTERS[1]}
-        space.add_mtext(absent, dxfattribs=looks)
+        space.add_mtext(_plain(absent), dxfattribs=looks)
     document.saveas(path)
+
+
+def _plain(text: str) -> str:
+    """Escape what MTEXT of a DXF takes for formatting."""
+    return re.sub(r"[\\{}]", r"\\\g<0>", text)
 
 
 def sheet(room: Room) -> tuple[float, float, float, float]:
@@ -240,7 +249,7 @@ def _item(index: int, item: Item, faults: Sequence[str]) -> str:
     category = _written(item.category)
     parts = [f"<title>{category}{': ' if faults else ''}{_written(', '.join(faults))}</title>"]
     parts.append(shape(f'fill="{_hex(color_of(item.category))}" stroke="#000" stroke-width=".01"'))
-    if item.form != "circle":
+    if has_front(item):
         parts.append(f'<path d="M{_points(front(item, item.center))}" stroke="#000" stroke-width=".015"/>')
     if faults:
         parts.append(shape(f'fill="url(#fault)" stroke="{ORANGE}" stroke-width=".03"'))
@@ -256,7 +265,7 @@ def _label(item: Item, box: Box, faults: Sequence[str], coarse: float) -> str:
     """
     x0, y0, x1, y1 = box
     across, up = x1 - x0, y1 - y0
-    if item.form != "circle" and box == item.footprint.bounds:
+    if has_front(item) and box == item.footprint.bounds:
         ahead = abs(np.cos(np.radians(item.degrees))) > 0.5**0.5  # it faces along x rather than y
         across, up = (MARK * across, up) if ahead else (across, MARK * up)
     x, y = middle(box)

@@ -29,7 +29,8 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -77,6 +78,7 @@ EXPECTED = {  # what messages say of a field that is missing or has another name
     "rotation": "rotation, in degrees",
 }
 FAULTS_FIELD = "faults"  # an item's faults in a file that `place` has written
+NOT_SIMPLE = "expected a simple polygon"  # how the problem of a ring that crosses itself begins
 BEYOND = "lie within the room's outer walls"  # what messages expect of an item that does not
 ALIKE = 0.8  # difflib's ratio: a name as similar to a field's is taken for a misspelling of it
 
@@ -113,21 +115,26 @@ def room_to_dict(room: Room) -> dict[str, Any]:
 
 
 def with_layout(
-    document: Mapping[str, Any], asked: Room, layout: Room, wrong: Iterable[tuple[int, str]], unit: str = "m"
+    document: Mapping[str, Any],
+    asked: Room,
+    layout: Room,
+    wrong: Iterable[tuple[int, str]],
+    unit: str = "m",
+    still: Collection[tuple[int, str]] = (),
 ) -> dict[str, Any]:
     """Return a room's document with the poses that a layout gives to items without a center, and with faults.
 
-    `asked` is the room as it was read, `wrong` lists (index of the item, fault), and `unit` is that of the document.
-    All else is unchanged; an item that the layout does not place gets only its faults. Centers are rounded to a tenth
-    of a millimetre.
+    `asked` is the room as it was read, `wrong` lists (index of the item, fault), and `unit` is that of the document. Of
+    the faults that the document has of items that stood, those in `still` are kept. All else is unchanged; an item that
+    the layout does not place gets only its faults. Centers are rounded to a tenth of a millimetre.
     """
     entries = [dict(entry) for entry in document["furniture"]]
-    for entry, before, item in zip(entries, asked.furniture, layout.furniture, strict=True):
-        if before.center is not None:
-            continue
+    for k, (entry, before, item) in enumerate(zip(entries, asked.furniture, layout.furniture, strict=True)):
         if isinstance(entry.get(FAULTS_FIELD), list):  # else it is a field of the user's own
-            del entry[FAULTS_FIELD]
-        if item.center is not None:
+            listed = entry.pop(FAULTS_FIELD)
+            if before.center is not None and (kept := [fault for fault in listed if (k, fault) in still]):
+                entry[FAULTS_FIELD] = kept
+        if before.center is None and item.center is not None:
             entry["center"] = [round(round(metres, 4) * UNITS[unit], 4) for metres in item.center]
             if item.rotation is not None:
                 entry["rotation"] = item.rotation
@@ -254,8 +261,8 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any] | RoomError:
     document = dict(pairs)
     found = next(_errors(document.values()), None)
     if len(document) < len(pairs):
-        names = [name for name, _ in pairs]
-        found = RoomError(next(name for name in names if names.count(name) > 1), "stands there twice; expected once")
+        twice = next(name for name, count in Counter(name for name, _ in pairs).items() if count > 1)
+        found = RoomError(twice, "stands there twice; expected once")
     if found is None:
         return document
     return RoomError(f"{name_in(document)}{found.field}", found.problem) if "outline" in document else found
@@ -338,7 +345,7 @@ def _ring(value: Any, field: str) -> Ring:
         raise RoomError(field, f"expected at least three different corners; got {len(ring)}")
     polygon = Polygon(ring)
     if not polygon.is_valid:
-        raise RoomError(field, f"expected a simple polygon; got one with {explain_validity(polygon)}")
+        raise RoomError(field, f"{NOT_SIMPLE}; got one with {explain_validity(polygon)}")
     if polygon.area < TOLERANCE**2:
         raise RoomError(field, f"expected a polygon with an area; it has {polygon.area:.1g} m²: is the unit right?")
     return ring if polygon.exterior.is_ccw else ring[::-1]

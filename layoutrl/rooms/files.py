@@ -15,7 +15,7 @@ from layoutrl.rooms.categories import NO_ROOM, own_names
 from layoutrl.rooms.collection import Collection, taken_for
 from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.room import Room, RoomError
-from layoutrl.rooms.units import UNITS, in_metres, unit_line, unit_of
+from layoutrl.rooms.units import UNITS, in_metres, read_as, unit_line, unit_of
 
 SUFFIXES = (".json", ".jsonl")
 HOMES = (".sh3d", ".sh3x")  # of Sweet Home 3D: of the program, and of its online edition
@@ -49,7 +49,7 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
                 if room.id in seen:
                     raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
             except RoomError as error:
-                message = f"{name_in(document)}{error}"
+                message = f"{name_in(document)}{error}{read_as(in_file)}"
                 if strict:
                     raise InputError(f"{where}: {message}") from None
                 collection.left_out.append((where, message))
@@ -76,7 +76,7 @@ def with_type(document: Any, room_type: str | None) -> tuple[Any, bool]:
     return (document if told == NO_ROOM else document | {"room_type": told or room_type}), told is not None
 
 
-def write_rooms(path: Path, rooms: Iterable[Room]) -> None:
+def write_rooms(path: Path | str, rooms: Iterable[Room]) -> None:
     """Write rooms to a .jsonl file, one a line; or to a .json file, one by itself, others as a list.
 
     A file that is there is overwritten.

@@ -47,6 +47,11 @@ def unit_line(unit: str, documents: Sequence[Any]) -> str:
     return f"{line}; doors are {median(widths):.0f} cm wide then (unit=in if lengths are inches)"
 
 
+def read_as(unit: str) -> str:
+    """Return the end of a message about a document whose lengths were turned into metres; nothing for metres."""
+    return "" if unit == "m" else f" (lengths were read as {unit})"
+
+
 def _door_widths(document: Any) -> list[float]:
     """Return the widths of the doors of a room's document, in its own unit; none if it is no room."""
     try:
@@ -99,8 +104,8 @@ def _divided(value: Any, by: float, depth: int = 4) -> Any:
     """Return a value with its numbers divided, in lists and the LENGTHS of objects, as deep as a room has them."""
     if isinstance(value, list) and depth:
         return [_divided(each, by, depth - 1) for each in value]
-    if isinstance(value, dict):
-        return {name: _divided(each, by) if name in LENGTHS else each for name, each in value.items()}
+    if isinstance(value, dict) and depth:
+        return {name: _divided(each, by, depth - 1) if name in LENGTHS else each for name, each in value.items()}
     try:
         return value / by if isinstance(value, int | float) and not isinstance(value, bool) else value
     except OverflowError:  # of an integer, which is refused later

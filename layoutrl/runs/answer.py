@@ -29,7 +29,8 @@ class Answer:
     layouts: list[Room]
     by: list[str]  # who made each layout; empty where it is who was asked
     unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
-    wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity)
+    wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity) of what was not so before
+    still: list[set[Fault]]  # for each layout, all of its faults and oddities
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
@@ -50,9 +51,9 @@ class Answer:
         if not self.request.wanted:
             yield self.entry.document
             return
-        for n, (layout, wrong) in enumerate(zip(self.layouts, self.wrong, strict=True), 1):
-            found = self.found(n - 1)
-            written = with_layout(self.entry.document, self.request.checked.room, found, wrong, self.entry.unit)
+        asked, unit = self.request.checked.room, self.entry.unit
+        for n, (layout, wrong, still) in enumerate(zip(self.layouts, self.wrong, self.still, strict=True), 1):
+            written = with_layout(self.entry.document, asked, self.found(n - 1), wrong, unit, still)
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from math import inf
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
 from omegaconf import MISSING, OmegaConf
 
 import layoutrl
@@ -31,6 +33,7 @@ from layoutrl.rooms.units import UNITS
 from layoutrl.runs.pretrained import cards
 from layoutrl.runs.ranges import check_annealer, check_begin, check_data, check_method, check_search, one_of, within
 
+COMPOSING = Lock()  # Hydra has one global state
 PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
 MOST_CHOICES = 20  # layouts of a room: ten take some seconds
 COLUMNS = 3  # of rooms side by side, in an animation
@@ -405,7 +408,15 @@ def register() -> None:
 
 
 def composed(entry_point: str, *overrides: str) -> Any:
-    """The configuration that `python -m layoutrl.<entry point> <overrides>` would run with."""
+    """The configuration that `python -m layoutrl.<entry point> <overrides>` would run with.
+
+    It may be asked for by several threads, and in a program that uses Hydra itself.
+    """
     register()
-    with initialize_config_dir(str(config_directory()), version_base="1.3"):
-        return OmegaConf.to_object(compose(entry_point, list(overrides)))
+    with COMPOSING:
+        theirs, GlobalHydra.instance().hydra = GlobalHydra.instance().hydra, None
+        try:
+            with initialize_config_dir(str(config_directory()), version_base="1.3"):
+                return OmegaConf.to_object(compose(entry_point, list(overrides)))
+        finally:
+            GlobalHydra.instance().hydra = theirs

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shlex
+import shutil
 import signal
 import sys
 import threading
@@ -65,7 +66,15 @@ def going_on(folder: Path, config: AnyTraining, entry_point: str) -> str:
     schema: type[Any] = type(config)
     ours, theirs = (where(each) for each in (config, load_config(folder, schema)))
     others = [f"{name}={value}" for name, value in ours.items() if value != theirs[name]]
-    return shlex.join(["python", "-m", entry_point, f"resume={folder}", *others])
+    return shlex.join([interpreter(), "-m", entry_point, f"resume={folder}", *others])
+
+
+def interpreter() -> str:
+    """Return how a shell calls this Python: `python` where that is it, else its path, from here if it lies below."""
+    if shutil.which("python") == sys.executable:
+        return "python"
+    here = Path(sys.executable)
+    return str(here.relative_to(Path.cwd()) if here.is_relative_to(Path.cwd()) else here)
 
 
 def where(config: AnyTraining) -> dict[str, Any]:

@@ -47,14 +47,16 @@ class RoomPlacer:
             stays = [request.stood.intersection(those) for those in unplaced]
             written = [put_back(room, entry, those) for room, those in zip(rooms, stays, strict=True)]
             before += [put_back(request.checked.room, entry, those) for those in stays]
-            answers.append(Answer(entry, request, written, [each.by for each in found] or [""], unplaced, []))
+            answers.append(Answer(entry, request, written, [each.by for each in found] or [""], unplaced, [], []))
         was = iter(faults_of_all(before))
         now = iter(faults_of_all([layout for answer in answers for layout in answer.layouts]))
         for answer in answers:
             for layout, those in zip(answer.layouts, answer.unplaced, strict=True):
                 staying = answer.request.stood.intersection(those)
-                odd = oddities(layout, {*answer.request.wanted}.difference(staying))
-                answer.wrong.append([(k, MISSING) for k in sorted(staying)] + new_faults(next(now), next(was)) + odd)
+                wrong, odd = next(now), oddities(layout)
+                placed = [(k, oddity) for k, oddity in odd if k in answer.request.wanted and k not in staying]
+                answer.wrong.append([(k, MISSING) for k in sorted(staying)] + new_faults(wrong, next(was)) + placed)
+                answer.still.append({*wrong, *odd})
         return answers
 
     def means(self, room: Room) -> bool:

@@ -1,4 +1,4 @@
-"""Rooms of files, read one by one, and files of answers that grow with them: no file is too long for the memory."""
+"""Rooms of files, read one by one, and files of answers that grow with them: no .jsonl file is too long for memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_di
 from layoutrl.rooms.files import PART, documents_of, room_files, with_type
 from layoutrl.rooms.formats import Source, to_place
 from layoutrl.rooms.room import Item, Room, RoomError
-from layoutrl.rooms.units import UNITS, in_metres, unit_of
+from layoutrl.rooms.units import UNITS, in_metres, read_as, unit_of
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.files import LOCK, locked, write_json
 
@@ -71,7 +71,8 @@ def _entry(where: str, document: Any, unit: str, config: PlaceConfig, names: Nam
         room = room_from_dict(in_metres(known, UNITS[unit]))
         return Entry(where, to_place(room, config.move), document, unit=unit, told=told, stood=room.furniture)
     except RoomError as error:
-        return Entry(where, None, document if isinstance(document, dict) else {}, f"{name_in(document)}{error}")
+        problem = f"{name_in(document)}{error}{read_as(unit)}"
+        return Entry(where, None, document if isinstance(document, dict) else {}, problem)
 
 
 def _documents(config: PlaceConfig) -> Iterator[tuple[str, Any, str] | None]:

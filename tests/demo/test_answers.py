@@ -516,13 +516,28 @@ def test_a_home_of_many_full_rooms_is_saved_and_each_is_bounded(answers, tmp_pat
             answers.home(body)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 90.0, 180.0, 270.0])
+def test_a_rotation_that_is_given_is_kept_of_what_has_no_place_yet(answers, degrees):
+    room = ROOMS[0]
+    given = replace(room.furniture[0], center=None, rotation=degrees)
+    said = answers.answer("furnish", body(replace(room, furniture=(given, *room.furniture[1:])), movable=[0]))
+    assert [choice["furniture"][0]["rotation"] for choice in said["choices"]] == [degrees] * len(said["choices"])
+    assert said["choices"]
+
+
+def test_an_outline_that_crosses_itself_is_told_in_words(answers):
+    crossed = room_to_dict(ROOMS[0]) | {"outline": [[0, 0], [3, 3], [3, 0], [0, 3]]}
+    with pytest.raises(InputError, match=r"^The outline crosses itself$"):
+        answers.answer("look", json.dumps({"room": crossed}).encode())
+
+
 @pytest.mark.parametrize(
     ("changed", "match"),
     [
         ({"movable": None}, "movable: expected a list"),
         ({"movable": [True]}, "movable: expected an index"),
         ({"movable": [99]}, "movable: expected an index"),
-        ({"movable": []}, "nothing to furnish"),
+        ({"movable": []}, "nothing to furnish; unlock or add some furniture"),
         ({"movable": [0], "seed": "x"}, "seed"),
         ({"room": {}}, "id: missing"),
     ],

@@ -111,6 +111,14 @@ def test_only_this_machines_own_page_is_answered(answers, headers, status):
         assert (status == 200) == ("error" not in response.json())
 
 
+def test_on_the_port_of_the_web_browsers_leave_out_the_port():
+    from layoutrl.demo.server import Guard
+
+    guard = Guard(None, "127.0.0.1:80")
+    assert guard.hosts == {"127.0.0.1:80", "localhost:80", "127.0.0.1", "localhost"}
+    assert "http://localhost" in guard.origins
+
+
 def test_large_bodies_are_refused_before_they_are_read(answers):
     sent = 0
 

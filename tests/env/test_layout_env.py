@@ -359,6 +359,9 @@ def test_what_else_has_no_center_is_left_out_of_the_room():
     bare, given = ([rectangular_room(4, 3, bed, others=others)] for others in ((), (waits,)))
     told, expected = (play(LayoutEnv(rooms, "image"), 3, 30) for rooms in (given, bare))
     assert same(told, expected)
+    for make in (LayoutEnv, partial(LayoutVectorEnv, 2)):
+        made = [make(rooms, categories=names) for rooms in (given, bare) for names in (None, ["bed"])]
+        assert all(env.observation_space == made[0].observation_space for env in made)
 
 
 def test_rendering_is_the_story_of_the_episode_so_far():

@@ -19,6 +19,12 @@ from tests.builders import MEASURES, of, random_room, room_with, shaken
 seeds = st.integers(0, 2**32 - 1)
 
 
+def test_layouts_without_a_design_are_refused() -> None:
+    room = room_with(Item("a", (1, 1), (2, 0.5)))
+    with pytest.raises(ValueError, match="expected as many layouts as designs; got 2 and 1"):
+        measured([room, room], [room])
+
+
 def test_what_two_items_cover_counts_once() -> None:
     room = room_with(*(Item("a", (1, 1), (x, 0.5)) for x in (2, 2.5, 2.5)))
     assert of(room).overlap_area == pytest.approx((0.5 + 1 + 1) / 3)

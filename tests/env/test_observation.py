@@ -26,7 +26,6 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.room import Item, Opening, Room
 from tests.builders import random_room, rectangle, rectangular_room, room_of
 
-# Shapely lets a floating-point flag of its buffer through for one room in some hundreds; its result is right.
 SEEDS = st.integers(0, 2**32 - 1)
 CATEGORIES = ["bed", "chair", "lamp"]
 DEVICES = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]

@@ -14,7 +14,6 @@ from layoutrl.env.render import View, background, coverage, picture, story
 from layoutrl.rooms.room import Item, Opening
 from tests.builders import l_room, random_room, rectangle, rectangular_room
 
-# Shapely lets a floating-point flag of its buffer through for one room in some hundreds; its result is right.
 SEEDS = st.integers(0, 2**32 - 1)
 SIDE = 24
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import copies
 import pytest
 import shapely
+import table3
 from kept import RESULTS
 from packing import unpacked_iou
 
@@ -39,6 +40,14 @@ def test_a_room_with_another_size_or_door_is_none() -> None:
     opening, *others = room.openings
     moved = shapely.affinity.translate(shapely.Polygon(opening.polygon), 0.02, 0.02).exterior.coords[:-1]
     assert copies.key(replace(room, openings=(replace(opening, polygon=tuple(moved)), *others))) != copies.key(room)
+
+
+@pytest.mark.parametrize("kept", sorted(copies.KEPT.glob("*.json")), ids=lambda path: path.stem)
+def test_what_is_kept_is_of_the_methods_as_they_are_in_table_3(kept: Path) -> None:
+    told = json.loads(kept.read_text())
+    for name in copies.LEARNED:
+        cell = json.loads((RESULTS / f"default/table3/{kept.stem}-own-{table3.METHODS[name]}-seed0.json").read_text())
+        assert told[name]["all"] == pytest.approx(unpacked_iou(cell["rows"]["layouts"]["iou"]).mean())
 
 
 def test_copies_are_counted_and_the_table_is_told_without_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

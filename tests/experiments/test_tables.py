@@ -91,16 +91,18 @@ EVERY = (
     ("planit", 2, 2),
     ("planit_long", 2, 1),
 )
-PICTURES = (("paper", 2, 1), ("paper_every_move", 8, 1), ("paper_every_move", 1, 2))  # without a GPU
+LONG = ("paper_every_move", 1, 1)  # types in which it is trained for longer
+PICTURES = (("paper", 2, 1), ("paper_every_move", 7, 1), LONG, ("paper_every_move", 1, 2))  # without a GPU
+ALL_SEEDS = (("paper", 8, 3), ("paper_every_move", 7, 3), ("paper_every_move", 1, 3))
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
-    ({}, True, [*EVERY, ("paper", 8, 3), ("paper_every_move", 8, 3)]),
+    ({}, True, [*EVERY, *ALL_SEEDS]),
     ({}, False, [*EVERY, *PICTURES]),
-    ({"hydra/launcher": "slurm"}, False, [*EVERY, ("paper", 8, 3), ("paper_every_move", 8, 3)]),
+    ({"hydra/launcher": "slurm"}, False, [*EVERY, *ALL_SEEDS]),
     ({"budget": "smoke"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, *PICTURES)]),
     ({"budget": "smoke", "seed": "0,2", "column": "paper"}, False, [("paper", 8, 2)]),
-    ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in (*EVERY[:3], PICTURES[1])]),
+    ({"room": "study"}, False, [(columns, 1, seeds) for columns, _, seeds in (*EVERY[:3], ("paper_every_move", 1, 1))]),
     ({"seed": "1"}, False, [(column, rooms, 1) for column, rooms, _ in (*EVERY, *PICTURES)]),
     ({"column": "paper"}, False, [("paper", 8, 3)]),
     ({"column": "oracle,rules"}, False, [("oracle,rules", 8, 1)]),

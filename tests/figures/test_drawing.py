@@ -5,18 +5,20 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from PIL import Image
 from shapely.geometry import LineString, Point, Polygon, box
 
 from layoutrl import InputError
 from layoutrl.env.render import DOOR, WINDOW, color_of
-from layoutrl.figures import front
+from layoutrl.figures import draw_item, front
 from layoutrl.figures.drawing import WIDE, draw, sheet, svg
 from layoutrl.rooms.documents import room_from_dict
 from layoutrl.rooms.doors import drawn_leaves
@@ -241,6 +243,33 @@ def test_a_label_is_where_its_item_is_not_covered() -> None:
     hidden = replace(room, furniture=(covered, room.furniture[3]))
     for faults, said in (([], ["table"]), ([(0, "out of reach")], ["chairout of reach", "table"])):
         assert ["".join(label.itertext()) for label in layers(svg(hidden, faults))["labels"]] == said
+
+
+@pytest.mark.parametrize(("category", "form"), [("table", "rectangle"), ("armchair", "circle"), ("bed", "rectangle")])
+def test_what_has_no_front_is_drawn_without_one(category: str, form: Any, tmp_path: Path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    item = Item(category, (1.0, 1.0), (2.0, 1.5), 0.0, form)
+    room = replace(rectangular_room(4, 3), furniture=(item,), target=None)
+    ((group,), axes) = layers(svg(room))["furniture"], Figure().add_subplot()
+    draw(room, [], tmp_path / "room.dxf")
+    lines = ezdxf.readfile(tmp_path / "room.dxf").modelspace().query("LINE")
+    drawn = [len(group.findall(f"{SVG}path")), len(lines), len(draw_item(axes, item, (2.0, 1.5))) - 1]
+    assert drawn == [int(category == "bed")] * 3
+
+
+def test_a_hall_is_no_larger_a_picture_than_a_computer_holds(tmp_path: Path) -> None:
+    draw(rectangular_room(90, 30), [], tmp_path / "hall.png")
+    with Image.open(tmp_path / "hall.png") as picture:
+        assert 7900 < picture.width <= 8000
+        assert picture.height == pytest.approx(picture.width / 3, rel=0.05)
+
+
+def test_a_name_is_no_formatting_in_dxf(tmp_path: Path) -> None:
+    ezdxf = pytest.importorskip("ezdxf")
+    furniture = (Item("a\\Pb{\\C1;c}", (1, 1), (2, 1)), Item("{d}", (1, 1)))
+    draw(replace(rectangular_room(4, 3), furniture=furniture, target=None), [(0, "overlaps")], tmp_path / "room.dxf")
+    texts = ezdxf.readfile(tmp_path / "room.dxf").modelspace().query("MTEXT")
+    assert [text.plain_text() for text in texts] == ["a\\Pb{\\C1;c}\noverlaps", "not placed: {d}"]
 
 
 def test_png_shows_no_front_of_a_chair_on_its_table(tmp_path: Path) -> None:

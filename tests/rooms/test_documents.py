@@ -192,6 +192,16 @@ def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -
     assert own["furniture"][0]["faults"] == ["off its wall"]
 
 
+def test_of_what_was_wrong_with_what_stands_that_alone_is_kept_which_still_is() -> None:
+    own = document()
+    for entry, listed in zip(own["furniture"], (["off its wall", "overlaps"], ["outside"]), strict=False):
+        entry["faults"] = listed
+    room = room_from_dict(own)
+    written = with_layout(own, room, room, [], still={(0, "overlaps"), (1, "overlaps")})
+    assert written["furniture"][0]["faults"] == ["overlaps"]
+    assert "faults" not in written["furniture"][1]
+
+
 @pytest.mark.parametrize("field", ["id", "group"])
 def test_a_name_that_cannot_be_written_is_refused(field: str) -> None:
     with pytest.raises(RoomError, match=f"^{field}: expected text that can be written as UTF-8"):

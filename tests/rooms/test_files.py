@@ -448,6 +448,14 @@ def test_a_file_has_one_unit_that_of_most_of_its_rooms(tmp_path: Path) -> None:
     assert collection.rooms[-1].indoor.area == pytest.approx(1.0)  # alone it is taken for 10 m wide
 
 
+def test_what_is_wrong_with_a_length_says_in_which_unit_it_was_read(tmp_path: Path) -> None:
+    wrong = document(id="wrong")
+    wrong["furniture"][0]["size"] = [-2.1, 1.5]
+    path = write(tmp_path / "rooms.jsonl", scaled(document(), 100), scaled(wrong, 100))
+    ((_, said),) = read_rooms(path).left_out
+    assert said.endswith("in metres; got [-2.1, 1.5] (lengths were read as cm)")
+
+
 def test_a_hall_in_metres_is_no_room_in_centimetres(tmp_path: Path) -> None:
     hall = document(outline=[[0, 0], [100, 0], [100, 3], [0, 3]])
     (room,) = read_rooms(write(tmp_path / "rooms.jsonl", hall), strict=True).rooms

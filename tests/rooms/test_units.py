@@ -79,6 +79,17 @@ def test_what_is_no_room_is_in_metres(document: Any) -> None:
     assert unit_of([]) == "m"
 
 
+def test_what_is_deeper_than_a_room_is_left_as_it_is() -> None:
+    deep: Any = 7
+    for _ in range(5000):
+        deep = {"size": deep}
+    read = in_metres({"furniture": [{"center": [100, 200], "size": deep}]}, UNITS["cm"])
+    assert read["furniture"][0]["center"] == [1, 2]
+    while isinstance(read, dict):
+        read = read["furniture"][0] if "furniture" in read else read["size"]
+    assert read == 7
+
+
 @given(ANYTHING, st.sampled_from(sorted(UNITS)))
 def test_what_is_no_length_is_as_it_was(document: Any, unit: str) -> None:
     assert in_metres(document, 1) is document

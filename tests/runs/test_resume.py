@@ -128,7 +128,7 @@ def test_a_run_that_is_stopped_and_goes_on_is_the_run_that_never_stopped(number,
         assert lived(rooms, tmp_path, 0.02, number) == 0
         stopped_at = checkpoints(begun)[0].updates
         assert f"after {stopped_at} of {UPDATES} updates; " in (said := (tmp_path / "said.txt").read_text())
-        assert said.endswith(f"go on with: python -m layoutrl.train resume={begun}")
+        assert said.endswith(f"go on with: {resume.interpreter()} -m layoutrl.train resume={begun}")
     assert not (begun / "evaluation.json").exists()
     seconds = load_checkpoint(begun, CPU)["seconds"]  # rivals are trained as long as the agent was in all its lives
     assert lived(rooms, tmp_path) == 0
@@ -226,11 +226,26 @@ def test_the_command_that_goes_on_is_as_a_shell_takes_it(rooms, tmp_path):
     config, folder = configured(rooms, tmp_path), tmp_path / "my runs" / "one"
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.structured(config)))
-    begins = ["python", "-m", "layoutrl.train", f"resume={folder}"]
+    begins = [resume.interpreter(), "-m", "layoutrl.train", f"resume={folder}"]
     assert shlex.split(resume.going_on(folder, config, "layoutrl.train")) == begins
     elsewhere = replace(config, data=replace(config.data, root="my rooms.jsonl"), device="cuda:1")
     said = [*begins, f"data.root={Path.cwd() / 'my rooms.jsonl'}", "device=cuda:1"]
     assert shlex.split(resume.going_on(folder, elsewhere, "layoutrl.train")) == said
+
+
+@pytest.mark.parametrize(
+    ("found", "here", "called"),
+    [
+        ("/home/ada/own/.venv/bin/python", "/", "python"),
+        ("/usr/bin/python", "/home/ada/own", ".venv/bin/python"),
+        (None, "/home/ada/own/runs", "/home/ada/own/.venv/bin/python"),
+    ],
+)
+def test_the_interpreter_is_called_as_a_shell_finds_it(found, here, called, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/home/ada/own/.venv/bin/python")
+    monkeypatch.setattr(shutil, "which", lambda _: found)
+    monkeypatch.setattr(Path, "cwd", lambda: Path(here))
+    assert resume.interpreter() == called
 
 
 def test_a_run_whose_rooms_are_elsewhere_now_goes_on_there_if_they_are_the_same(rooms, whole, tmp_path):
@@ -400,7 +415,7 @@ def test_a_disk_that_is_full_as_a_run_goes_on_is_answered_in_a_line(rooms, whole
     kept, table = checkpoints(folder), (folder / "metrics.csv").read_text()
     said = limited(rooms, tmp_path, 10)
     assert f"cannot write to {folder} (File too large)" in said
-    assert "to write to, where the last checkpoint goes on: python -m layoutrl.train resume=" in said
+    assert f"to write to, where the last checkpoint goes on: {resume.interpreter()} -m layoutrl.train resume=" in said
     assert checkpoints(folder) == kept
     assert (folder / "metrics.csv").read_text() == table
 
@@ -463,7 +478,10 @@ def reloaded(folder: Path) -> EventAccumulator:
 @pytest.mark.parametrize(
     ("stop", "said"),
     [
-        (KeyboardInterrupt(), r"^stopped in its evaluation; go on with: python -m layoutrl\.train resume=.*/one$"),
+        (
+            KeyboardInterrupt(),
+            r"^stopped in its evaluation; go on with: \S*python\S* -m layoutrl\.train resume=.*/one$",
+        ),
         (
             OSError(errno.ENOSPC, "No space left on device"),
             r"cannot write to .*/one \(No space .*\); .* resume=.*/one$",

@@ -46,7 +46,7 @@ const named = (name, size, room) => {
 };
 
 function label(item, size) {
-  const turned = item.rotation % 180 === 90;
+  const turned = Math.abs(item.rotation % 180) === 90;
   const [across, up] = turned ? [item.size[1], item.size[0]] : item.size;
   const lines = named(item.category, size, Math.min(across, up));
   const long = Math.max(...lines.map((line) => line.length)) * LETTER;

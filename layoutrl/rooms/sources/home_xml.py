@@ -94,6 +94,8 @@ def xml_of(path: Path) -> bytes:
             if len(entries) != 1:
                 what = f"{len(entries)} of them" if entries else "none (saved before Sweet Home 3D 5.3? save it anew)"
                 raise InputError(f"{path}: expected one {HOME} in it; got {what}")
+            if entries[0].compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise InputError(f"{path}: {HOME}: expected it stored or deflated; save the home anew")  # bounds below
             with archive.open(entries[0]) as file:
                 xml = file.read(LARGEST_XML + 1)
     except InputError:  # a ValueError, which would be caught below

@@ -108,7 +108,7 @@ def _lines(file: Path) -> Iterator[tuple[int, bytes]]:
     Raises OSError, EOFError or zlib.error for a file that breaks off or is damaged, or is larger than any house.
     """
     most = RATIO * file.stat().st_size + LARGEST_LINE
-    if file.suffix == ".gz":
+    if file.suffix.lower() == ".gz":
         with gzip.open(file) as packed:
             yield from _numbered(packed, most)
     else:

@@ -71,9 +71,9 @@ def test_rooms_of_different_files_have_different_names(tmp_path: Path) -> None:
     assert groups == {f"v1.{k}/train.{name}/1" for k in (0, 1) for name in "ab"}
 
 
-@pytest.mark.parametrize("packed", [False, True])
-def test_every_room_of_a_house_is_a_room(packed: bool, tmp_path: Path) -> None:
-    write(tmp_path, house(), name="train.jsonl.gz" if packed else "train.jsonl", packed=packed)
+@pytest.mark.parametrize("packed", ["", ".gz", ".GZ"])
+def test_every_room_of_a_house_is_a_room(packed: str, tmp_path: Path) -> None:
+    write(tmp_path, house(), name=f"train.jsonl{packed}", packed=bool(packed))
     bedroom, kitchen = read(tmp_path, names_of()).rooms
     assert (bedroom.id, bedroom.room_type, bedroom.group) == ("train/1/Bedroom 2", "bedroom", "train/1")
     assert (kitchen.id, kitchen.room_type, kitchen.group) == ("train/1/Kitchen 3", "kitchen", "train/1")

@@ -913,6 +913,15 @@ def test_a_bomb_is_unpacked_no_further_than_a_home_goes(tmp_path: Path) -> None:
         read_home(path)
 
 
+@pytest.mark.parametrize("packed", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_home_packed_in_a_way_that_unpacks_without_bounds_is_refused(packed: int, tmp_path: Path) -> None:
+    path = tmp_path / "home.sh3d"
+    with zipfile.ZipFile(path, "w", packed) as archive:
+        archive.writestr("Home.xml", b"<home/>")
+    with pytest.raises(InputError, match="expected it stored or deflated; save the home anew"):
+        read_home(path)
+
+
 def test_entries_are_copied_and_never_unpacked_to_where_they_lead(tmp_path: Path) -> None:
     evil = {"../evil": b"x", "/evil": b"y", "big": b"\0" * 1_000_000}
     home = read_home(home_file(tmp_path / "in" / "flat.sh3d", entries=evil), move="bed")
