@@ -52,8 +52,9 @@ def arrow(
     axes.text(*middle, text, ha="center", va="center", linespacing=1.3)
 
 
-def canvas(width: float, height: float) -> tuple[Figure, Axes]:
-    """Return a figure of this size in inches, and axes on which a unit is an inch."""
+def canvas() -> tuple[Figure, Axes]:
+    """Return a figure, and axes on which a unit is an inch."""
+    width, height = 7.2, 3.3
     figure = Figure(figsize=(width, height))
     axes = figure.subplots()
     axes.set(xlim=(0, width), ylim=(0, height), aspect="equal")
@@ -63,7 +64,7 @@ def canvas(width: float, height: float) -> tuple[Figure, Axes]:
 
 def process() -> Figure:
     """Figure 3: state, move, reward, and what learns from them."""
-    figure, axes = canvas(7.2, 3.3)
+    figure, axes = canvas()
     box(axes, (1.25, 2.5), (2.1, 1.1), "Room\nwalls, doors, windows,\nfurniture of known size", INPUT)
     box(axes, (4.0, 2.5), (2.0, 1.1), "Simulator\n$s_{t+1},\\ r_t = F(s_t, a_t)$\nexact areas of polygons", FIXED)
     box(axes, (4.0, 0.7), (2.0, 0.9), "Agent\n$a_t = $ arg max $Q(s_t, a)$\namong the legal moves", LEARNED)
@@ -108,7 +109,7 @@ def networks() -> Figure:
     first, second = linear(paper.features)
     moves = Moves().count
     ours = GeometryNetwork(len(COLUMNS) + CATEGORIES, moves, dueling=True)
-    figure, axes = canvas(7.2, 3.3)
+    figure, axes = canvas()
     axes.text(0.05, 3.15, "method=paper: a picture", fontweight="bold", va="center")
     boxes = [("picture\n128 x 128\nRGB", INPUT)]
     boxes += [(f"convolution\n3 x 3, stride 2\n{layer.out_channels} features", LEARNED) for layer in convolutions]

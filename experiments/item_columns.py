@@ -13,7 +13,7 @@ from cell_trainings import agent_seconds, clock_of, trained_network, trained_pla
 
 from layoutrl import InputError
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import GeometryObservation, categories_of, observation_of
+from layoutrl.env.observation import GeometryObservation, observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.oracle import perfect_places
 from layoutrl.evaluation.policy import greedy
@@ -30,6 +30,7 @@ from layoutrl.rivals.supervised import (
     train_regressor,
     train_scorer,
 )
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import designed_rooms, two_parts
 from layoutrl.runs import resume

@@ -249,8 +249,8 @@ def page_of(about: Mapping[str, Any]) -> str:
         "scores the agents as they are in the package, and trains nothing. The measures are those of",
         "[whole_rooms.md](whole_rooms.md#measures): means over unseen designed briefs, furnished from nothing, with",
         "the standard error over rooms. In the authors' real bedrooms and tatami rooms [their IoU is far",
-        "lower](whole_rooms_results.md#the-authors-real-bedrooms-and-tatami-rooms); how they do in files that people",
-        "have says [rooms.md](rooms.md#how-well-it-works-on-files-that-people-have).",
+        "lower](whole_rooms_results.md#the-authors-real-bedrooms-and-tatami-rooms).",
+        "[rooms.md](rooms.md#how-well-it-works-on-files-that-people-have) says how they do in people's own files.",
         "",
         "| agent | unseen briefs | IoU | facing | faultless | core-seconds a room |",
         "| --- | --- | --- | --- | --- | --- |",
@@ -269,6 +269,7 @@ def page_of(about: Mapping[str, Any]) -> str:
         for name, label in MEASURES.items():
             found = ((agents[each]["measures"][name], agents[each]["standard_errors"][name]) for each in some)
             lines.append(f"| {label} | {' | '.join(f'{mean:.3f} ({error:.3f})' for mean, error in found)} |")
+    lines += ["", "Below, the IoU before and after rounding is as agents furnished when that one was made."]
     for room_type, card in agents.items():
         lines += ["", *card_of(room_type, card)]
     return "\n".join(lines) + "\n"
@@ -289,8 +290,7 @@ def card_of(room_type: str, card: Mapping[str, Any]) -> list[str]:
         f"  {card['seed']}, for {card['updates']:,} updates, in {card['minutes']} minutes; layoutrl",
         f"  {card['layoutrl']}, commit {card['commit']}",
         f"- In {items['rooms']} unseen briefs its IoU was {rounded['iou_before']:.3f} before its weights were",
-        f"  rounded to 16 bits, and {rounded['iou']:.3f} after, as it is shipped; both as agents furnished when it",
-        "  was made",
+        f"  rounded to 16 bits, and {rounded['iou']:.3f} after, as it is shipped",
         f"- All that follows is scored as agents furnish in commit {card['furnished_by']}",
         f"- Places: {', '.join(map(words, card['categories']))}",
         f"- Bad at (IoU below {WORST}): {', '.join(bad) or 'nothing'}",

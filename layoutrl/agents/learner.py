@@ -19,7 +19,7 @@ from layoutrl.agents.replay import Replay
 from layoutrl.agents.training import Begin, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.observation import COLUMNS, Observe, categories_of, observation_of
+from layoutrl.env.observation import COLUMNS, Observe, observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, RoomsObservation
@@ -27,7 +27,7 @@ from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scene_episodes import SceneEpisodes
 from layoutrl.env.scenes import Scenes, ScenesObservation
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.brief import brief_of, upright
+from layoutrl.rooms.brief import brief_of, categories_of, upright
 from layoutrl.rooms.room import Room
 
 STARTS_AT_ONCE = 1024  # starts tried at once: the first block mostly tells whether an item can move

@@ -17,10 +17,11 @@ from layoutrl.agents.learner import Learner
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
 from layoutrl.env.layout_env import LayoutEnv
-from layoutrl.env.observation import categories_of, observation_of
+from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.policy import Policy, greedy
 from layoutrl.evaluation.probe import Probe
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 

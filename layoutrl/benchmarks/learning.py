@@ -21,9 +21,10 @@ from layoutrl.agents.learner import Learner
 from layoutrl.agents.replay import Transitions
 from layoutrl.agents.training import transitions
 from layoutrl.benchmarks.simulation import moves, random_moves, seconds_of
-from layoutrl.env.observation import categories_of, observation_of
+from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.policy import greedy
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import keep_freed_memory, resident_bytes

@@ -10,9 +10,9 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 
 from layoutrl import InputError
-from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Room
 

@@ -21,6 +21,7 @@ from layoutrl.env import coverage
 from layoutrl.env.geometry import padded
 from layoutrl.env.render import MOVING, SIDE_PX, View, background
 from layoutrl.env.symmetry import Symmetry, shares
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.clearances import period
 from layoutrl.rooms.documents import LARGEST
 from layoutrl.rooms.room import Item, Point, Room, middles, polygons
@@ -183,12 +184,6 @@ class ImageObservation:
             share = cover((center - first).float(), size[room], self._side)
             painted.lerp_(self._moving, torch.stack((share, share, share), -1).flatten(2))
         windows[at] = painted.round_().to(torch.uint8)
-
-
-def categories_of(rooms: Sequence[Room], waiting: bool = True) -> list[str]:
-    """The furniture categories of the rooms, sorted. Items without a place count only if they are `waiting` for one."""
-    items = (item for room in rooms for item in room.furniture)
-    return sorted({item.category for item in items if waiting or item.center is not None})
 
 
 def enough(elements: int | None, needed: int) -> int:

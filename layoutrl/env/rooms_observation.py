@@ -27,7 +27,6 @@ from layoutrl.env.observation import (
     SIN2,
     X,
     Y,
-    categories_of,
     elements_of,
     elements_turned,
     enough,
@@ -35,6 +34,7 @@ from layoutrl.env.observation import (
 )
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.symmetry import Symmetry
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import middles
 
 MOVING = COLUMNS.index("moving")

@@ -166,7 +166,7 @@ def front(item: Item, center: Sequence[float]) -> np.ndarray:
     return np.asarray(center) + np.outer((MARK, 1), (np.cos(angle), np.sin(angle))) * item.size[0] / 2
 
 
-def draw_faults(axes: Axes, layout: Room, size: float = 5) -> None:
+def draw_faults(axes: Axes, layout: Room) -> None:
     """Draw a whole room without names; hatch the items that have faults, and letter them as in FAULT_MARKS."""
     draw_room(axes, replace(layout, target=None), names=None)
     marks: dict[int, str] = {}
@@ -177,7 +177,7 @@ def draw_faults(axes: Axes, layout: Room, size: float = 5) -> None:
         if item.center is None:
             continue
         draw_item(axes, item, item.center, fill=False, hatch="////", edgecolor=ORANGE, linewidth=1.2)
-        axes.text(*item.center, letters, fontsize=size, weight="bold", ha="center", va="center", path_effects=HALO)
+        axes.text(*item.center, letters, fontsize=4, weight="bold", ha="center", va="center", path_effects=HALO)
 
 
 def draw_placed(axes: Axes, room: Room, place: Sequence[float], names: float | None = None) -> None:

@@ -7,7 +7,7 @@ room chooses one along the walls. A layout is the same room, with the same items
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -102,3 +102,9 @@ def with_poses(brief: Room, poses: Mapping[int, Pose]) -> Room:
     for k, (center, degrees) in poses.items():
         items[k] = replace(items[k], center=center, rotation=degrees)
     return replace(brief, furniture=tuple(items))
+
+
+def categories_of(rooms: Iterable[Room], waiting: bool = True) -> list[str]:
+    """The furniture categories of the rooms, sorted. Items without a place count only if they are `waiting` for one."""
+    items = (item for room in rooms for item in room.furniture)
+    return sorted({item.category for item in items if waiting or item.center is not None})

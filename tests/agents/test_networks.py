@@ -22,9 +22,10 @@ from layoutrl.agents.networks import (
 )
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
+from layoutrl.env.observation import COLUMNS, GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Item, Opening, Room
 from tests.builders import random_room, rectangle, rectangular_room
 

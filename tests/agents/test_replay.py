@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from layoutrl.agents.replay import Replay, Transitions
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.observation import GeometryObservation, ImageObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Item
 from tests.builders import l_room, rectangular_room
 

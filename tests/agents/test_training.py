@@ -20,13 +20,14 @@ from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
 from layoutrl.agents.training import Progress, Training
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.episodes import Episodes
-from layoutrl.env.observation import GeometryObservation, categories_of
+from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.policy import GreedyPolicy, greedy
 from layoutrl.evaluation.rollout import MeanQ
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Item, Room, symmetry
 from layoutrl.runs.config import composed
 from tests.builders import l_room, opening, rectangular_room, small_rooms

@@ -16,9 +16,10 @@ from shapely.geometry import Polygon
 
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import GRID, snap
-from layoutrl.env.observation import GeometryObservation, categories_of
+from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import TOUCHING, Moves, Simulator
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, MAIN_ITEM, Item, Ring, Room
 from tests.builders import destinations, l_room, random_item, random_room, rectangular_room, room_of

@@ -17,12 +17,12 @@ from layoutrl.env.observation import (
     COLUMNS,
     GeometryObservation,
     ImageObservation,
-    categories_of,
     out_of_line,
 )
 from layoutrl.env.render import View, picture
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Item, Opening, Room
 from tests.builders import random_room, rectangle, rectangular_room, room_of
 

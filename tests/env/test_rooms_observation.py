@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from layoutrl.env.observation import COLUMNS, GeometryObservation, categories_of
+from layoutrl.env.observation import COLUMNS, GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, TUCKED, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, symmetries
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.brief import brief_of, categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM, SYMMETRIES, Item, Room, symmetry
 from tests.builders import rectangular_room

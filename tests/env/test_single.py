@@ -11,10 +11,11 @@ import torch
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.observation import GeometryObservation, ImageObservation
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.single import SingleSimulator
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from tests.builders import rectangular_room, room_of

@@ -8,10 +8,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutrl.env.observation import GeometryObservation, ImageObservation, categories_of
+from layoutrl.env.observation import GeometryObservation, ImageObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import Symmetry, symmetries
+from layoutrl.rooms.brief import categories_of
 from tests.builders import random_room
 
 EIGHT = [(quarters, mirror) for mirror in (False, True) for quarters in range(4)]

@@ -13,7 +13,6 @@ from shapely.geometry import MultiPoint
 
 from layoutrl.agents.learner import q_network
 from layoutrl.agents.method import Method
-from layoutrl.env.observation import categories_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scenes import QUARTERS
@@ -23,7 +22,7 @@ from layoutrl.evaluation.choosing import FAULT, LARGEST_APART, TRIED_UP_TO, Chos
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.placing import BACK, GAP, SIDEWAYS, STARTS, Placing, spread
 from layoutrl.rooms import oddities
-from layoutrl.rooms.brief import brief_of, missing
+from layoutrl.rooms.brief import brief_of, categories_of, missing
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import Items, faults
 from layoutrl.rooms.furnished import Furnished

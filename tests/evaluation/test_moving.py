@@ -10,9 +10,8 @@ import torch
 
 from layoutrl import InputError
 from layoutrl.agents.learner import q_network
-from layoutrl.env.observation import categories_of
 from layoutrl.evaluation.moving import Mover
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.brief import brief_of, categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.runs.config import composed
 

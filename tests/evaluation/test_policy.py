@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from layoutrl.agents.networks import GeometryNetwork
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import GeometryObservation, categories_of
+from layoutrl.env.observation import GeometryObservation
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
@@ -23,6 +23,7 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.policy import SHORTLIST, GreedyPolicy
 from layoutrl.evaluation.rollout import MeanQ, Rollout
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Item, Room
 from tests.builders import l_room, random_room, rectangular_room
 from tests.evaluation.builders import RIGHT, STEPS, Flat, Place, Scripted, nearing, unturned, wide_room

@@ -10,11 +10,12 @@ import torch
 
 from layoutrl.agents.learner import q_network
 from layoutrl.env.batch import BatchSimulator
-from layoutrl.env.observation import categories_of, observation_of
+from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.rollout import BLOCK, MeanQ, Remembered, Rollout
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.runs.config import composed
 from tests.evaluation.builders import BELOW, LEFT, RIGHT, STEPS, UP, Place, Scripted, nearing, unturned, wide_room

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutrl.agents.networks import GeometryNetwork
-from layoutrl.env.observation import GeometryObservation, X, Y, categories_of
+from layoutrl.env.observation import GeometryObservation, X, Y
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
@@ -27,6 +27,7 @@ from layoutrl.rivals.supervised import (
     train_regressor,
     train_scorer,
 )
+from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 from tests.builders import assert_seeded, l_room, opening, random_room, rectangular_room, room_of
 

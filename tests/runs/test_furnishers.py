@@ -14,11 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl.agents.learner import q_network
-from layoutrl.env.observation import categories_of
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.moving import Mover
 from layoutrl.evaluation.threads import one_thread
-from layoutrl.rooms.brief import brief_of, with_poses
+from layoutrl.rooms.brief import brief_of, categories_of, with_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished

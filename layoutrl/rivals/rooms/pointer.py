@@ -18,7 +18,7 @@ import torch
 from torch import Tensor, nn
 
 from layoutrl.env.geometry import snap
-from layoutrl.env.observation import CIRCLE, SIN2, categories_of, upright_box
+from layoutrl.env.observation import CIRCLE, SIN2, upright_box
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation, moving_first_
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
@@ -27,7 +27,7 @@ from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.brief import brief_of, categories_of
 from layoutrl.rooms.clearances import may_share_floor
 from layoutrl.rooms.room import TOLERANCE, Room
 

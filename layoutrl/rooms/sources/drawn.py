@@ -164,7 +164,7 @@ class Storey(Generic[P]):
         self,
         names: Names,
         group: str,
-        room_type: str | None = None,
+        room_type: str | None,
         moves: Callable[[P], bool] = lambda _: False,
         named: Collection[str] = (),
         or_else: str = "",

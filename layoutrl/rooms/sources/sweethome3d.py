@@ -118,7 +118,7 @@ def read_home(
     no home, and for an `into` that is none of its rooms.
     """
     names = names or names_of()
-    home = _home(path, path.stem, names, move, into, room_type, alone=True)
+    home = _home(path, path.stem, names, move, room_type, into, alone=True)
     home.collection.notes += names.notes()
     return home
 
@@ -128,8 +128,8 @@ def _home(
     name: str,
     names: Names,
     move: str | None,
+    room_type: str | None,
     into: str | None = None,
-    room_type: str | None = None,
     *,
     alone: bool = False,
 ) -> Home:
@@ -180,7 +180,7 @@ def read(root: Path, names: Names, room_type: str | None = None) -> Collection:
 
 
 def read_folder(
-    root: Path, names: Names, *, move: str | None, room_type: str | None = None
+    root: Path, names: Names, *, move: str | None, room_type: str | None
 ) -> tuple[Collection, list[tuple[Item, ...]]]:
     """Return the rooms of one home, or of all below a folder, as `read_home` reads them, and `Home.stood` of each.
 
@@ -196,7 +196,7 @@ def read_folder(
     for file in files:
         name = name_of(file, root)
         try:
-            home = _home(file, name, names, move, room_type=room_type)
+            home = _home(file, name, names, move, room_type)
         except InputError as error:
             collection.left_out.append((str(file), str(error).removeprefix(f"{file}: ")))
             continue

@@ -11,7 +11,7 @@ import torch
 
 from layoutrl import InputError
 from layoutrl.env.measures import measured
-from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y, categories_of
+from layoutrl.env.observation import COLUMNS, COS, SIN, X, Y
 from layoutrl.env.rooms_observation import MOVING
 from layoutrl.env.simulator import Moves
 from layoutrl.env.symmetry import symmetries
@@ -19,7 +19,7 @@ from layoutrl.rivals.budgets import updates_budget
 from layoutrl.rivals.rooms import pointer
 from layoutrl.rivals.rooms.pointer import Poses, RoomsPointer, furnish, train_rooms_pointer
 from layoutrl.rivals.supervised import Loss
-from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.brief import brief_of, categories_of
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import SYMMETRIES, Item, Room
 from tests.builders import assert_seeded, opening, rectangular_room

@@ -209,7 +209,7 @@ def test_no_template_fails_in_more_than_three_of_five_tries(room_type: str) -> N
 
 
 @pytest.mark.parametrize("room_type", MAIN_ITEM)
-def test_no_test_room_equals_a_training_room_in_any_orientation(room_type: str) -> None:
+def test_none_of_50_test_rooms_equals_one_of_250_training_rooms_in_any_orientation(room_type: str) -> None:
     training = {as_text(room) for room in training_rooms(room_type).rooms}
     test = design_rooms(room_type, "test", 0, 50).rooms
     for room in test:
