@@ -1,0 +1,160 @@
+"""Links to a room, and looks: dark, light, on a phone, and for who cannot see or uses a finger."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.demo.page.browsing import (
+    DROP,
+    SQUARE,
+    Page,
+    dragged,
+    expect,
+    item,
+    middle,
+    room_of,
+    settled,
+    take,
+    visited,
+)
+
+LOOKS = {
+    "light": {},
+    "dark": {"color_scheme": "dark"},
+    "phone": {"viewport": {"width": 360, "height": 740}, "has_touch": True, "is_mobile": True},
+}
+
+
+def link_of(page: Page) -> str:
+    """The link of the room that the page shows, in which the bed was moved, and is locked."""
+    dragged(page, item(page, "bed"), -0.3, 0)
+    page.locator("#lock").click()
+    page.locator("#saving summary").click()
+    page.locator("#share").click()
+    expect(page.locator("#link")).not_to_have_value("")
+    return page.locator("#link").input_value()
+
+
+def test_a_link_holds_the_room_and_what_is_locked(page, browser):
+    link = link_of(page)
+    assert "#room=" in link
+    other = next(pages := visited(browser, link))
+    assert room_of(other) == room_of(page)
+    expect(other.locator("#plan .item.locked")).to_have_count(1)
+    assert next(pages, None) is None
+
+
+def test_a_link_goes_when_the_room_is_no_longer_that_which_it_holds(page):
+    link_of(page)
+    expect(page.locator("#link")).to_be_visible()
+    take(page, "bathroom")
+    expect(page.locator("#link")).to_be_hidden()
+    page.locator("#share").click()
+    expect(page.locator("#link")).to_be_visible()
+    item(page, "toilet").click()
+    expect(page.locator("#gaps")).not_to_be_empty()
+    expect(page.locator("#link")).to_be_visible()
+    dragged(page, item(page, "toilet"), 0, 0.2)
+    expect(page.locator("#link")).to_be_hidden()
+
+
+def test_a_link_and_a_file_are_opened_when_the_page_has_furnished(still):
+    link = link_of(still)
+    linked, held = room_of(still), []
+    still.evaluate("history.replaceState(null, '', '#')")
+    still.route("**/api/furnish", lambda route: held.append(route))
+    for opens, what, room in (("link => { location.href = link }", link, linked), (DROP, json.dumps(SQUARE), SQUARE)):
+        take(still, "bathroom")
+        still.locator("#furnish").click()
+        expect(still.locator("body")).to_have_attribute("data-state", "asking")
+        with still.expect_request("**/api/look"):
+            still.evaluate(opens, what)
+        while not held:
+            still.evaluate("0")  # lets it be asked
+        expect(still.locator("#title")).to_contain_text("bathroom")
+        held.pop().fulfill(status=400, body='{"error": "busy"}')
+        expect(still.locator("#title")).to_have_attribute("data-room", room["id"])
+        settled(still)
+        assert room_of(still)["furniture"][0]["center"] == room["furniture"][0]["center"]
+
+
+def test_a_room_of_a_link_is_kept_in_the_strip(page, browser):
+    other = next(pages := visited(browser, link_of(page)))
+    dragged(other, item(other, "wardrobe"), -0.2, -0.3)
+    left = room_of(other)
+    take(other, "kitchen")
+    other.locator("#gallery button").first.click()
+    expect(other.locator("#title")).to_contain_text("bedroom")
+    settled(other)
+    assert room_of(other) == left
+    expect(other.locator("#plan .item.locked")).to_have_count(1)
+    assert next(pages, None) is None
+
+
+def test_a_link_that_is_broken_is_said(browser, address):
+    page = next(pages := visited(browser, f"{address}/#room=nonsense"))
+    expect(page.locator("#verdict")).to_have_text("The link holds no whole room.")
+    expect(page.locator("#plan .item").first).to_be_attached()
+    assert next(pages, None) is None
+
+
+@pytest.mark.parametrize("looks", LOOKS.values(), ids=LOOKS)
+def test_axe_finds_nothing(browser, address, looks):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="no axe-playwright-python")
+    page = next(pages := visited(browser, address, reduced_motion="reduce", **looks))
+    page.locator("#furnish").click()
+    settled(page)
+    for name in ("adding", "building", "saving"):
+        page.locator(f"#{name} summary").click()
+    page.locator("#furniture").get_by_role("button", name="bed").click()
+    settled(page)
+    page.locator("#heat").check()
+    page.locator("#arrows").check()
+    expect(page.locator("#plan .arrow")).to_have_count(2)
+    found = axe.Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+    panel, field = (page.locator(name).bounding_box() for name in ("#saving", "#file"))
+    assert field["x"] + field["width"] < panel["x"] + panel["width"]
+    page.locator("#draw").click()
+    found = axe.Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert next(pages, None) is None
+
+
+def test_dark_and_light_differ(browser, address):
+    colors = []
+    for scheme in ("light", "dark"):
+        page = next(pages := visited(browser, address, color_scheme=scheme))
+        colors.append(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+        assert next(pages, None) is None
+    assert colors == ["rgb(255, 255, 255)", "rgb(20, 24, 29)"]
+
+
+def test_a_finger_drags_furniture(browser, address):
+    """Up and down, too, where it would scroll the page; beside the plan it does."""
+    page = next(pages := visited(browser, address, **LOOKS["phone"]))
+    before = room_of(page)["furniture"][0]["center"]
+    item(page, "bed").scroll_into_view_if_needed()
+    x, y = middle(item(page, "bed"))
+    finger = page.context.new_cdp_session(page)
+
+    def swiped(*points: tuple[float, float]) -> None:
+        for k, (x, y) in enumerate(points):
+            kind = "touchMove" if k else "touchStart"
+            finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
+        finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    scrolled = page.evaluate("scrollY")
+    swiped(*((x, y - 3 * k) for k in range(13)), (x - 20, y - 36), (x - 40, y - 36))
+    settled(page)
+    assert page.evaluate("scrollY") == scrolled
+    x, y = middle(page.locator("#keys"))
+    swiped(*((x, y - 10 * k) for k in range(13)))
+    page.wait_for_function(f"scrollY > {scrolled}")
+    after = room_of(page)["furniture"][0]["center"]
+    assert after[0] < before[0] - 0.2
+    assert after[1] > before[1] + 0.2
+    assert next(pages, None) is None
