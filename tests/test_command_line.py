@@ -43,7 +43,7 @@ LITTLE = (
 FEW_PICTURES = "budget.evaluation_rooms=1"
 FEW = ("data.train_rooms=8", "data.test_rooms=2", FEW_PICTURES)
 BUDGETS = ("scene", "smoke", "default", "full")
-TIMES = ("seconds", "ms_a_room", "training_seconds", "machine")
+TIMES = ("seconds", "ms_a_start", "training_seconds", "machine")
 
 
 def trained(cwd: Path, *arguments: str) -> Path:

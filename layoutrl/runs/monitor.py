@@ -215,7 +215,7 @@ def record_result(folder: Path, settings: dict[str, Any], result: dict[str, Any]
     """Show a run's evaluation beside its settings, so that TensorBoard's table of hyper-parameters compares runs."""
     rows = result["rows"]["agent"]
     final = {f"final/{name}": float(rows[name]) for name in FINAL if rows.get(name) is not None}
-    others = [name for name in ("lattice_ceiling", "moves", "ms_a_room") if name in result]
+    others = [name for name in ("lattice_ceiling", "moves", "ms_a_start", "ms_a_room") if name in result]
     final |= {f"final/{name}": float(result[name]) for name in others}
     shown = {name: value for name, value in flat(settings).items() if isinstance(value, bool | int | float | str)}
     with board_of(folder) as board:

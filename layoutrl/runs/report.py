@@ -61,7 +61,7 @@ def evaluate(
     """Score the agent and three baselines from the same random starts in every room of the simulator.
 
     The result is plain numbers, ready for JSON: a row each, the lattice ceiling, and the IoU from every start. Moves
-    and time (`ms_a_room`) are means over starts.
+    and time (`ms_a_start`) are means over starts.
     """
     start_rng, wall_rng = (np.random.default_rng(s) for s in seed.spawn(2))
     room = np.repeat(np.arange(len(simulator.rooms)), starts_a_room)
@@ -84,7 +84,7 @@ def evaluate(
         "items": {str(c): float(iou[category == c].mean()) for c in sorted(set(category))},  # the agent's mean IoU
         "lattice_ceiling": float(ceiling.mean()),
         "moves": float(run.moves.mean()),
-        "ms_a_room": 1000 * run.seconds / len(room),
+        "ms_a_start": 1000 * run.seconds / len(room),
         "positions": [
             {
                 "room": simulator.rooms[k].id,
@@ -114,6 +114,6 @@ def table(evaluation: dict[str, Any]) -> str:
         lines.append("agent, by item: " + ", ".join(f"{name} {iou:.3f}" for name, iou in evaluation["items"].items()))
     lines.append(
         f"{evaluation['rooms']} rooms in {evaluation['groups']} groups, {evaluation['starts_a_room']} start(s) each; "
-        f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_room']:.1f} ms a start"
+        f"{evaluation['moves']:.1f} moves and {evaluation['ms_a_start']:.1f} ms a start"
     )
     return "\n".join(lines)

@@ -81,7 +81,7 @@ def outcome(folder: Path) -> dict[str, Any]:
     with (folder / "metrics.csv").open() as file:
         metrics = [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(file)]
     evaluation = json.loads((folder / "evaluation.json").read_text())
-    times = ("training_seconds", "ms_a_room", "machine")
+    times = ("training_seconds", "ms_a_start", "machine")
     return {
         "network": {name: value.tolist() for name, value in state["training"]["agent"]["network"].items()},
         "replay": [column.tolist() for column in state["training"]["replay"]["columns"]],
