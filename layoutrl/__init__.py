@@ -14,7 +14,7 @@ if _asked and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
 
 import gymnasium  # noqa: E402
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 gymnasium.register(
     "layoutrl/Layout-v0",

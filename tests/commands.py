@@ -27,6 +27,7 @@ IMPORTED = (
     *("cells", "real_rooms", "table1", "table2"),
     *("tests.commands", "tests.runs.test_resume"),
     *("torch._inductor", "tensorboard.compat.tensorflow_stub.io"),  # which a training imports as it begins
+    "scipy.optimize",  # and an evaluation of whole rooms
     "tests.preloaded",
 )
 SERVER = multiprocessing.get_context("forkserver")

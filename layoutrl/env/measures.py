@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.optimize import linear_sum_assignment
 
 from layoutrl.rooms.clearances import RAISED, angle_off
 from layoutrl.rooms.faults import (
@@ -171,6 +170,8 @@ def assigned(value: np.ndarray, category: np.ndarray, room: np.ndarray, first: n
 
     The pairs (n,) ascend by their first item and are all that a category has in a room.
     """
+    from scipy.optimize import linear_sum_assignment  # here: it takes a third of a second to load, and few match items
+
     order = np.lexsort((category, room))  # stable: a category's pairs in a room stay a table, row by row
     ends = np.flatnonzero(np.diff(room[order]) | np.diff(category[order])) + 1
     taken = []

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 CHECKPOINTS = "checkpoints"  # folder of a run
 KEPT = 2  # latest checkpoints, beside the best
-FORMAT = 2  # of checkpoints; no other can be read. In format 1, until layoutrl 0.2, agents saw no facings.
+FORMAT = 2  # of checkpoints; no other can be read. In format 1, of layoutrl 0.1 and 0.2, agents saw no facings.
 STATE = {"config": dict, "rooms": str, "seconds": float, "training": dict}  # what a checkpoint holds, at least
 
 
