@@ -405,7 +405,8 @@ def test_a_disk_that_is_full_before_the_first_checkpoint_is_answered_in_a_line(l
     said = limited(rooms, tmp_path, limit)
     assert re.match(r"error: .* cannot write to .*tatami/one \(File too large\)", said)
     assert "checkpoint" not in said
-    assert limit == 10 or "a disk to write to, where it begins anew, as nothing is saved yet: python -m " in said
+    begins = f"a disk to write to, where it begins anew, as nothing is saved yet: {resume.interpreter()} -m "
+    assert limit == 10 or begins in said
 
 
 def test_a_disk_that_is_full_as_a_run_goes_on_is_answered_in_a_line(rooms, whole, tmp_path):
