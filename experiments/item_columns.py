@@ -107,7 +107,7 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     return {
         "places": places,
         "moves": float(run.moves.mean()),
-        "ms_a_room": 1000 * run.seconds / len(setting.room),
+        "ms_a_start": 1000 * run.seconds / len(setting.room),
         "knew_better": better,
         **about,
     }

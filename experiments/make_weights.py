@@ -269,7 +269,10 @@ def page_of(about: Mapping[str, Any]) -> str:
         for name, label in MEASURES.items():
             found = ((agents[each]["measures"][name], agents[each]["standard_errors"][name]) for each in some)
             lines.append(f"| {label} | {' | '.join(f'{mean:.3f} ({error:.3f})' for mean, error in found)} |")
-    lines += ["", "Below, the IoU before and after rounding is as agents furnished when that one was made."]
+    lines += [
+        "",
+        "Below, the IoU before and after rounding is of the way in which agents furnished when each was made.",
+    ]
     for room_type, card in agents.items():
         lines += ["", *card_of(room_type, card)]
     return "\n".join(lines) + "\n"

@@ -110,7 +110,7 @@ PLANIT_COST = {
     "updates": "{updates:.0f}",
 }
 WITHOUT_GPU = ("bedroom", "tatami")  # types in which method=paper is trained on a CPU
-LONGER = "12000", ("study",)  # updates of paper_every_move in these types; in others 8000
+LONGER = ("study",)  # types in which paper_every_move has 12,000 updates; in others it has 8,000
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before the agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
@@ -133,10 +133,12 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     made = []
     for columns, seeds, types in sweeps:
         sweep = chosen | {"column": columns, "seed": seeds_of(columns, seeds, chosen)}
-        updates, longer = LONGER if columns == METHODS[EVERY_MOVE][0] else ("", ())
-        for more, among in (({}, {*types} - {*longer}), ({"method.updates.default": updates}, {*types} & {*longer})):
-            if asked := [room for room in rooms if room in among]:
-                made.append(more | sweep | {"room": ",".join(asked)})
+        among = [room for room in rooms if room in types]
+        longer = [room for room in among if room in LONGER and columns == METHODS[EVERY_MOVE][0]]
+        if usual := [room for room in among if room not in longer]:
+            made.append(sweep | {"room": ",".join(usual)})
+        if longer:
+            made.append({"method.updates.default": "12000"} | sweep | {"room": ",".join(longer)})
     return made
 
 

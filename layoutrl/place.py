@@ -11,7 +11,7 @@ import json
 import re
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -49,6 +49,7 @@ from layoutrl.runs.streams import (
     json_entries,
     source_entries,
 )
+from layoutrl.runs.wording import any_of
 
 JSON = ".jsonl"  # the suffix of files that grow room by room; others are written whole
 PATIENCE = 10  # lines: if none of the first ones is a JSON object, it is no file of rooms
@@ -188,7 +189,7 @@ class Work:
             known = ", ".join(self._ids) + ", ..." * (len(self._ids) == LISTED)
             return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one: {known}"
         named = item or move or ALL
-        what = "an item" if ALL in names_in(named) else any_of(named.split(","))
+        what = "an item" if ALL in names_in(named) else any_of(sorted(names_in(named)))
         anew = "furniture without a center, or what is to be placed anew, as move=wardrobe or move=all"
         return f"{rooms} has no room with {what} to place; expected {'one or more' if move else anew}"
 
@@ -467,8 +468,3 @@ main = command("place", PlaceConfig, carry_out)
 
 if __name__ == "__main__":
     main()
-
-
-def any_of(names: Iterable[str]) -> str:
-    """Names with their articles: `an armchair or a bed`."""
-    return " or ".join(f"{'an' if name[:1].lower() in [*'aeiou'] else 'a'} {name}" for name in names)

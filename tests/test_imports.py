@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import layoutrl
@@ -90,10 +88,11 @@ def test_an_agent_is_asked_without_torchs_compiler(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == ""
 
 
-def test_rooms_and_the_reference_simulator_load_no_torch() -> None:
+def test_rooms_and_the_reference_simulator_load_no_torch(tmp_path: Path) -> None:
     code = (
         "import sys, layoutrl.rooms.sources.designer_cache, layoutrl.env.simulator\n"
         "print(*{'torch', 'scipy', 'matplotlib', 'PIL', 'hydra'} & sys.modules.keys())"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = fresh("-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []

@@ -41,6 +41,7 @@ from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.furnishers import FurnisherInfo, Helped, furnisher_for
 from layoutrl.train import run as train
+from tests.commands import layoutrl as command
 from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece, room_tag
 from tests.runs.test_resume import SHORT
 
@@ -804,6 +805,23 @@ def test_what_is_to_move_and_is_in_no_room_is_said(
         run(PlaceConfig(by="search", rooms=str(file), move="armchair", out=str(tmp_path / "other.jsonl")))
 
 
+def test_the_command_says_what_no_room_has(tmp_path: Path) -> None:
+    file = written(tmp_path, [furnished_room()])
+    said = command("place", "by=search", f"rooms={file}", "move=armchair", cwd=tmp_path)
+    assert said.returncode == 1
+    assert "has no room with an armchair to place" in said.stderr
+
+
+def test_faults_that_are_written_are_those_that_the_room_has_now(middle: Middle, tmp_path: Path) -> None:
+    room = furnished_room()
+    bed, *_, plant, _ = room["furniture"]
+    bed["faults"], plant["faults"] = ["out of reach", "a scratch"], ["overlaps"]
+    room["furniture"].append({"category": "bed", "size": [0.6, 1.2]})
+    (found,) = run(PlaceConfig(by="search", rooms=str(written(tmp_path, [room]))))
+    assert found["furniture"][0] == bed | {"faults": ["a scratch"]}
+    assert found["furniture"][4] == plant  # still in the other
+
+
 @pytest.mark.parametrize("move", ["bed", "all"])
 def test_what_is_to_move_and_is_locked_is_said(
     move: str, middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -1132,7 +1150,7 @@ def test_rooms_in_memory_are_furnished_as_those_of_a_file(
     answers = furnish([room_from_dict(document) for document in documents], by="search")
     for answer, document, room in zip(answers, documents, written_rooms, strict=True):
         (layout,), (wrong,) = answer.layouts, answer.wrong
-        assert with_layout(document, answer.request.checked.room, layout, wrong) == room
+        assert with_layout(document, answer.request.checked.room, layout, wrong, ()) == room
         (told,) = answer.documents()
         assert told["furniture"] == room["furniture"]
         assert "\n".join(answer.lines()) in said

@@ -47,6 +47,7 @@ from layoutrl.runs.answer import numbered
 from layoutrl.runs.checked_brief import CheckedBrief, checked_brief
 from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
+from layoutrl.runs.wording import any_of
 
 SAMPLES = 25  # designed rooms of each type, whose furniture has the sizes of the palette
 SHOWN = 2  # of these rooms, in the gallery
@@ -200,7 +201,9 @@ class Answers:
         checked = checked_brief(room, known)
         category = room.furniture[item].category
         if category not in known or item in checked.unseen:  # rugs: agents do not see them
-            raise InputError(f"item: nobody places a {category} in a {room.room_type}; expected other furniture")
+            raise InputError(
+                f"item: nobody places {any_of([category])} in a {room.room_type}; expected other furniture"
+            )
         return checked.brief, item - sum(k < item for k in checked.unseen)
 
     def svg(self, asked: Any) -> Answer:

@@ -197,8 +197,8 @@ def dxf(room: Room, wrong: Wrong, path: Path) -> None:
 
 
 def _plain(text: str) -> str:
-    """Escape what MTEXT of a DXF takes for formatting."""
-    return re.sub(r"[\\{}]", r"\\\g<0>", text)
+    """Escape backslashes, braces and carets, with which formatting begins in MTEXT of a DXF."""
+    return re.sub(r"[\\{}]", r"\\\g<0>", text).replace("^", "^ ")
 
 
 def sheet(room: Room) -> tuple[float, float, float, float]:

@@ -40,6 +40,8 @@ from shapely.validation import explain_validity
 
 from layoutrl.rooms.categories import NO_ROOM, own_names
 from layoutrl.rooms.clearances import may_tuck
+from layoutrl.rooms.faults import FAULTS
+from layoutrl.rooms.oddities import ODDITIES
 from layoutrl.rooms.room import (
     MAIN_ITEM,
     TOLERANCE,
@@ -119,20 +121,21 @@ def with_layout(
     asked: Room,
     layout: Room,
     wrong: Iterable[tuple[int, str]],
+    still: Collection[tuple[int, str]],
     unit: str = "m",
-    still: Collection[tuple[int, str]] = (),
 ) -> dict[str, Any]:
     """Return a room's document with the poses that a layout gives to items without a center, and with faults.
 
     `asked` is the room as it was read, `wrong` lists (index of the item, fault), and `unit` is that of the document. Of
-    the faults that the document has of items that stood, those in `still` are kept. All else is unchanged; an item that
-    the layout does not place gets only its faults. Centers are rounded to a tenth of a millimetre.
+    the faults and oddities that the document has of items that stood, those in `still` are kept. All else is unchanged;
+    an item that the layout does not place gets only its faults. Centers are rounded to a tenth of a millimetre.
     """
     entries = [dict(entry) for entry in document["furniture"]]
     for k, (entry, before, item) in enumerate(zip(entries, asked.furniture, layout.furniture, strict=True)):
         if isinstance(entry.get(FAULTS_FIELD), list):  # else it is a field of the user's own
             listed = entry.pop(FAULTS_FIELD)
-            if before.center is not None and (kept := [fault for fault in listed if (k, fault) in still]):
+            kept = [fault for fault in listed if fault not in (*FAULTS, *ODDITIES) or (k, fault) in still]
+            if before.center is not None and kept:
                 entry[FAULTS_FIELD] = kept
         if before.center is None and item.center is not None:
             entry["center"] = [round(round(metres, 4) * UNITS[unit], 4) for metres in item.center]

@@ -49,7 +49,7 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
                 if room.id in seen:
                     raise RoomError("id", f"expected a name of its own; got {room.id!r}, as an earlier room has it")
             except RoomError as error:
-                message = f"{name_in(document)}{error}{read_as(in_file)}"
+                message = f"{name_in(document)}{error}{read_as(in_file, error)}"
                 if strict:
                     raise InputError(f"{where}: {message}") from None
                 collection.left_out.append((where, message))

@@ -13,6 +13,7 @@ from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 IN_SWING = "in a door's swing"
+ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING)
 NEAR = 0.05  # metres: an item no farther from its wall, table or window is at it
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners

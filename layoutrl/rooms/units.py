@@ -7,11 +7,14 @@ rooms and their openings. Inches and feet are not: a door of 36 inches may be on
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from math import inf
 from statistics import median
 from typing import Any
+
+from layoutrl.rooms.room import RoomError
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0, "in": 1 / 0.0254, "ft": 1 / 0.3048}  # in a metre
 LONGEST_ROOM_SIDE = {"m": 60.0, "cm": 1300.0}  # side of a room, by unit: no room is below 1.3 m, few are above 13 m
@@ -20,6 +23,7 @@ MAX_NARROWEST_OPENING = {"m": 8.0, "cm": 300.0}
 DOOR = (0.6, 2.0)  # metres: the width of most doors
 INCHES = (20.0, 45.0)  # the width of most doors in inches; in centimetres nobody fits through
 LENGTHS = ("outline", "holes", "walls", "doors", "windows", "furniture", "polygon", "center", "size")
+MEASURED = re.compile("outline|holes|polygon|center|size")  # of a field of lengths
 
 
 def unit_of(documents: Iterable[Any]) -> str:
@@ -47,9 +51,10 @@ def unit_line(unit: str, documents: Sequence[Any]) -> str:
     return f"{line}; doors are {median(widths):.0f} cm wide then (unit=in if lengths are inches)"
 
 
-def read_as(unit: str) -> str:
-    """Return the end of a message about a document whose lengths were turned into metres; nothing for metres."""
-    return "" if unit == "m" else f" (lengths were read as {unit})"
+def read_as(unit: str, error: RoomError) -> str:
+    """Return the end of a message about lengths that were turned into metres; nothing for metres and other messages."""
+    about = unit != "m" and MEASURED.search(error.field) and not error.problem.startswith("missing")
+    return f" (lengths were read as {unit})" if about else ""
 
 
 def _door_widths(document: Any) -> list[float]:

@@ -53,7 +53,7 @@ class Answer:
             return
         asked, unit = self.request.checked.room, self.entry.unit
         for n, (layout, wrong, still) in enumerate(zip(self.layouts, self.wrong, self.still, strict=True), 1):
-            written = with_layout(self.entry.document, asked, self.found(n - 1), wrong, unit, still)
+            written = with_layout(self.entry.document, asked, self.found(n - 1), wrong, still, unit)
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:

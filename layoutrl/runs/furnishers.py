@@ -30,6 +30,7 @@ from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.pretrained import Agents
 from layoutrl.runs.trained import trained_network
+from layoutrl.runs.wording import any_of
 
 # Of the search that helps where an agent's layout has a shortcoming, and of the next, where each layout still has a
 # fault. With a limit in seconds, layouts would differ between machines.
@@ -147,7 +148,7 @@ def item_of(trained: TrainConfig, asked: str | None, categories: Sequence[str]) 
     moved = main_item(source, trained.room.type) if item == "main" else item
     known = moved != "all" and (item != "main" or source != "json")  # rooms in JSON may name other targets
     if asked and known and asked != moved:
-        raise InputError(f"item: the agent was trained to move a {moved}; expected it, got {asked}")
+        raise InputError(f"item: the agent was trained to move {any_of([moved])}; expected it, got {asked}")
     if asked and asked not in categories:
         raise InputError(f"item: expected what the agent knows, one of {', '.join(categories)}; got {asked}")
     return asked or moved

@@ -24,6 +24,7 @@ from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import keep_freed_memory, require_determinism_on_cpu
 from layoutrl.runs.monitor import reported
 from layoutrl.runs.resume import seeds, session, stated
+from layoutrl.runs.wording import any_of
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def _usable(rooms: Sequence[Room], which: str, known: set[str] | None = None) ->
         try:
             scene = scene_of(room)
             if unknown := sorted({*scene.category} - (known or {*scene.category})):
-                raise InputError(f"planit: room {room.id} has a {unknown[0]}; expected what training rooms have")
+                raise InputError(f"planit: room {room.id} has {any_of(unknown[:1])}; expected what training rooms have")
         except InputError as problem:
             refused.append(str(problem))
         else:

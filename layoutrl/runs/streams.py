@@ -71,7 +71,7 @@ def _entry(where: str, document: Any, unit: str, config: PlaceConfig, names: Nam
         room = room_from_dict(in_metres(known, UNITS[unit]))
         return Entry(where, to_place(room, config.move), document, unit=unit, told=told, stood=room.furniture)
     except RoomError as error:
-        problem = f"{name_in(document)}{error}{read_as(unit)}"
+        problem = f"{name_in(document)}{error}{read_as(unit, error)}"
         return Entry(where, None, document if isinstance(document, dict) else {}, problem)
 
 

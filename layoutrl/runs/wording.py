@@ -1,7 +1,8 @@
-"""The names of options, and messages about values that do not fit them."""
+"""Wording of messages: the names of options, values that do not fit them, and names with articles."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import is_dataclass
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -35,3 +36,8 @@ def misfit(error: OmegaConfBaseException, schema: type) -> str:
     if within := get_args(kind):
         kind = within[-1] if name != key else within[0] if isinstance(kind, UnionType) else get_origin(kind)
     return f"{key or 'a section'}: expected {WORDS.get(kind, 'names with values')}"
+
+
+def any_of(names: Iterable[str]) -> str:
+    """Names with their articles: `an armchair or a bed`."""
+    return " or ".join(f"{'an' if name[:1].lower() in [*'aeiou'] else 'a'} {name}" for name in names)

@@ -113,6 +113,9 @@ def test_the_sweeps_of_table_1_are_those_that_are_asked_for(chosen, gpu, expecte
     sweeps = table1.stages(chosen)
     found = [(sweep["column"], len(sweep["room"].split(",")), len(sweep["seed"].split(","))) for sweep in sweeps]
     assert found == expected
+    for sweep in sweeps:
+        long = sweep["column"] == "paper_every_move" and {*sweep["room"].split(",")} <= {*table1.LONGER}
+        assert sweep.get("method.updates.default") == ("12000" if long else None)
 
 
 @pytest.mark.parametrize(("chosen", "expected"), [

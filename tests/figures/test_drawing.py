@@ -266,10 +266,10 @@ def test_a_hall_is_no_larger_a_picture_than_a_computer_holds(tmp_path: Path) -> 
 
 def test_a_name_is_no_formatting_in_dxf(tmp_path: Path) -> None:
     ezdxf = pytest.importorskip("ezdxf")
-    furniture = (Item("a\\Pb{\\C1;c}", (1, 1), (2, 1)), Item("{d}", (1, 1)))
+    furniture = (Item("a\\Pb{\\C1;c}", (1, 1), (2, 1)), Item("{d^Je}", (1, 1)))
     draw(replace(rectangular_room(4, 3), furniture=furniture, target=None), [(0, "overlaps")], tmp_path / "room.dxf")
     texts = ezdxf.readfile(tmp_path / "room.dxf").modelspace().query("MTEXT")
-    assert [text.plain_text() for text in texts] == ["a\\Pb{\\C1;c}\noverlaps", "not placed: {d}"]
+    assert [text.plain_text() for text in texts] == ["a\\Pb{\\C1;c}\noverlaps", "not placed: {d^Je}"]
 
 
 def test_png_shows_no_front_of_a_chair_on_its_table(tmp_path: Path) -> None:

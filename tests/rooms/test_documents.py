@@ -172,14 +172,14 @@ def test_fields_of_the_users_own_are_not_read_and_are_kept_with_a_layout() -> No
     assert room_from_dict(own) == known
     bare = replace(known.furniture[0], center=None, rotation=None)
     asked = replace(known, furniture=(bare, *known.furniture[1:]))
-    written = with_layout(own, asked, known, [(1, "outside"), (1, "overlaps")])
+    written = with_layout(own, asked, known, [(1, "outside"), (1, "overlaps")], ())
     assert written["furniture"][1].pop("faults") == ["outside", "overlaps"]
     del own["furniture"][0]["faults"]
     assert written == own
-    nowhere = with_layout(own, asked, asked, [])
+    nowhere = with_layout(own, asked, asked, [], ())
     assert nowhere == own  # what is not placed is left where it was
     own["furniture"][0]["faults"] = "scratched"  # no list of ours
-    assert with_layout(own, asked, known, [(0, "outside")])["furniture"][0]["faults"] == "scratched"
+    assert with_layout(own, asked, known, [(0, "outside")], ())["furniture"][0]["faults"] == "scratched"
 
 
 def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -> None:
@@ -187,18 +187,21 @@ def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -
     own["furniture"][0]["faults"] = ["off its wall"]
     own["furniture"][1]["faults"] = "a scratch"  # the user's own
     room = room_from_dict(own)
-    written = with_layout(own, room, room, [(0, "off its wall"), (0, "overlaps"), (1, "overlaps")])
+    written = with_layout(
+        own, room, room, [(0, "off its wall"), (0, "overlaps"), (1, "overlaps")], {(0, "off its wall")}
+    )
     assert [item["faults"] for item in written["furniture"][:2]] == [["off its wall", "overlaps"], "a scratch"]
     assert own["furniture"][0]["faults"] == ["off its wall"]
 
 
 def test_of_what_was_wrong_with_what_stands_that_alone_is_kept_which_still_is() -> None:
     own = document()
-    for entry, listed in zip(own["furniture"], (["off its wall", "overlaps"], ["outside"]), strict=False):
+    scratch = [{"scratch": 1}, "a scratch"]  # the user's own
+    for entry, listed in zip(own["furniture"], (["off its wall", *scratch, "overlaps"], ["outside"]), strict=False):
         entry["faults"] = listed
     room = room_from_dict(own)
-    written = with_layout(own, room, room, [], still={(0, "overlaps"), (1, "overlaps")})
-    assert written["furniture"][0]["faults"] == ["overlaps"]
+    written = with_layout(own, room, room, [], {(0, "overlaps"), (1, "overlaps")})
+    assert written["furniture"][0]["faults"] == [*scratch, "overlaps"]
     assert "faults" not in written["furniture"][1]
 
 
@@ -214,7 +217,7 @@ def test_notes_are_kept_however_deep_they_are() -> None:
         deep = [deep]
     noted = document(notes=deep)
     room = room_from_dict(noted)
-    assert with_layout(noted, room, room, [])["notes"] is deep
+    assert with_layout(noted, room, room, [], ())["notes"] is deep
 
 
 def test_a_room_error_keeps_field_and_problem_apart() -> None:

@@ -410,7 +410,7 @@ def test_inches_and_feet_are_read_and_written_where_they_are_said(unit: str, met
     assert (*item.size, *item.center) == pytest.approx((1.0, 1.0, 1.8, 2.1))
     asked = replace(read, furniture=(replace(item, center=None),))
     placed = replace(read, furniture=(replace(item, center=(0.5, 0.5)),))
-    (entry,) = with_layout(written, asked, placed, (), unit)["furniture"]
+    (entry,) = with_layout(written, asked, placed, (), (), unit)["furniture"]
     assert entry["center"] == pytest.approx([0.5 / metres] * 2, abs=1e-4)
 
 
@@ -449,11 +449,14 @@ def test_a_file_has_one_unit_that_of_most_of_its_rooms(tmp_path: Path) -> None:
 
 
 def test_what_is_wrong_with_a_length_says_in_which_unit_it_was_read(tmp_path: Path) -> None:
-    wrong = document(id="wrong")
+    wrong, bare = document(id="wrong"), scaled(document(id="bare"), 100)
     wrong["furniture"][0]["size"] = [-2.1, 1.5]
-    path = write(tmp_path / "rooms.jsonl", scaled(document(), 100), scaled(wrong, 100))
-    ((_, said),) = read_rooms(path).left_out
+    del bare["furniture"][0]["size"]
+    rooms = scaled(document(), 100), scaled(wrong, 100), bare, scaled(document(), 100)
+    (_, said), *others = read_rooms(write(tmp_path / "rooms.jsonl", *rooms)).left_out
     assert said.endswith("in metres; got [-2.1, 1.5] (lengths were read as cm)")
+    assert len(others) == 2  # a size that is missing, and an id that is there already
+    assert not any("read as" in other for _, other in others)
 
 
 def test_a_hall_in_metres_is_no_room_in_centimetres(tmp_path: Path) -> None:

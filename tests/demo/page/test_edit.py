@@ -1,4 +1,4 @@
-"""Furniture is moved, turned, locked and deleted by mouse, finger, keyboard and in fields."""
+"""Rooms are shown; furniture is moved, turned, locked and deleted by mouse, finger, keyboard and in fields."""
 
 from __future__ import annotations
 
@@ -88,6 +88,15 @@ def test_faults_are_marked_while_dragging_with_words(page):
     settled(page)
     room = room_from_dict(json.loads(saved(page, "json")))
     assert {name for _, name in faults(room)} >= {"overlaps"}
+
+
+def test_a_name_lies_alike_in_what_is_turned_by_as_much_the_other_way(page):
+    names = []
+    for degrees in (90, -270, 270, -90):
+        bookcase = {"category": "bookcase", "size": [0.3, 1.6], "center": [1.5, 1.5], "rotation": degrees}
+        shown(page, SQUARE | {"id": f"turned by {degrees}", "furniture": [bookcase]})
+        names.append(page.locator("#plan .item .label").bounding_box())
+    assert all(name == names[0] for name in names)
 
 
 def test_a_chair_under_a_table_lies_on_the_rug(page: Page) -> None:
