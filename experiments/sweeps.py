@@ -100,3 +100,23 @@ def command_line(script: str | None) -> list[str]:
         print(script)
         sys.exit()
     return sys.argv[1:]
+
+
+def parts_of(
+    sweep: Mapping[str, str],
+    columns: Sequence[str],
+    rooms: Sequence[str],
+    column: str,
+    option: str,
+    values: Mapping[str, str],
+) -> list[dict[str, str]]:
+    """Return the sweeps of columns and rooms, where one column has other values of an option in some of the rooms."""
+    special = [room for room in rooms if room in values and column in columns]
+    made = []
+    if usual := [room for room in rooms if room not in special]:
+        made.append({**sweep, "column": ",".join(columns), "room": ",".join(usual)})
+    for room in special:
+        for each in columns:
+            more = {option: values[room]} if each == column else {}
+            made.append(more | {**sweep, "column": each, "room": room})
+    return made

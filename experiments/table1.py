@@ -18,7 +18,17 @@ from pathlib import Path
 import numpy as np
 from cell_config import PLANIT
 from printing import Estimate, Row, Table, ceiling, compared, estimates, listed, row, show, write
-from sweeps import cells_of, command_line, has_gpu_or_cluster, in_turn, multirun, parsed_options, seeds_of, some_of
+from sweeps import (
+    cells_of,
+    command_line,
+    has_gpu_or_cluster,
+    in_turn,
+    multirun,
+    parsed_options,
+    parts_of,
+    seeds_of,
+    some_of,
+)
 
 from layoutrl.rivals.planit.scoring import how_many
 from layoutrl.runs.commands import answers_errors
@@ -110,7 +120,7 @@ PLANIT_COST = {
     "updates": "{updates:.0f}",
 }
 WITHOUT_GPU = ("bedroom", "tatami")  # types in which method=paper is trained on a CPU
-LONGER = ("study",)  # types in which paper_every_move has 12,000 updates; in others it has 8,000
+UPDATES = {"study": "12000"}  # of paper_every_move, where they are more than 8,000
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before the agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
@@ -134,11 +144,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     for columns, seeds, types in sweeps:
         sweep = chosen | {"column": columns, "seed": seeds_of(columns, seeds, chosen)}
         among = [room for room in rooms if room in types]
-        longer = [room for room in among if room in LONGER and columns == METHODS[EVERY_MOVE][0]]
-        if usual := [room for room in among if room not in longer]:
-            made.append(sweep | {"room": ",".join(usual)})
-        if longer:
-            made.append({"method.updates.default": "12000"} | sweep | {"room": ",".join(longer)})
+        made += parts_of(sweep, columns.split(","), among, "paper_every_move", "method.updates.default", UPDATES)
     return made
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from cell_config import LAYOUTS
 from packing import FLAG, unpacked
 from printing import Row, Table, listed, row, show, write
-from sweeps import cells_of, command_line, multirun, parsed_options, seeds_of, some_of
+from sweeps import cells_of, command_line, multirun, parsed_options, parts_of, seeds_of, some_of
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value
@@ -49,6 +49,7 @@ LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # col
 # Columns that furnish real rooms only where they are asked for.
 DESIGNED_ALONE = ("rooms_untrained", "annealer_long", "search_long", "rooms_planit")
 POINTER_MINUTES = {"study": "24.0"}  # of training, where more than elsewhere: on a slower machine
+REAL_UPDATES = {"tatami": "24000"}  # of agents that learn from real rooms, where the package's has more
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_untrained", "rooms_pointer",
     "annealer_long,search_long", "rooms_planit",
@@ -104,22 +105,18 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
     for columns in [chosen["column"]] if "column" in chosen else SWEEPS:
         sweep = common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
         if designed := [column for column in columns.split(",") if column in METHODS.values()]:
-            longer = POINTER_MINUTES if LEARNS["pointer in sequence"] in designed else {}
-            if usual := [room for room in rooms if room not in longer]:
-                made.append(sweep | {"column": ",".join(designed), "room": ",".join(usual)})
-            for room in [room for room in rooms if room in longer]:
-                for column in designed:
-                    more = {"training_minutes.default": longer[room]} if column == LEARNS["pointer in sequence"] else {}
-                    made.append(more | sweep | {"column": column, "room": room})
+            pointer = LEARNS["pointer in sequence"], "training_minutes.default", POINTER_MINUTES
+            made += parts_of(sweep, designed, rooms, *pointer)
         if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
             root = str(Path(chosen["designer_rooms"]).absolute())
-            own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0", "room": ",".join(real)}
+            own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0"}
             sweep = {name: value for name, value in sweep.items() if name != "data.root"} | own
             learn = [column for column in columns.split(",") if column in LEARNS.values()]
             left_out = {*learn} if "column" in chosen else {*learn, *DESIGNED_ALONE}
             others = [column for column in columns.split(",") if column not in left_out]
-            made += [trained_on | sweep | {"column": ",".join(learn)}] if learn else []
-            made += [sweep | {"column": ",".join(others)}] if others else []
+            agent = LEARNS["agent"], "method.updates.default", REAL_UPDATES
+            made += parts_of(trained_on | sweep, learn, real, *agent) if learn else []
+            made += parts_of(sweep, others, real, *agent) if others else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:
         raise InputError(

@@ -114,7 +114,7 @@ def test_the_sweeps_of_table_1_are_those_that_are_asked_for(chosen, gpu, expecte
     found = [(sweep["column"], len(sweep["room"].split(",")), len(sweep["seed"].split(","))) for sweep in sweeps]
     assert found == expected
     for sweep in sweeps:
-        long = sweep["column"] == "paper_every_move" and {*sweep["room"].split(",")} <= {*table1.LONGER}
+        long = sweep["column"] == "paper_every_move" and {*sweep["room"].split(",")} <= {*table1.UPDATES}
         assert sweep.get("method.updates.default") == ("12000" if long else None)
 
 
