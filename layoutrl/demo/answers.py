@@ -27,7 +27,6 @@ from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.faults import (
     BLOCKS,
-    FAULTS,
     FRONT_NOT_FREE,
     MISSING,
     OUT_OF_REACH,
@@ -38,7 +37,7 @@ from layoutrl.rooms.faults import (
 )
 from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, OFF_ITS_WALL, oddities
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, ODDITIES, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
@@ -103,7 +102,7 @@ class Answers:
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
             "raised": sorted(RAISED),
-            "oddities": [name for name in WORDS if name not in FAULTS],
+            "oddities": [*ODDITIES],
             "units": [*UNITS],
         }
         self.questions: dict[str, Callable[[Any], Answer]] = {
