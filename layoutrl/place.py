@@ -23,7 +23,7 @@ from typing import IO, Any
 from tqdm import tqdm
 
 from layoutrl import InputError, __version__
-from layoutrl.env.arguments import check_rooms
+from layoutrl.env.arguments import check_rooms, is_whole
 from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
 from layoutrl.rooms.collection import taken_for
 from layoutrl.rooms.documents import room_to_dict
@@ -36,6 +36,7 @@ from layoutrl.runs.answer import Answer
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
+from layoutrl.runs.ranges import within
 from layoutrl.runs.room_placer import RoomPlacer, matched
 from layoutrl.runs.streams import (
     STANDARD,
@@ -74,7 +75,7 @@ def furnish(
     stood: Sequence[Sequence[Item]] | None = None,
     move: str | None = None,
     by: str | None = None,
-    run: str | None = None,
+    run: Path | str | None = None,
     seed: int = 0,
 ) -> list[Answer]:
     """Furnish rooms in memory as the command does: return for each room up to `choices` layouts, best first.
@@ -86,6 +87,11 @@ def furnish(
     InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
     """
     check_rooms(rooms)
+    for name, number in {"choices": choices, "seed": seed}.items():
+        within(name, number, is_whole(number), "a whole number")
+    run = str(run) if isinstance(run, Path) else run
+    for name, text in {"move": move, "by": by, "run": run}.items():
+        within(name, text, text is None or isinstance(text, str), "text, or None")
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
     config = by_category(config)
@@ -94,6 +100,8 @@ def furnish(
     briefs = rooms
     if stood is None:
         briefs, stood = [to_place(room, config.move) for room in rooms], [room.furniture for room in rooms]
+    elif [len(items) for items in stood] != [len(room.furniture) for room in rooms]:
+        raise InputError("stood: expected the furniture of each room, every item; got other numbers of items")
     entries = [
         Entry(room.id, brief, room_to_dict(room), stood=tuple(items))
         for room, brief, items in zip(rooms, briefs, stood, strict=True)

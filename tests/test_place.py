@@ -1184,6 +1184,14 @@ def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle)
         ({"by": "search", "run": "runs/x"}, "run: expected either"),
         ({"move": "sofaa"}, "move: expected all, or furniture with commas between, as sofa"),
         ({"run": "nowhere"}, "nowhere"),
+        ({"run": Path("nowhere")}, "nowhere"),
+        ({"run": 5}, "run: expected text"),
+        ({"move": ["bed"]}, "move: expected text"),
+        ({"choices": "3"}, "choices: expected a whole number; got 3"),
+        ({"choices": 2.5}, "choices: expected a whole number"),
+        ({"seed": None}, "seed: expected a whole number"),
+        ({"stood": []}, "stood: expected the furniture of each room"),
+        ({"stood": [[]]}, "stood: expected the furniture of each room"),
     ],
 )
 def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any], said: str) -> None:

@@ -100,17 +100,18 @@ class Learner:
                 scenes, whole, ages, most, generator, near=method.near_share, own=method.own_share
             )
         else:
-            self.simulator = moves_in = simulator = BatchSimulator(Simulator(rooms, method.moves, reward), device)
+            single = Simulator(rooms, method.moves, reward)
+            self.simulator = moves_in = simulator = BatchSimulator(single, device)
             self.observe = observation_of(method.observation, rooms, device, self.categories)
             self.replay = Replay(method.replay_capacity, method.moves.count, device)
-            designed = torch.tensor(np.array([room.moving.center for room in rooms]), device=device)
+            designed = torch.as_tensor(single.designer_position, device=device)
             near = (method.near_share, designed) if method.near_share else None
             self._begin = lambda generator: Episodes(simulator, ages, most, generator, method.goal_iou, near)
         if not can_move(moves_in):
             raise InputError("method.steps: no item can move in any room; expected shorter steps or larger rooms")
 
     def training(self, report_every: int) -> Training:
-        """Return a training loop with the method's settings, which reports every `report_every` updates."""
+        """Return the training loop, which reports every `report_every` updates. Call it once: it spends the seed."""
         method = self.method
         return Training(
             self.dqn,

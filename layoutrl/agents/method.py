@@ -62,8 +62,8 @@ class Method:
     def views(self, device: torch.device) -> list[Symmetry]:
         """Return the symmetries to learn from and to average over in test; without `symmetries` the identity alone.
 
-        A whole room is observed in the frame of the moving item, so that only mirroring is left. It is used where the
-        type of the room allows it (`room.mirrors_alike`).
+        A whole room is observed in the frame of the moving item, so that only mirroring is left; conf/scope/room.yaml
+        takes `symmetries` from the type of the room (`room.mirrors_alike`).
         """
         from layoutrl.env.symmetry import mirrored, symmetries
 

@@ -189,7 +189,7 @@ class Training:
         )
 
     def state_dict(self) -> dict[str, Any]:
-        """Return all that is needed to resume exactly: tensors and plain values."""
+        """Return all that is needed to resume exactly: tensors, which the next update changes, and plain values."""
         return {
             "agent": self.dqn.state_dict(),
             "replay": self.replay.state_dict(),

@@ -12,7 +12,7 @@ def usable_device(device: torch.device | str, *others: str) -> torch.device:
     try:
         chosen = torch.device(device)
         torch.zeros(1, device=chosen).item()  # which a device without memory refuses
-    except (RuntimeError, AssertionError, TypeError) as error:
+    except (RuntimeError, AssertionError, TypeError, ImportError) as error:
         known, reason = ", ".join([*others, "cpu"]), str(error).partition("\n")[0]
         raise InputError(
             f"device: expected {known} or a GPU of this machine, as cuda:0; got {device} ({reason})"

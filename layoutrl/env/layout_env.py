@@ -39,8 +39,8 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     action: Discrete(A), see Moves. observation: `geometry` float32 (elements, columns) or `image`
     uint8 (128, 128, 3). reward: the paper's, -200 to 100.
     info: `legal`, the mask (A,) of moves that stay in the envelope; `r1`, `r2`, `r3`, `r4`; `iou`;
-    `position`; `room`, its index; `illegal`, whether this move was illegal. `action_masks()` is `legal`, under the
-    name that sb3-contrib's MaskablePPO asks for.
+    `position` in metres; `room`, its index; `illegal`, whether this move was illegal. `action_masks()` is
+    `legal`, under the name that sb3-contrib's MaskablePPO asks for.
 
     The space of `geometry` depends on the rooms, unless `categories`, those that have a column, and `elements`, the
     number of rows, are given: environments with the same of both have the same spaces.
@@ -48,8 +48,8 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     Areas are those of `Simulator`, computed in closed form and double precision, with discs as true circles.
 
     An illegal move is dropped with `on_illegal="drop"` (training, section 4.2 of the paper): nothing
-    changes, and the caller should not store it. With `"stop"` (test) it terminates the episode.
-    An episode is truncated after `max_moves` moves, dropped ones included; it never ends otherwise.
+    changes, and the caller should not store it. With `"stop"` (test) it terminates the episode: nothing else does.
+    An episode is truncated after `max_moves` moves, dropped ones included.
 
     Raises ValueError where a room has no target, a target that does not fit, or more than the given space
     holds; for an action outside the action space; for invalid options of a reset, which then leaves the

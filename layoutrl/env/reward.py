@@ -44,7 +44,8 @@ class Reward:
     Two weights are for whole rooms only. Where an item faces another way than the designer's, its IoU is multiplied by
     `faces_away`. `theta4` weighs the floor before items that is taken, see `RoomsSimulator.floor_taken`.
 
-    Raises InputError where a weight is no finite number, and where `inside` is neither share nor iou.
+    Raises InputError where a weight is no finite number, where `faces_away` is not from 0 to 1, and where `inside` is
+    neither share nor iou.
     """
 
     theta1: float = 100.0
@@ -61,6 +62,8 @@ class Reward:
             weight = getattr(self, name)
             if not (isinstance(weight, Real) and math.isfinite(weight)):
                 raise InputError(f"reward.{name}: expected a finite number; got {weight!r:.60}")
+        if not 0 <= self.faces_away <= 1:
+            raise InputError(f"reward.faces_away: expected 0 to 1; got {self.faces_away}")
 
     def __call__(
         self, target_iou: Values, element_ious: Values, indoor_share: Values, indoor_iou: Values, floor_taken: Values

@@ -24,7 +24,8 @@ from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.rooms.fitting import edges, fitting_positions
 from layoutrl.rooms.room import Room, envelopes, polygons
 
-DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])  # right, left, below, up: the paper's order
+# Right, left, below, up: the paper's order. Opposite ones are neighbours, so that action ^ 1 goes back.
+DIRECTIONS = np.array([(1, 0), (-1, 0), (0, -1), (0, 1)])
 # Metres: a slide ends at the next contact that is further away than this. No distance on a decimal grid equals it, so
 # that rounding never decides which contact is.
 TOUCHING = 1e-4 + GRID / 3

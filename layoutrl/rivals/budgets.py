@@ -13,7 +13,7 @@ def updates_budget(updates: int) -> Spent:
 
 
 def seconds_budget(seconds: float, clock: Callable[[], float]) -> Spent:
-    """Return a budget of seconds of `clock` since its first use; by `time.process_time` no other process counts."""
+    """Return a budget of seconds of `clock` since it is first asked; by `time.process_time` no other process counts."""
     began: list[float] = []
 
     def spent(_: int) -> float:

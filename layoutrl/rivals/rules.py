@@ -12,8 +12,8 @@ import shapely
 
 from layoutrl.env.geometry import CONTACT
 from layoutrl.env.simulator import Simulator
-from layoutrl.rooms.fitting import edges, fitting_positions
-from layoutrl.rooms.room import SYMMETRIES, TOLERANCE, Item, Room, symmetry
+from layoutrl.rooms.fitting import center_range, edges, fitting_positions
+from layoutrl.rooms.room import SYMMETRIES, TOLERANCE, Room, symmetry
 
 MILLIMETRE = 3  # decimals of a metre
 
@@ -135,9 +135,3 @@ def _relative_place(room: Room) -> np.ndarray:
 def _from_relative(room: Room, relative: np.ndarray) -> np.ndarray:
     low, high = center_range(room, room.moving)
     return low + np.clip(relative, 0, 1) * np.maximum(high - low, 0)
-
-
-def center_range(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest and highest centre at which the item, as it is turned, lies within the outline's bounding box."""
-    bounds, around = np.array(room.indoor.bounds), np.array(item.template.bounds)
-    return bounds[:2] - around[:2], bounds[2:] - around[2:]

@@ -24,7 +24,7 @@ from layoutrl.env.observation import PRESENT, GeometryObservation, in_every_view
 from layoutrl.env.simulator import TOUCHING, Simulator
 from layoutrl.env.symmetry import Symmetry, shares, symmetries
 from layoutrl.rivals.budgets import Spent
-from layoutrl.rivals.rules import center_range
+from layoutrl.rooms.fitting import center_range
 
 SIDE = 11  # candidates along each side of the grid
 NEAR = (0.005, 0.5)  # metres: least and greatest standard deviation of training places around the designer's

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from layoutrl.rooms.room import FIT, Item
+from layoutrl.rooms.room import FIT, Item, Room
 
 
 def edges(polygons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -46,3 +46,9 @@ def fits(area: Polygon, item: Item, degrees: Iterable[float]) -> bool:
     """Whether an item fits somewhere into the area, at one of these rotations in degrees."""
     templates = np.array([replace(item, rotation=way).template for way in degrees])
     return not shapely.is_empty(fitting_positions(np.array([area] * len(templates)), templates)).all()
+
+
+def center_range(room: Room, item: Item) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest centre at which the item, as it is turned, lies within the outline's bounding box."""
+    bounds, around = np.array(room.indoor.bounds), np.array(item.template.bounds)
+    return bounds[:2] - around[:2], bounds[2:] - around[2:]

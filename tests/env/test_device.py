@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from layoutrl import InputError
 from layoutrl.env.device import usable_device
 
-NAMES = st.sampled_from(["cuda", "cpu", "meta", "mps", "xpu", "vulkan", "mkldnn", "", "cpu:0", "CPU", "cuda:-1", "gpu"])
+NAMES = st.sampled_from(
+    ["cuda", "cpu", "meta", "mps", "xpu", "vulkan", "mkldnn", "hpu", "", "cpu:0", "CPU", "cuda:-1", "gpu"]
+)
 
 
 TEXTS = st.text(st.characters(exclude_categories=["C"]), max_size=9)
@@ -20,7 +22,7 @@ TEXTS = st.text(st.characters(exclude_categories=["C"]), max_size=9)
 def test_what_is_named_holds_tensors_or_is_answered_in_a_line(name: str) -> None:
     try:
         torch.zeros(3, device=name).tolist()
-    except (RuntimeError, AssertionError):
+    except (RuntimeError, AssertionError, ImportError):
         with pytest.raises(InputError) as answer:
             usable_device(name, "auto")
         said = f"device: expected auto, cpu or a GPU of this machine, as cuda:0; got {name} ("

@@ -9,6 +9,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from layoutrl import InputError
 from layoutrl.env.reward import REWARD_RANGE, Reward
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.room import Item
@@ -85,6 +86,12 @@ def test_the_indoor_term_reads_the_share_of_the_item_or_the_literal_iou(
 def test_an_indoor_term_that_there_is_not_is_refused() -> None:
     with pytest.raises(ValueError, match="inside"):
         Reward(inside="shares")
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1])
+def test_facing_away_takes_a_share_of_the_iou(share: float) -> None:
+    with pytest.raises(InputError, match=r"^reward\.faces_away: expected 0 to 1; got "):
+        Reward(faces_away=share)
 
 
 @pytest.mark.parametrize("name", ["theta1", "theta2", "theta3", "faces_away", "theta4"])

@@ -51,6 +51,7 @@ class Annealing:
 
 def anneal(brief: Room, relations: Relations, settings: Annealing, spent: Spent, rng: np.random.Generator) -> Room:
     """The best layout that any chain met. `spent` counts moves of single chains."""
+    spent(0)  # a clock begins here, not after the chains are made
     scene = scene_of(brief)
     if not len(scene.movable):
         return brief

@@ -10,10 +10,9 @@ import numpy as np
 import shapely
 
 from layoutrl.env.geometry import CONTACT
-from layoutrl.rivals.rules import center_range
 from layoutrl.rooms.brief import Pose, facings, missing, standing, with_poses
 from layoutrl.rooms.clearances import angle_off
-from layoutrl.rooms.fitting import fitting_positions
+from layoutrl.rooms.fitting import center_range, fitting_positions
 from layoutrl.rooms.room import SYMMETRIES, Item, Room, symmetry
 
 DRAWS = 100  # points drawn in the box around all places, before the nearest place is taken; unsourced: seldom reached

@@ -58,7 +58,11 @@ class CandidatePoses(NamedTuple):
 
 
 def search(brief: Room, relations: Relations, settings: Searching, spent: Spent, rng: np.random.Generator) -> Room:
-    """Return the best layout found. `spent` counts restarts. Items that find no place have no centre."""
+    """Return the best layout found. `spent` counts restarts, of which the first is never cut short.
+
+    Items that find no place have no centre.
+    """
+    spent(0)  # a clock begins here, not after the first restart
     scene = scene_of(brief)
     if not len(scene.movable):
         return brief
