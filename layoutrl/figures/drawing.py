@@ -63,11 +63,12 @@ def draw(room: Room, wrong: Wrong, path: Path | str) -> None:
     A file that is there is overwritten. Raises InputError for any other suffix.
     """
     path = Path(path)
-    if path.suffix not in (".svg", ".png", ".dxf"):
+    suffix = path.suffix.lower()
+    if suffix not in (".svg", ".png", ".dxf"):
         raise InputError(f"path: expected a file that ends in .svg, .png or .dxf; got {path}")
-    if path.suffix == ".svg":
+    if suffix == ".svg":
         path.write_text(svg(room, wrong), encoding="utf-8", newline="\n")
-    elif path.suffix == ".png":
+    elif suffix == ".png":
         png(room, wrong, path)
     else:
         dxf(room, wrong, path)

@@ -30,7 +30,7 @@ import difflib
 import json
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -203,6 +203,7 @@ def room_from_dict(document: Any) -> Room:
     if isinstance(document, dict) and "outline" not in document and isinstance(document.get("rooms"), list):
         raise RoomError("rooms", "unknown field; expected a room, or a list of them by itself")
     _check_fields(document, "room", REQUIRED, OPTIONAL)
+    document = _without_nulls(document, OPTIONAL)
     room_id = _text(document["id"], "id")
     room_type = _text(document["room_type"], "room_type")
     check_room_type(room_type)
@@ -293,16 +294,22 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
             raise RoomError(prefix + name, f"unknown field; expected {near[0]}, or a name that is not as near to it")
 
 
-def _furniture(entries: list[Any]) -> tuple[Item, ...]:
+def _without_nulls(entry: dict[str, Any], optional: tuple[str, ...]) -> dict[str, Any]:
+    """Return a JSON object without optional fields that are null: many programs write these so."""
+    return {name: value for name, value in entry.items() if value is not None or name not in optional}
+
+
+def _furniture(entries: Sequence[Any]) -> tuple[Item, ...]:
     items = [_item(entry, f"furniture[{k}]") for k, entry in enumerate(entries)]
     return tuple(
-        item if item.center or "tucked" in entry else replace(item, tucked=may_tuck(item, items))
+        item if item.center or entry.get("tucked") is not None else replace(item, tucked=may_tuck(item, items))
         for entry, item in zip(entries, items, strict=True)
     )
 
 
 def _item(entry: Any, field: str) -> Item:
     _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
+    entry = _without_nulls(entry, ITEM_OPTIONAL)
     for name, ours in MISNAMED_FIELDS.items():  # else an item that stands would count as one to be placed
         if name in entry and ours not in entry:
             raise RoomError(f"{field}.{name}", f"unknown field; expected {EXPECTED[ours]}")
@@ -369,7 +376,7 @@ def _flag(value: Any, field: str) -> bool:
 
 
 def _pair(value: Any, field: str) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
+    if not isinstance(value, list | tuple) or len(value) != 2:
         raise RoomError(field, f"expected two numbers, in metres; got {_show(value)}")
     return (_number(value[0], field), _number(value[1], field))
 
@@ -388,8 +395,8 @@ def _text(value: Any, field: str) -> str:
     return value
 
 
-def _list(value: Any, field: str) -> list[Any]:
-    if not isinstance(value, list):
+def _list(value: Any, field: str) -> Sequence[Any]:
+    if not isinstance(value, list | tuple):
         raise RoomError(field, f"expected a list; got {_show(value)}")
     if len(value) > MOST:
         raise RoomError(field, f"expected at most {MOST:,} entries; got {len(value):,}")

@@ -13,7 +13,7 @@ from typing import Any
 from layoutrl import InputError
 from layoutrl.rooms.categories import NO_ROOM, own_names
 from layoutrl.rooms.collection import Collection, taken_for
-from layoutrl.rooms.documents import name_in, parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.documents import check_room_type, name_in, parsed, room_from_dict, room_to_dict
 from layoutrl.rooms.room import Room, RoomError
 from layoutrl.rooms.units import UNITS, in_metres, read_as, unit_line, unit_of
 
@@ -30,10 +30,12 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
     rooms and doors, and notes it unless it is m. `room_type`, if given, is the type of rooms that say none, unless
     their id or furniture tells another. A room that cannot be used is left out and named; with `strict` it raises
     InputError.
-    Raises InputError where there is no file to read, or no such unit.
+    Raises InputError where there is no file to read, or no such unit or type.
     """
     if unit not in ("auto", *UNITS):
         raise InputError(f"unit: expected one of auto, {', '.join(UNITS)}; got {unit}")
+    if room_type is not None:
+        check_room_type(room_type)
     collection = Collection(f"json {path}")
     seen: set[str] = set()
     for file in room_files(Path(path)):

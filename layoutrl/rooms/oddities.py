@@ -56,12 +56,12 @@ def off_their_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:
 def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) -> np.ndarray:
     """Return how far the four sides of `those` items (n,), placed rectangles, are from the walls, in metres: (n, 4).
 
-    A side is as far as the farther of its ends; BACK is the index of the back.
+    A side is as far as the farthest of its ends and its middle; BACK is the index of the back.
     """
     corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
     walls = shapely.boundary([layout.indoor for layout in layouts])[items.room[those]]
-    off = shapely.distance(walls[:, None], shapely.points(corners))
-    return np.maximum(off[:, :-1], off[:, 1:])
+    points = corners[:, :-1], (corners[:, :-1] + corners[:, 1:]) / 2, corners[:, 1:]
+    return np.max([shapely.distance(walls[:, None], shapely.points(each)) for each in points], axis=0)
 
 
 def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:

@@ -285,7 +285,8 @@ def wall_band(
             if sliver.area > TOLERANCE**2:
                 wall = solid.difference(sliver)
         walls.extend(rings(without_films(wall)))
-    walls.extend(rings(band.difference(taken)))  # the tips of acute corners, which no edge's band reaches
+    tips = band.difference(taken)  # of acute corners, which no edge's band reaches
+    walls.extend(rings(without_films(tips)))
     return tuple(walls)
 
 

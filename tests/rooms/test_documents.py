@@ -84,6 +84,20 @@ def test_an_unplaced_item_survives_the_round_trip() -> None:
     assert room_from_dict(json.loads(json.dumps(room_to_dict(room)))) == room
 
 
+def test_what_may_be_left_out_may_be_null() -> None:
+    nothing = dict.fromkeys(("holes", "walls", "target", "group"))
+    entry = {"category": "bed", "size": [2.0, 1.5]}
+    nulls = dict.fromkeys(("center", "rotation", "shape", "tucked", "locked"))
+    read = room_from_dict(document(furniture=[entry | nulls]) | nothing)
+    assert read == room_from_dict(document(furniture=[entry]))
+    assert read.walls
+
+
+def test_points_may_be_tuples() -> None:
+    outline = document()["outline"]
+    assert room_from_dict(document(outline=tuple(map(tuple, outline)))) == room_from_dict(document())
+
+
 def test_walls_left_out_are_a_band_cut_by_the_openings() -> None:
     room = room_from_dict(document())
     assert room.walls == wall_band(room.outline, (), room.openings)

@@ -316,6 +316,12 @@ def test_the_id_of_a_room_that_was_left_out_may_be_used_again(tmp_path: Path) ->
     assert [room.id for room in read_rooms(path).rooms] == ["b-17"]
 
 
+def test_a_type_for_rooms_that_say_none_is_one_of_the_eight(tmp_path: Path) -> None:
+    path = write(tmp_path / "rooms.jsonl", document())
+    with pytest.raises(InputError, match=r"^room_type: expected one of .*; got 'office', which is a study here$"):
+        read_rooms(path, room_type="office")
+
+
 @pytest.mark.parametrize("strict", [False, True])
 def test_a_path_without_rooms_is_answered_in_one_line_that_names_it(strict: bool, tmp_path: Path) -> None:
     empty = tmp_path / "empty"

@@ -8,11 +8,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from shapely.affinity import affine_transform, rotate
 from shapely.geometry import Polygon, box
 
+from layoutrl.rooms.brief import upright
 from layoutrl.rooms.room import (
     TOLERANCE,
     WALL_THICKNESS,
@@ -113,6 +114,19 @@ def test_the_envelope_is_the_outer_border_with_columns_filled_in(room: Room) -> 
     expected = Polygon(room.outline).buffer(WALL_THICKNESS, join_style="mitre")
     assert apart(room.envelope, expected) < SLIVER
     assert not room.envelope.interiors
+
+
+OFF = st.integers(-60, 60).map(lambda centimetres: centimetres / 100)
+LEANING = st.tuples(*[st.tuples(OFF, OFF)] * 4).map(
+    lambda offs: tuple((x + dx, y + dy) for (x, y), (dx, dy) in zip(rectangle(0, 0, 4, 3), offs, strict=True))
+)
+
+
+@given(LEANING)
+@example(((0, 0), (3.73, -0.47), (3.98, 3.06), (0.7, 3.75), (0, 2.45)))
+def test_walls_that_lean_have_an_envelope_however_the_room_is_turned(outline: Ring) -> None:
+    room = replace(rectangular_room(), outline=outline, walls=wall_band(outline, (), ()), furniture=(), target=None)
+    assert upright(room)[0].envelope.area > Polygon(outline).area
 
 
 def test_a_hairline_between_two_walls_is_no_way_out_of_the_envelope() -> None:
