@@ -82,7 +82,7 @@ def test_what_a_part_lacks_is_said_before_anything_is_measured(tmp_path: Path, m
 @pytest.fixture(scope="module")
 def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """The table and the folder. The process of its own is forked: a new interpreter would import for seconds."""
-    cwd, printed = tmp_path_factory.mktemp("bench"), io.StringIO()
+    cwd, printed, begun = tmp_path_factory.mktemp("bench"), io.StringIO(), list[str]()
     given = (
         f"parts=[speed,rooms,memory,growth,{DEMO}training,image]",
         "device=cpu",
@@ -90,8 +90,9 @@ def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
         f"data.root={cwd / 'rooms'}",
     )
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-        patch.setattr("multiprocessing.get_context", lambda _: SERVER)
+        patch.setattr("multiprocessing.get_context", lambda how: begun.append(how) or SERVER)
         folder = bench.run(configured(*given))
+    assert begun == ["spawn"]  # for the memory alone
     return printed.getvalue(), folder
 
 

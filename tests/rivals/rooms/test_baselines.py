@@ -24,6 +24,7 @@ def test_drawn_places_are_indoors_and_who_fits_nowhere_has_none(seed):
     rng = np.random.default_rng(seed)
     brief = brief_of(random_room(rng))
     layout = random_layout(brief, rng)
+    assert any(item.center for item in layout.furniture)
     for item in layout.furniture:
         if item.center is not None:
             assert brief.indoor.buffer(1e-5).covers(item.footprint)
