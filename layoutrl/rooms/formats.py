@@ -201,11 +201,14 @@ def _told(start: bytes) -> str | None:
 def to_place(room: Room, move: str | None) -> Room:
     """Return the room with the items that `move` names still to be placed: without center and rotation.
 
-    `move` is `all` or categories with commas between them; None leaves the room as it is. Locked items stay.
+    `move` is `all` or categories with commas between them; None leaves the room as it is. Locked items stay. An item
+    that has no center keeps the rotation that is asked of it.
     """
     if move is None:
         return room
     named = names_in(move)
-    free = [(k, item.category) for k, item in enumerate(room.furniture) if not item.locked]
-    those = {k for k, category in free if category in named or ALL in named}
+    stands = [
+        (k, item.category) for k, item in enumerate(room.furniture) if item.center is not None and not item.locked
+    ]
+    those = {k for k, category in stands if category in named or ALL in named}
     return replace(room, furniture=without_poses(room.furniture, those))

@@ -36,7 +36,7 @@ class Usable:
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainedPlanIT:
     """What a training leaves behind."""
 
     folder: Path
@@ -53,7 +53,7 @@ def train(
     spent: Spent,
     device: torch.device,
     folder: Path | None = None,
-) -> Trained:
+) -> TrainedPlanIT:
     """Train on rooms and show progress, there and in held-out rooms; resume the run in `folder`, if given.
 
     An interrupt ends it early, with all that is needed to resume. Raises InputError if the folder cannot be written to,
@@ -94,7 +94,7 @@ def train(
         for iou in reported(training, curves, look, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     stopped = training.stopping and training.share < 1
-    return Trained(kept.folder, placer, training.updates, kept.seconds, stopped)
+    return TrainedPlanIT(kept.folder, placer, training.updates, kept.seconds, stopped)
 
 
 def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:

@@ -77,6 +77,11 @@ def test_what_is_locked_stays_whatever_is_to_move() -> None:
         assert to_place(room, move).furniture == (bed, *without_poses([desk], {0}))
 
 
+def test_what_has_no_center_keeps_the_rotation_that_is_asked_of_it() -> None:
+    asked = Item("desk", (0.6, 1.2), None, 90.0)
+    assert to_place(rectangular_room(4, 3, others=(asked,)), "all").furniture[-1] == asked
+
+
 @pytest.mark.parametrize("option", ["into", "categories"])
 def test_what_rooms_in_json_say_themselves_is_refused(option: str, tmp_path: Path) -> None:
     path = tmp_path / "rooms.jsonl"
