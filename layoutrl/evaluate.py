@@ -39,14 +39,13 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     if config.seed is not None:
         seed, which = np.random.SeedSequence(config.seed), f"-seed{config.seed}"
     file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}{which}.json")
-    agent = shown.network, shown.method, shown.reward, shown.categories
-    result, said = scored(*agent, shown.rooms, shown.training, seed, config.starts)
+    result, said = scored(shown.agent, shown.reward, shown.rooms, shown.training, seed, config.starts)
     print(said)
     about = {
         "run": config.run,
         "checkpoint": shown.checkpoint,
         "updates": shown.updates,
-        "on_illegal": shown.method.on_illegal,
+        "on_illegal": shown.agent.method.on_illegal,
         "data": asdict(shown.data),
         "part": shown.part,
         "seed": config.seed,  # null: that of the training

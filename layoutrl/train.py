@@ -37,8 +37,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
             going_on(folder, config, "layoutrl.train"),
         )
     with evaluation_session(folder, config, "layoutrl.train"):
-        network, categories = learner.dqn.network, learner.categories
-        result, shown = scored(network, config.method, config.reward, categories, held_out, training, seeds(config)[3])
+        result, shown = scored(learner.agent, config.reward, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.dqn.updates)
         finish(
             folder,

@@ -59,12 +59,11 @@ def run(config: WatchConfig) -> list[Path]:
     shown = trained_run(config)
     rng = np.random.default_rng(config.seed)
     rooms = [shown.rooms[k] for k in rng.permutation(len(shown.rooms))[: config.rooms]]
-    method, categories = shown.method, shown.categories
+    network, method, categories = shown.agent
     if method.scope == "room":
-        furnisher = Furnisher(shown.network, method, categories)
-        episodes = rooms_filling_up(furnisher, rooms)
+        episodes = rooms_filling_up(Furnisher(*shown.agent), rooms)
     else:
-        policy, simulator = greedy(shown.network, method), Simulator(rooms, method.moves, shown.reward)
+        policy, simulator = greedy(network, method), Simulator(rooms, method.moves, shown.reward)
         observe = observation_of(method.observation, rooms, policy.q.device, categories)
         every = np.arange(len(rooms))
         run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, every, simulator.starts(every, rng))

@@ -34,7 +34,7 @@ STARTS_AT_ONCE = 1024  # starts tried at once: the first block mostly tells whet
 
 
 class Agent(NamedTuple):
-    """A trained agent."""
+    """A network, and what has to be known to use it."""
 
     network: nn.Module
     method: Method
@@ -109,6 +109,11 @@ class Learner:
             self._begin = lambda generator: Episodes(simulator, ages, most, generator, method.goal_iou, near)
         if not can_move(moves_in):
             raise InputError("method.steps: no item can move in any room; expected shorter steps or larger rooms")
+
+    @property
+    def agent(self) -> Agent:
+        """The agent as it is now; its network goes on to learn."""
+        return Agent(self.dqn.network, self.method, self.categories)
 
     def training(self, report_every: int) -> Training:
         """Return the training loop, which reports every `report_every` updates. Call it once: it spends the seed."""

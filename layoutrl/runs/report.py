@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from torch import nn
 
-from layoutrl.agents.method import Method
+from layoutrl.agents.learner import Agent
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import Observe, observation_of
 from layoutrl.env.reward import Reward
@@ -25,10 +24,8 @@ AGENT, START, WALL, NEAREST = "agent", "random start", "random wall or corner pl
 
 
 def scored(
-    network: nn.Module,
-    method: Method,
+    agent: Agent,
     reward: Reward,
-    categories: Sequence[str],
     rooms: Sequence[Room],
     training: Sequence[Room],
     seed: np.random.SeedSequence,
@@ -36,12 +33,13 @@ def scored(
 ) -> tuple[dict[str, Any], str]:
     """Evaluate an agent of one item or of whole rooms; return the numbers and the text to print.
 
-    `categories` are those that it knows, `training` the rooms that it learned from.
+    `training` are the rooms that it learned from.
     """
+    network, method, categories = agent
     if method.scope == "room":
         # The nearest room is looked for in the views that the agent learned from.
         library = Library(training, mirrors_alike=method.symmetries)
-        result = evaluate_rooms(Furnisher(network, method, categories), rooms, library, seed)
+        result = evaluate_rooms(Furnisher(*agent), rooms, library, seed)
         return result, rooms_table(result)
     policy, simulator = greedy(network, method), Simulator(rooms, method.moves, reward)
     observe = observation_of(method.observation, rooms, policy.q.device, categories)

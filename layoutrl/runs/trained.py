@@ -11,8 +11,7 @@ import torch
 from torch import nn
 
 from layoutrl import InputError
-from layoutrl.agents.learner import q_network
-from layoutrl.agents.method import Method
+from layoutrl.agents.learner import Agent, q_network
 from layoutrl.env.reward import Reward
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources.parts import Data, parts_of
@@ -49,10 +48,8 @@ def trained_network(
 class TrainedRun:
     """The agent of a run, and the rooms to evaluate or show it in."""
 
-    network: nn.Module
-    method: Method
+    agent: Agent
     reward: Reward
-    categories: list[str]  # of furniture that the agent knows
     rooms: list[Room]
     training: list[Room]  # what it was trained on
     data: Data
@@ -70,7 +67,7 @@ class TrainedRun:
         }
         rooms = f"{self.data.source}{which.get(self.data.source or '', '')}-{self.part}"
         best = "-best" if self.checkpoint == "best" else ""
-        return f"{rooms}-{digest(self.rooms)[:6]}-{self.method.on_illegal}{best}"
+        return f"{rooms}-{digest(self.rooms)[:6]}-{self.agent.method.on_illegal}{best}"
 
 
 def asked_data(own: Data, given: Data) -> tuple[Data, bool]:
@@ -143,10 +140,8 @@ def trained_run(config: RunConfig) -> TrainedRun:
     if names := sorted(set().union(*unknown)):
         print(f"{sum(map(bool, unknown))} of them have furniture that the agent does not know: {', '.join(names)}")
     return TrainedRun(
-        kept.network,
-        method,
+        Agent(kept.network, method, kept.categories),
         trained.reward,
-        kept.categories,
         chosen,
         training,
         data,

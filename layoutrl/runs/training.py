@@ -55,8 +55,7 @@ def train(
     learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device, before)
     training = learner.training(max(1, updates // budget.reports))
     whole = method.scope == "room"
-    network = learner.dqn.network
-    policy: Any = Furnisher(network, method, learner.categories) if whole else greedy(network, method)
+    policy: Any = Furnisher(*learner.agent) if whole else greedy(learner.agent.network, method)
     probes: dict[str, Any] = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
