@@ -75,8 +75,8 @@ def fixed(home: Home, room: Room) -> list[int]:
 def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: str = NAME) -> tuple[bytes, list[str]]:
     """Return the home that a room was read from, with the furniture of the room and of `others` where it stands now.
 
-    `name` is what the home was called when it was read. Raises InputError if the room differs from the home's in
-    anything but where its furniture stands, or if `fixed` furniture was moved. If one of `others` does, it stays as the
+    `name` is what the home was called when it was read. Raises InputError if the room has another floor, other doors,
+    windows or furniture than the home's, or if `fixed` furniture was moved. If one of `others` does, it stays as the
     home has it, and its id is returned, too.
     """
     with TemporaryDirectory(prefix="layoutrl-") as folder:
@@ -103,9 +103,9 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: 
 
 
 def _check(room: Room, before: Room | None, home: Home) -> None:
-    """Raise InputError if a room differs from `before`, as the home has it, in more than where movable items stand."""
+    """Raise InputError if a room differs from `before`, as the home has it, in floor, openings or list of furniture."""
     pieces = [] if before is None else [*before.furniture]
-    if before is None or [(i.category, i.size) for i in pieces] != [(i.category, i.size) for i in room.furniture]:
+    if before is None or [item.kind for item in pieces] != [item.kind for item in room.furniture]:
         raise InputError(
             "home: expected the furniture that was read from it, no more or less, in the same sizes; "
             f"{room.id!r} has other: save it as JSON"

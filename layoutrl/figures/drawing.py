@@ -35,6 +35,7 @@ from layoutrl.figures import (
     in_drawing_order,
     middle,
     name_boxes,
+    rgb,
 )
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
@@ -139,7 +140,7 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
         figure.set_layout_engine("none")
         axes = figure.add_axes((0, 0, 1, 1))
         for leaf in _leaves(room):
-            axes.plot(*leaf.T, color=np.array(DOOR) / 255, linewidth=0.8, zorder=0)
+            axes.plot(*leaf.T, color=rgb(DOOR), linewidth=0.8, zorder=0)
         draw_room(axes, replace(room, target=None), names=7, outlined=True)
         boxes = name_boxes(in_drawing_order(room))
         for k, faults in _by_item(wrong).items():

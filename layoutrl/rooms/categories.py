@@ -26,7 +26,8 @@ NOTED = 20  # unknown names that notes list at most
 LARGEST_FILE = 2**20  # bytes of a user's own file
 LONGEST = 200  # letters of a name that are read: a file may hold any text, and all ends of a name are tried
 SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between the names of several rooms in one
-WITH = re.compile(r"\b(?:with|mit|avec|con|com|met|w(?! d\b))\b")  # before what a room or piece also has
+# Before what a room or piece also has, or lacks.
+WITH = re.compile(r"\b(?:with|without|mit|ohne|avec|sans|con|sin|senza|com|sem|met|zonder|w(?! d\b))\b")
 AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture, one of which counts
 SEATS = {"bench", "chair", "stool"}  # in a name with a desk or table, that one counts instead
 UNSPACED = re.compile("[\u3040-\u9fff]")  # characters of languages without spaces between words
@@ -224,9 +225,9 @@ class Names:
         """Return the type of a room by its name, else by the categories in it; None if neither tells it.
 
         NO_ROOM stands for a room that nobody furnishes. If the name joins several rooms, the first in the table
-        counts; what a room is "with" is ignored.
+        counts; what a room is "with" or "without" is ignored.
         """
-        parts = [WITH.split(plain(part))[0] for part in SIGNS.split((name or "")[:LONGEST])]
+        parts = [WITH.split(plain(part))[0] for part in SIGNS.split(_spelled(name or ""))]
         found = {self._room(part) for part in parts}
         for named, ours in self._rooms.items():
             if named in found:
@@ -288,10 +289,15 @@ def _holds(part: str, named: str) -> bool:
     return named in part if UNSPACED.search(named) else f" {named} " in f" {part} "
 
 
+def _spelled(name: str) -> str:
+    """Return a name, shortened, with *with* in place of "w/": a slash parts names."""
+    name = re.sub(r"\bw/d\b", "w d", name[:LONGEST], flags=re.IGNORECASE)  # a washer and dryer
+    return re.sub(r"\bw/(?!c\b)", "with ", name, flags=re.IGNORECASE)  # a w/c is none
+
+
 def _parts(name: str) -> list[str]:
     """Return the plain name, then its parts between slashes, last first, up to a dash: "table/coffee table - round"."""
-    name = re.sub(r"\bw/d\b", "w d", name[:LONGEST], flags=re.IGNORECASE)  # a washer and dryer
-    name = re.sub(r"\bw/", "with ", name, flags=re.IGNORECASE)
+    name = _spelled(name)
     name = BRACKETS.sub(" ", name).strip() or name
     parts = [part.partition(" - ")[0] for part in reversed(name.split("/"))]
     return [plain(part) for part in (name, *parts)]

@@ -160,6 +160,15 @@ def test_what_is_no_piece_does_not_hide_the_piece_behind_an_and(category: str, c
         assert (name, names.category(name), names.meant(name)) == (name, (category, True), category)
 
 
+def test_what_a_room_or_piece_has_or_lacks_does_not_say_what_it_is() -> None:
+    names = names_of()
+    for called in ("Bedroom w/ bath", "Bedroom w/bath", "Bedroom without bath", "Schlafzimmer ohne Bad", "Bedroom w/d"):
+        assert (called, names.room_type(called, ())) == (called, "bedroom")
+    assert names.room_type("Living room w/ kitchenette", ()) == "living_room"
+    for called in ("Bed without headboard", "lit sans chevet", "Bed w/o headboard"):
+        assert (called, names.category(called)) == (called, ("bed", True))
+
+
 @pytest.mark.parametrize(
     "called",
     [

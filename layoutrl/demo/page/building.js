@@ -1,6 +1,6 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { $, answered, changed, grid, inTurnHere, known, plan, render, say } from "./page.js";
+import { $, answered, changed, grid, idle, inTurnHere, known, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
 import { openAlone } from "./saving.js";
 import { WAYS, item, openings, outdated, state, words } from "./store.js";
@@ -11,6 +11,7 @@ const HINTS = {
   window: "Click a wall, or go there with the arrows and press Enter.",
 };
 const NEAR = 4; // pixels: who points as near to the first corner means it
+let closing = false; // an outline
 const far = (one, other) => Math.hypot(one[0] - other[0], one[1] - other[1]);
 const same = (one, other) => one.join() === other.join();
 
@@ -23,7 +24,7 @@ function reached(point) {
 }
 
 function enter(mode) {
-  if (document.body.dataset.state !== "idle") return;
+  if (!idle()) return;
   Object.assign(state, { mode: state.mode === mode ? "edit" : mode, selected: null, thoughts: null });
   state.cursor = [...(mode === "draw" ? state.draft.at(-1) ?? [1, 1] : state.look.middle)];
   render();
@@ -55,11 +56,13 @@ async function rebuilt(about, then) {
 }
 
 async function close() {
+  if (closing) return; // a second click, before the server has answered
+  closing = true;
   const kind = $("kind").value;
   const room = { id: `my ${words(kind)}`, room_type: kind, outline: state.draft, doors: [], windows: [], furniture: [] };
-  if (!(await openAlone(room))) return;
+  const opened = await openAlone(room).finally(() => { closing = false; });
+  if (!opened) return;
   state.source.saved.clear(); // unlike a room that is read, it is nowhere else
-  state.draft = [];
   $("adding").open = true;
   render();
 }
@@ -87,7 +90,7 @@ plan.addEventListener("click", (event) => {
 });
 
 plan.addEventListener("keydown", (event) => {
-  if (state.mode === "edit") return;
+  if (state.mode === "edit" || event.ctrlKey || event.metaKey || event.altKey) return;
   const way = WAYS[event.key];
   if (way) {
     state.cursor = reached(state.cursor.map((value, axis) => value + way[axis] * (event.shiftKey ? 1 : 0.1)));

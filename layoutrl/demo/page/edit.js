@@ -1,18 +1,17 @@
 // Furniture by hand: dragged, turned, locked, added, deleted; and how it was before.
 
 import { back } from "./building.js";
-import { $, changed, inTurn, inTurnHere, known, look, measures, plan, render, say, select, waits } from "./page.js";
+import { $, changed, idle, inTurn, inTurnHere, known, look, measures, plan, render, say, select, waits } from "./page.js";
 import { metres } from "./plan.js";
 import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
 
-const idle = () => document.body.dataset.state === "idle";
 const centimetres = (value) => Math.round(value * 100) / 100;
 const TYPED = "input:not([type=checkbox], [type=file])"; // who types there undoes letters
 const BACK = " It is back as it was.";
 let drag = null;
 
 plan.addEventListener("pointerdown", (event) => {
-  if (state.mode !== "edit" || !idle() || event.button !== 0) return;
+  if (drag || state.mode !== "edit" || !idle() || event.button !== 0) return;
   document.activeElement.blur(); // what was typed in a field is of the item that was chosen
   const thing = event.target.closest("[data-item], [data-opening], use"); // which shows the chosen item on top
   if (!thing) return select(null);
@@ -24,12 +23,12 @@ plan.addEventListener("pointerdown", (event) => {
   if (state.locked[index] || waits()) return;
   plan.setPointerCapture(event.pointerId);
   const dragged = state.room.furniture[index];
-  drag = { dragged, from: metres(plan, event), center: dragged.center, moved: false };
+  drag = { pointer: event.pointerId, dragged, from: metres(plan, event), center: dragged.center, moved: false };
 });
 
 plan.addEventListener("pointermove", (event) => {
   if (drag && !state.room.furniture.includes(drag.dragged)) drag = null; // deleted, or undone
-  if (!drag) return;
+  if (drag?.pointer !== event.pointerId) return; // none, or a second finger
   const [x, y] = metres(plan, event);
   const center = [drag.center[0] + x - drag.from[0], drag.center[1] + y - drag.from[1]].map(centimetres);
   if (!drag.moved && Math.hypot(x - drag.from[0], y - drag.from[1]) < 0.02) return;
@@ -41,8 +40,8 @@ plan.addEventListener("pointermove", (event) => {
   look();
 });
 
-async function dropped() {
-  if (!drag) return;
+async function dropped({ pointerId }) {
+  if (drag?.pointer !== pointerId) return;
   const { dragged, center, moved } = drag;
   drag = null;
   if (moved) await inTurn(() => settled(() => Object.assign(dragged, { center }), BACK));

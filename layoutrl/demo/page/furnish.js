@@ -1,7 +1,7 @@
 // Furnishing: the moves as they were made, the choices, and what the agent thinks of an item.
 
 import { ask } from "./api.js";
-import { $, become, changed, element, judged, latest, plan, render, say } from "./page.js";
+import { $, become, changed, element, idle, judged, latest, plan, render, say } from "./page.js";
 import { item, outdated, state } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
@@ -17,7 +17,7 @@ async function furnish(chosen) {
   await judged();
   const { selected } = state;
   const movable = chosen().filter((k) => !state.locked[k]);
-  if (document.body.dataset.state !== "idle") return;
+  if (!idle()) return;
   Object.assign(state, { mode: "edit", thoughts: null, notice: "", lines: [] });
   become("asking");
   render();
@@ -105,7 +105,7 @@ $("skip").onclick = () => skip?.();
 
 document.addEventListener("take", async ({ detail }) => {
   await judged();
-  if (document.body.dataset.state !== "idle" || !state.choices[detail]) return;
+  if (!idle() || !state.choices[detail]) return;
   state.chosen = detail;
   state.room.furniture = structuredClone(state.choices[detail].furniture);
   changed();

@@ -31,6 +31,9 @@ export function become(name) {
   if (name === "idle") document.dispatchEvent(new Event("idle"));
 }
 
+export const idle = () => document.body.dataset.state === "idle";
+const furnishing = () => ["asking", "playing"].includes(document.body.dataset.state);
+
 // What asks the server, so that at most one question is on its way: what changes meanwhile is asked after it. `asking` may
 // learn whether it has.
 export function latest(asking) {
@@ -91,7 +94,7 @@ export function inTurn(act) {
 // The same of what is of the room as a whole: not of another that is shown by then, nor while it is furnished.
 export function inTurnHere(act) {
   const { source, room: { id } } = state;
-  const here = () => document.body.dataset.state === "idle" && state.source === source && state.room.id === id;
+  const here = () => idle() && state.source === source && state.room.id === id;
   return inTurn(() => (here() ? act() : render()));
 }
 
@@ -104,7 +107,7 @@ export const answered = (question, body) => busy(ask(question, body));
 // Wait until no room is being furnished, and all changes are judged.
 async function untilIdle() {
   await judged();
-  while (["asking", "playing"].includes(document.body.dataset.state)) {
+  while (furnishing()) {
     await new Promise((resolve) => { document.addEventListener("idle", resolve, { once: true }); });
     await judged();
   }
@@ -162,7 +165,7 @@ export function render() {
   renderChoices();
   renderTools();
   renderLines();
-  $("link-label").hidden = snapshot() !== state.linked; // the link holds a room as it was
+  $("link-label").hidden = state.linked === null || snapshot() !== state.linked; // the link holds a room as it was
   if (where) (document.querySelector(`[data-${where[0]}="${where[1]}"]`) ?? plan).focus({ preventScroll: true });
 }
 
@@ -193,7 +196,7 @@ function renderList() {
   });
   if (mode === "draw") $("title").textContent = "A new room";
   $("standing").hidden = $("adding").hidden = mode === "draw";
-  if (mode !== "edit" || ["asking", "playing"].includes(document.body.dataset.state)) return;
+  if (mode !== "edit" || furnishing()) return;
   const standing = faults.filter(([k]) => room.furniture[k]?.center).map(([, , text]) => text);
   const waiting = faults.length - standing.length;
   const wrong = problem || notice || [waiting && `${waiting} to be placed`, ...standing].filter(Boolean).join("; ");

@@ -189,16 +189,16 @@ saving("save-png", async () => {
   canvas.toBlob((blob) => download(blob, "image/png", "png"), "image/png");
 });
 
-$("share").onclick = async () => {
-  await judged();
+saving("share", async () => {
   const mark = marks(state.source, [state.room.id]);
-  state.linked = snapshot();
-  history.replaceState(null, "", `#room=${await packed(state.linked)}`);
+  const text = snapshot();
+  history.replaceState(null, "", `#room=${await packed(text)}`);
+  state.linked = text;
   mark();
   render();
   $("link").value = location.href;
   $("link").select();
-};
+});
 
 // The room of the address, if it holds one. Says what is wrong with one that cannot be read.
 export async function fromLink() {

@@ -26,6 +26,7 @@ export const sourceOf = (rooms = [], name = "", home = null, lines = []) =>
 
 const sources = new Set(); // of rooms that were shown
 const past = []; // each {text: a snapshot, source}
+const MOST = 500; // changes that can be undone, for the sake of memory
 const future = [];
 let present = null;
 
@@ -61,6 +62,7 @@ export function commit() {
   const now = { text: snapshot(), source: state.source };
   if (now.text === present?.text && now.source === present.source) return;
   if (present) past.push(present);
+  if (past.length > MOST) past.shift();
   present = now;
   future.length = 0;
   keep();
@@ -103,7 +105,7 @@ const through = async (bytes, stream) =>
 
 export async function packed(text) {
   const bytes = await through(new TextEncoder().encode(text), new CompressionStream("deflate-raw"));
-  const letters = btoa(String.fromCharCode(...bytes));
+  const letters = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
   return letters.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 

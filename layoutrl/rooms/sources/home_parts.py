@@ -18,7 +18,7 @@ from layoutrl.rooms.sources.floors import floor_of
 from layoutrl.rooms.sources.home_xml import GROUP, OPENING, PIECES, Element, within
 from layoutrl.rooms.sources.walls import DrawnOpening, Wall, oblong
 
-HIGHEST = 0.4  # metres: what hangs higher stands in nobody's way
+HIGHEST = 0.4  # metres: what hangs higher in a home is in nobody's way
 HUNG = 1.2  # metres, instead of HIGHEST, for furniture of bathrooms: it hangs on their walls
 FLAT = ("bathtub", "shower")  # count as furniture however low they are
 STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins below STEP and is at least HEADROOM high is walked through

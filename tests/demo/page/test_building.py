@@ -76,6 +76,17 @@ def test_a_room_is_drawn_by_keyboard(page):
     expect(page.locator("#plan .door")).to_have_count(0)
 
 
+def test_an_outline_is_closed_once_however_often_that_is_asked(page):
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    for key in ("Enter", *["Shift+ArrowRight"] * 3, "Enter", *["Shift+ArrowUp"] * 3, "Enter"):
+        page.keyboard.press(key)
+    before = page.locator("#gallery li").count()
+    page.evaluate("for (let k = 0; k < 3; k++) document.getElementById('close').click()")
+    settled(page)
+    expect(page.locator("#gallery li")).to_have_count(before + 1)
+
+
 def test_undo_takes_back_a_corner_while_an_outline_is_drawn(page):
     for dx in (-0.3, -0.2):
         dragged(page, item(page, "bed"), dx, 0)

@@ -55,6 +55,30 @@ def test_a_room_of_each_type_is_shown(page):
         expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
 
 
+def test_a_second_finger_moves_nothing(page):
+    page.evaluate(DROP, json.dumps(SQUARE))
+    settled(page)
+    before = room_of(page)
+    assert before["id"] == "square"
+    page.evaluate(
+        """() => {
+          const body = document.querySelector("#plan [data-item]");
+          const { x, y, width, height } = body.getBoundingClientRect();
+          const at = { button: 0, bubbles: true, clientX: x + width / 2, clientY: y + height / 2 };
+          const plan = document.getElementById("plan");
+          plan.setPointerCapture = () => {};
+          body.dispatchEvent(new PointerEvent("pointerdown", { ...at, pointerId: 5 }));
+          const other = { ...at, clientX: at.clientX + 90, pointerId: 6 };
+          plan.dispatchEvent(new PointerEvent("pointerdown", other));
+          plan.dispatchEvent(new PointerEvent("pointermove", other));
+          plan.dispatchEvent(new PointerEvent("pointerup", other));
+          plan.dispatchEvent(new PointerEvent("pointerup", { ...at, pointerId: 5 }));
+        }"""
+    )
+    settled(page)
+    assert room_of(page) == before
+
+
 def test_furniture_is_dragged_undone_and_done_again(page):
     before = room_of(page)
     dragged(page, item(page, "bed"), -0.5, 0)
