@@ -109,8 +109,8 @@ def main(arguments: list[str]) -> int:
             print(f"{room_type} failed: {problem}", file=sys.stderr, flush=True)
             status = 1
             continue
-        others = about["agents"] | {room_type: card}
-        about["agents"] = {kind: others[kind] for kind in MAIN_ITEM if kind in others}
+        agents = about["agents"] | {room_type: card}
+        about["agents"] = {kind: agents[kind] for kind in MAIN_ITEM if kind in agents}
         write_json(file, about)
         page.write_text(page_of(about), encoding="utf-8")
         print(f"{room_type}: IoU {card['measures']['iou']:.3f}, {card['bytes']} bytes", flush=True)

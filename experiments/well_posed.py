@@ -1,6 +1,6 @@
 """Are designed rooms well-posed? One type a call:
 
-    python experiments/well_posed.py bedroom [--train 5000] [--test 1000] [--seed 0]
+    python experiments/well_posed.py bedroom [--train 5000] [--test 1000] [--seed 0] [--results <folder>]
 
 Ambiguity: how good another place would have been to the designer. A room with a near tie is not used; what counts is
 how many tries were rejected for one, and how small the other margins are. That the place can be inferred from what is

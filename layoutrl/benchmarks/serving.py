@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from http.client import HTTPConnection
+from http.client import HTTPConnection, HTTPException
 from importlib.util import find_spec
 from statistics import median
 from typing import Any
@@ -101,7 +101,7 @@ def visited(port: int, look: dict[str, Any]) -> list[float] | None:
     try:
         with connected(port) as connection:
             return [waited(connection, "look", look) for _ in range(ANSWERS)]
-    except (InputError, OSError):
+    except (InputError, OSError, HTTPException):
         return None
 
 
