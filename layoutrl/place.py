@@ -36,7 +36,6 @@ from layoutrl.runs.answer import Answer
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.ranges import within
 from layoutrl.runs.room_placer import RoomPlacer, matched
 from layoutrl.runs.streams import (
     STANDARD,
@@ -87,11 +86,13 @@ def furnish(
     InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
     """
     check_rooms(rooms)
-    for name, number in {"choices": choices, "seed": seed}.items():
-        within(name, number, is_whole(number), "a whole number")
     run = str(run) if isinstance(run, Path) else run
+    for name, value in {"choices": choices, "seed": seed}.items():
+        if not is_whole(value):
+            raise InputError(f"{name}: expected a whole number; got {value!r:.60}")
     for name, text in {"move": move, "by": by, "run": run}.items():
-        within(name, text, text is None or isinstance(text, str), "text, or None")
+        if not isinstance(text, str | None):
+            raise InputError(f"{name}: expected text, or None; got {text!r:.60}")
     config = replace(in_memory(), choices=choices, move=move, by=by, run=run, seed=seed)
     check_who(config)
     config = by_category(config)
@@ -100,8 +101,10 @@ def furnish(
     briefs = rooms
     if stood is None:
         briefs, stood = [to_place(room, config.move) for room in rooms], [room.furniture for room in rooms]
-    elif [len(items) for items in stood] != [len(room.furniture) for room in rooms]:
-        raise InputError("stood: expected the furniture of each room, every item; got other numbers of items")
+    elif [[item.kind for item in items] for items in stood] != [
+        [item.kind for item in room.furniture] for room in rooms
+    ]:
+        raise InputError("stood: expected the furniture of each room, every item as it stood; got other items")
     entries = [
         Entry(room.id, brief, room_to_dict(room), stood=tuple(items))
         for room, brief, items in zip(rooms, briefs, stood, strict=True)

@@ -55,7 +55,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_collection_finish() -> None:
     """Let the garbage collector look no more through what was imported: it lives to the end."""
     gc.freeze()
-    gc.set_threshold(700, 10, 100)  # all that has lived for long is looked through a tenth as often
+    young, middle, old = gc.get_threshold()
+    gc.set_threshold(young, middle, 10 * old)  # what has lived for long is looked through a tenth as often
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -1187,7 +1187,7 @@ def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle)
         ({"run": Path("nowhere")}, "nowhere"),
         ({"run": 5}, "run: expected text"),
         ({"move": ["bed"]}, "move: expected text"),
-        ({"choices": "3"}, "choices: expected a whole number; got 3"),
+        ({"choices": "3"}, "choices: expected a whole number; got '3'"),
         ({"choices": 2.5}, "choices: expected a whole number"),
         ({"seed": None}, "seed: expected a whole number"),
         ({"stood": []}, "stood: expected the furniture of each room"),

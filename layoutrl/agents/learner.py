@@ -100,11 +100,11 @@ class Learner:
                 scenes, whole, ages, most, generator, near=method.near_share, own=method.own_share
             )
         else:
-            single = Simulator(rooms, method.moves, reward)
-            self.simulator = moves_in = simulator = BatchSimulator(single, device)
+            exact = Simulator(rooms, method.moves, reward)
+            self.simulator = moves_in = simulator = BatchSimulator(exact, device)
             self.observe = observation_of(method.observation, rooms, device, self.categories)
             self.replay = Replay(method.replay_capacity, method.moves.count, device)
-            designed = torch.as_tensor(single.designer_position, device=device)
+            designed = torch.as_tensor(exact.designer_position, device=device)
             near = (method.near_share, designed) if method.near_share else None
             self._begin = lambda generator: Episodes(simulator, ages, most, generator, method.goal_iou, near)
         if not can_move(moves_in):

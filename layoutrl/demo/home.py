@@ -76,8 +76,8 @@ def written_back(room: Room, content: bytes, others: Sequence[Room] = (), name: 
     """Return the home that a room was read from, with the furniture of the room and of `others` where it stands now.
 
     `name` is what the home was called when it was read. Raises InputError if the room has another floor, other doors,
-    windows or furniture than the home's, or if `fixed` furniture was moved. If one of `others` does, it stays as the
-    home has it, and its id is returned, too.
+    windows or furniture than the home's, or if `fixed` furniture was moved. If that is so of one of `others`, it stays
+    as the home has it, and its id is returned, too.
     """
     with TemporaryDirectory(prefix="layoutrl-") as folder:
         path, out = Path(folder) / name, Path(folder) / f"out-{name}"
@@ -107,7 +107,7 @@ def _check(room: Room, before: Room | None, home: Home) -> None:
     pieces = [] if before is None else [*before.furniture]
     if before is None or [item.kind for item in pieces] != [item.kind for item in room.furniture]:
         raise InputError(
-            "home: expected the furniture that was read from it, no more or less, in the same sizes; "
+            "home: expected the furniture that was read from it, no more or less, in the same sizes and shapes; "
             f"{room.id!r} has other: save it as JSON"
         )
     if (room.outline, room.holes, room.openings) != (before.outline, before.holes, before.openings):

@@ -290,9 +290,12 @@ def _holds(part: str, named: str) -> bool:
 
 
 def _spelled(name: str) -> str:
-    """Return a name, shortened, with *with* in place of "w/": a slash parts names."""
-    name = re.sub(r"\bw/d\b", "w d", name[:LONGEST], flags=re.IGNORECASE)  # a washer and dryer
-    return re.sub(r"\bw/(?!c\b)", "with ", name, flags=re.IGNORECASE)  # a w/c is none
+    """Return a name, shortened, with *with* in place of "w/": a slash parts names.
+
+    A w/d is a washer and dryer, a w/c a toilet: neither means with.
+    """
+    name = re.sub(r"\bw/d\b", "w d", name[:LONGEST], flags=re.IGNORECASE)
+    return re.sub(r"\bw/(?!c\b)", "with ", name, flags=re.IGNORECASE)
 
 
 def _parts(name: str) -> list[str]:

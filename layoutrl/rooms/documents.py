@@ -132,6 +132,8 @@ def with_layout(
     """
     entries = [dict(entry) for entry in document["furniture"]]
     for k, (entry, before, item) in enumerate(zip(entries, asked.furniture, layout.furniture, strict=True)):
+        if entry.get(FAULTS_FIELD, 0) is None:
+            del entry[FAULTS_FIELD]
         if isinstance(entry.get(FAULTS_FIELD), list):  # else it is a field of the user's own
             listed = entry.pop(FAULTS_FIELD)
             kept = [fault for fault in listed if fault not in (*FAULTS, *ODDITIES) or (k, fault) in still]
@@ -309,10 +311,10 @@ def _furniture(entries: Sequence[Any]) -> tuple[Item, ...]:
 
 def _item(entry: Any, field: str) -> Item:
     _check_fields(entry, field, ITEM_REQUIRED, ITEM_OPTIONAL)
-    entry = _without_nulls(entry, ITEM_OPTIONAL)
     for name, ours in MISNAMED_FIELDS.items():  # else an item that stands would count as one to be placed
         if name in entry and ours not in entry:
             raise RoomError(f"{field}.{name}", f"unknown field; expected {EXPECTED[ours]}")
+    entry = _without_nulls(entry, ITEM_OPTIONAL)
     depth, width = _pair(entry["size"], f"{field}.size")
     if depth <= 0 or width <= 0:
         raise RoomError(f"{field}.size", f"expected two lengths above zero, in metres; got {_show(entry['size'])}")

@@ -56,12 +56,14 @@ def off_their_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:
 def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) -> np.ndarray:
     """Return how far the four sides of `those` items (n,), placed rectangles, are from the walls, in metres: (n, 4).
 
-    A side is as far as the farthest of its ends and its middle; BACK is the index of the back.
+    A side is as far as the farthest of its ends and of the points a tenth of it from these: across a corner the ends
+    alone touch, and before a niche all may. BACK is the index of the back.
     """
     corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
     walls = shapely.boundary([layout.indoor for layout in layouts])[items.room[those]]
-    points = corners[:, :-1], (corners[:, :-1] + corners[:, 1:]) / 2, corners[:, 1:]
-    return np.max([shapely.distance(walls[:, None], shapely.points(each)) for each in points], axis=0)
+    first, last = corners[:, :-1], corners[:, 1:]
+    points = [first + share * (last - first) for share in (0, 0.1, 0.9, 1)]
+    return shapely.distance(walls[:, None], shapely.points(points)).max(0)
 
 
 def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:

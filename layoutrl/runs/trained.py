@@ -133,8 +133,11 @@ def trained_run(config: RunConfig) -> TrainedRun:
             print(f"left out {len(chosen) - len(unseen)} rooms that the agent was trained on")
         chosen = unseen
     if not chosen:
-        of_part = "" if part == "all" else f"{part} "
-        raise InputError(f"part: {data.source} has no {of_part}rooms to score; expected another part, or more rooms")
+        if part == "all":
+            raise InputError(
+                f"data: {data.source} has no rooms to score; expected some that the agent did not learn from"
+            )
+        raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
     unknown = [{item.category for item in room.furniture}.difference(kept.categories) for room in chosen]
     if names := sorted(set().union(*unknown)):

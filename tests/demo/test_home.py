@@ -123,7 +123,13 @@ def test_a_home_is_written_back_whole_with_what_moved(tmp_path):
 def test_other_furniture_than_the_homes_is_refused(tmp_path):
     content = new_home(ROOMS[0])
     home = read(tmp_path, content)
-    for other in (replace(home, id="another"), replace(home, furniture=home.furniture[1:])):
+    first, *others = home.furniture
+    rounded = replace(first, form="circle")
+    for other in (
+        replace(home, id="another"),
+        replace(home, furniture=others),
+        replace(home, furniture=(rounded, *others)),
+    ):
         with pytest.raises(InputError, match="expected the furniture that was read from it"):
             written_back(other, content)
 

@@ -116,6 +116,12 @@ def test_a_drawing_of_no_known_format_is_refused_and_not_written_as_another(tmp_
     assert not [*tmp_path.iterdir()]
 
 
+def test_suffixes_are_read_in_capitals_too(tmp_path: Path) -> None:
+    for name in ("room.SVG", "room.Png"):
+        draw(rectangular_room(), [], tmp_path / name)
+    assert layers((tmp_path / "room.SVG").read_text())["furniture"] is not None
+
+
 def test_a_dollar_in_a_name_is_a_dollar(tmp_path: Path) -> None:
     room = rectangular_room()
     dear = replace(room, id=r"$\frac$", furniture=(replace(room.furniture[0], category=r"$\alpha$ bed $\frac$"),))

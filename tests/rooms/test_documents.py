@@ -208,6 +208,15 @@ def test_what_was_wrong_with_what_stands_is_kept_and_what_is_new_comes_to_it() -
     assert own["furniture"][0]["faults"] == ["off its wall"]
 
 
+def test_faults_that_are_null_are_none_yet() -> None:
+    asked = document(furniture=[{"category": "bed", "size": [2.0, 1.5], "center": [1, 1], "faults": None}])
+    room = room_from_dict(asked)
+    (entry,) = with_layout(asked, room, room, [(0, "overlaps")], set())["furniture"]
+    assert entry["faults"] == ["overlaps"]
+    (entry,) = with_layout(asked, room, room, [], set())["furniture"]
+    assert "faults" not in entry
+
+
 def test_of_what_was_wrong_with_what_stands_that_alone_is_kept_which_still_is() -> None:
     own = document()
     scratch = [{"scratch": 1}, "a scratch"]  # the user's own

@@ -40,6 +40,15 @@ def test_what_belongs_at_a_wall_has_its_back_there(center: tuple[float, float], 
     assert not oddities(furnished(Item("sofa", (0.6, 1.2), center, rotation)))  # people have sofas in mid-room
 
 
+def test_what_stands_across_a_corner_is_off_its_wall_and_what_stands_before_a_niche_is_not() -> None:
+    wide = 1.8  # metres; across the lower left corner of the room both ends of the back are at walls
+    out = (wide / 2 + 0.3) / 2**0.5
+    assert oddities(furnished(Item("wardrobe", (0.6, wide), (out, out), 45))) == [(0, OFF_ITS_WALL)]
+    niche = ((0, 0), (4, 0), (4, 3), (0, 3), (0, 2), (-0.3, 2), (-0.3, 1), (0, 1))
+    assert not oddities(furnished(Item("bed", (2.0, 1.6), (1.0, 1.5), 0), outline=niche))
+    assert oddities(furnished(Item("bed", (2.0, 1.6), (1.2, 1.5), 0), outline=niche)) == [(0, OFF_ITS_WALL)]
+
+
 def test_a_chair_is_astray_that_stands_under_no_table_though_there_is_one() -> None:
     table, chair = Item("table", (1.0, 1.0), (2.0, 1.5)), Item("chair", (0.4, 0.4), (2.6, 1.5), 180, tucked=True)
     away = replace(chair, center=(3.5, 0.5))

@@ -62,6 +62,7 @@ async function close() {
   const room = { id: `my ${words(kind)}`, room_type: kind, outline: state.draft, doors: [], windows: [], furniture: [] };
   const opened = await openAlone(room).finally(() => { closing = false; });
   if (!opened) return;
+  state.draft = [];
   state.source.saved.clear(); // unlike a room that is read, it is nowhere else
   $("adding").open = true;
   render();

@@ -10,8 +10,14 @@ const TYPED = "input:not([type=checkbox], [type=file])"; // who types there undo
 const BACK = " It is back as it was.";
 let drag = null;
 
+// Whether an item is dragged, by the pointer of an event if one is given; else a second finger would move it, too.
+function dragging(event) {
+  if (drag && !state.room.furniture.includes(drag.dragged)) drag = null; // deleted, or undone
+  return drag !== null && (!event || drag.pointer === event.pointerId);
+}
+
 plan.addEventListener("pointerdown", (event) => {
-  if (drag || state.mode !== "edit" || !idle() || event.button !== 0) return;
+  if (dragging() || state.mode !== "edit" || !idle() || event.button !== 0) return;
   document.activeElement.blur(); // what was typed in a field is of the item that was chosen
   const thing = event.target.closest("[data-item], [data-opening], use"); // which shows the chosen item on top
   if (!thing) return select(null);
@@ -27,8 +33,7 @@ plan.addEventListener("pointerdown", (event) => {
 });
 
 plan.addEventListener("pointermove", (event) => {
-  if (drag && !state.room.furniture.includes(drag.dragged)) drag = null; // deleted, or undone
-  if (drag?.pointer !== event.pointerId) return; // none, or a second finger
+  if (!dragging(event)) return;
   const [x, y] = metres(plan, event);
   const center = [drag.center[0] + x - drag.from[0], drag.center[1] + y - drag.from[1]].map(centimetres);
   if (!drag.moved && Math.hypot(x - drag.from[0], y - drag.from[1]) < 0.02) return;
@@ -40,8 +45,8 @@ plan.addEventListener("pointermove", (event) => {
   look();
 });
 
-async function dropped({ pointerId }) {
-  if (drag?.pointer !== pointerId) return;
+async function dropped(event) {
+  if (!dragging(event)) return;
   const { dragged, center, moved } = drag;
   drag = null;
   if (moved) await inTurn(() => settled(() => Object.assign(dragged, { center }), BACK));
@@ -49,6 +54,7 @@ async function dropped({ pointerId }) {
 
 plan.addEventListener("pointerup", dropped);
 plan.addEventListener("pointercancel", dropped);
+plan.addEventListener("lostpointercapture", dropped);
 
 // Of a key that is held, what comes before the server has answered: an item would run on after it.
 const tooSoon = (event) => event.repeat && waits();

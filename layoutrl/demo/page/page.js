@@ -32,7 +32,8 @@ export function become(name) {
 }
 
 export const idle = () => document.body.dataset.state === "idle";
-const furnishing = () => ["asking", "playing"].includes(document.body.dataset.state);
+const playing = () => document.body.dataset.state === "playing";
+const furnishing = () => playing() || document.body.dataset.state === "asking";
 
 // What asks the server, so that at most one question is on its way: what changes meanwhile is asked after it. `asking` may
 // learn whether it has.
@@ -76,7 +77,7 @@ const looking = latest(async () => {
   } catch (error) {
     state.problem = error.message;
   }
-  if (document.body.dataset.state !== "playing") render();
+  if (!playing()) render();
 });
 
 export const look = () => busy(looking());
@@ -264,10 +265,9 @@ function renderLines() {
 
 function renderTools() {
   const { mode, draft, room } = state;
-  const playing = document.body.dataset.state === "playing";
-  $("undo").disabled = playing || (mode === "draw" ? !draft.length : !canTravel(true));
-  $("redo").disabled = playing || mode === "draw" || !canTravel(false);
-  $("furnish").disabled = playing || mode === "draw";
+  $("undo").disabled = playing() || (mode === "draw" ? !draft.length : !canTravel(true));
+  $("redo").disabled = playing() || mode === "draw" || !canTravel(false);
+  $("furnish").disabled = playing() || mode === "draw";
   for (const id of ["close", "back", "grid-label"]) $(id).hidden = mode !== "draw";
   $("close").disabled = draft.length < 3;
   $("back").disabled = !draft.length;

@@ -25,8 +25,8 @@ export const sourceOf = (rooms = [], name = "", home = null, lines = []) =>
   ({ rooms, name, home, lines, now: new Map(), first: new Map(), saved: new Map(), pictures: new Map() });
 
 const sources = new Set(); // of rooms that were shown
-const past = []; // each {text: a snapshot, source}
 const MOST = 500; // changes that can be undone, for the sake of memory
+const past = []; // each {text: a snapshot, source}
 const future = [];
 let present = null;
 

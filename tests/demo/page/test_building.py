@@ -85,6 +85,19 @@ def test_an_outline_is_closed_once_however_often_that_is_asked(page):
     page.evaluate("for (let k = 0; k < 3; k++) document.getElementById('close').click()")
     settled(page)
     expect(page.locator("#gallery li")).to_have_count(before + 1)
+    expect(page.locator("#draw")).to_have_text("Draw an outline")
+
+
+PRESSED = """([key, altKey]) => document.getElementById("plan").dispatchEvent(
+  new KeyboardEvent("keydown", { key, altKey, bubbles: true, cancelable: true }))"""  # false if it is taken
+
+
+def test_a_browsers_keys_are_left_to_it_while_an_outline_is_drawn(page):
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    for key, taken in (("Alt+ArrowLeft", False), ("ArrowLeft", True)):
+        goes_on = page.evaluate(PRESSED, [key.rpartition("+")[2], "Alt" in key])
+        assert goes_on != taken
 
 
 def test_undo_takes_back_a_corner_while_an_outline_is_drawn(page):

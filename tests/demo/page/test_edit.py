@@ -69,14 +69,23 @@ def test_a_second_finger_moves_nothing(page):
           plan.setPointerCapture = () => {};
           body.dispatchEvent(new PointerEvent("pointerdown", { ...at, pointerId: 5 }));
           const other = { ...at, clientX: at.clientX + 90, pointerId: 6 };
-          plan.dispatchEvent(new PointerEvent("pointerdown", other));
+          for (const target of [plan, body]) target.dispatchEvent(new PointerEvent("pointerdown", other));
           plan.dispatchEvent(new PointerEvent("pointermove", other));
           plan.dispatchEvent(new PointerEvent("pointerup", other));
-          plan.dispatchEvent(new PointerEvent("pointerup", { ...at, pointerId: 5 }));
         }"""
     )
     settled(page)
     assert room_of(page) == before
+    page.evaluate(  # the first is still down, and does
+        """() => {
+          const { x, y, width, height } = document.querySelector("#plan [data-item]").getBoundingClientRect();
+          const to = { bubbles: true, pointerId: 5, clientX: x + width / 2 + 30, clientY: y + height / 2 };
+          for (const what of ["pointermove", "pointerup"])
+            document.getElementById("plan").dispatchEvent(new PointerEvent(what, to));
+        }"""
+    )
+    settled(page)
+    assert room_of(page) != before
 
 
 def test_furniture_is_dragged_undone_and_done_again(page):

@@ -72,6 +72,18 @@ def test_the_same_seed_and_budget_give_the_same_layout(method):
     assert method(brief, 0) == method(brief, 0)
 
 
+@pytest.mark.parametrize(("make", "settings", "times"), [(search, SEARCHING, [0, 1]), (anneal, ANNEALING, [0, 0])])
+def test_the_clock_runs_while_the_first_layout_is_made(make, settings, times):
+    asked = []
+
+    def spent(made):
+        asked.append(made)
+        return len(asked) - 1  # nothing at first, then all
+
+    make(brief_of(designed("bedroom", 1)[0]), relations_of("bedroom"), settings, spent, np.random.default_rng(0))
+    assert asked == times
+
+
 def test_another_seed_gives_another_layout():
     brief = brief_of(designed("study", 1)[0])
     assert annealed(brief, 0, 800) != annealed(brief, 1, 800)
