@@ -48,7 +48,8 @@ TRAINED_ON = {"designer": "designed rooms", "own": "real rooms", "both": "both"}
 LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # columns trained anew for real rooms
 # Columns that furnish real rooms only where they are asked for.
 DESIGNED_ALONE = ("rooms_untrained", "annealer_long", "search_long", "rooms_planit")
-POINTER_MINUTES = {"bedroom": "24.0", "study": "24.0", "tatami": "24.0"}  # of training, where more than elsewhere
+# Of training, where more than elsewhere.
+POINTER_MINUTES = dict.fromkeys(("bathroom", "bedroom", "study", "tatami"), "24.0")
 REAL_UPDATES = {"tatami": "24000"}  # of agents that learn from real rooms, where the package's has more
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_untrained", "rooms_pointer",
