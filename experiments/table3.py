@@ -117,7 +117,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             others = [column for column in columns.split(",") if column not in left_out]
             agent = LEARNS["agent"], "method.updates.default", REAL_UPDATES
             made += parts_of(trained_on | sweep, learn, real, *agent) if learn else []
-            made += parts_of(sweep, others, real, *agent) if others else []
+            made += [sweep | {"column": ",".join(others), "room": ",".join(real)}] if others else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:
         raise InputError(

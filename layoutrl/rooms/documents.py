@@ -130,10 +130,8 @@ def with_layout(
     the faults and oddities that the document has of items that stood, those in `still` are kept. All else is unchanged;
     an item that the layout does not place gets only its faults. Centers are rounded to a tenth of a millimetre.
     """
-    entries = [dict(entry) for entry in document["furniture"]]
+    entries = [_without_nulls(entry, (FAULTS_FIELD,)) for entry in document["furniture"]]
     for k, (entry, before, item) in enumerate(zip(entries, asked.furniture, layout.furniture, strict=True)):
-        if entry.get(FAULTS_FIELD, 0) is None:
-            del entry[FAULTS_FIELD]
         if isinstance(entry.get(FAULTS_FIELD), list):  # else it is a field of the user's own
             listed = entry.pop(FAULTS_FIELD)
             kept = [fault for fault in listed if fault not in (*FAULTS, *ODDITIES) or (k, fault) in still]
@@ -297,7 +295,7 @@ def _check_fields(entry: Any, field: str, required: tuple[str, ...], optional: t
 
 
 def _without_nulls(entry: dict[str, Any], optional: tuple[str, ...]) -> dict[str, Any]:
-    """Return a JSON object without optional fields that are null: many programs write these so."""
+    """Return a copy of a JSON object without optional fields that are null: many programs write these so."""
     return {name: value for name, value in entry.items() if value is not None or name not in optional}
 
 

@@ -10,11 +10,10 @@ const TYPED = "input:not([type=checkbox], [type=file])"; // who types there undo
 const BACK = " It is back as it was.";
 let drag = null;
 
-// Whether an item is dragged, by the pointer of an event if one is given; else a second finger would move it, too.
-function dragging(event) {
-  if (drag && !state.room.furniture.includes(drag.dragged)) drag = null; // deleted, or undone
-  return drag !== null && (!event || drag.pointer === event.pointerId);
-}
+// Whether an item is dragged that was neither deleted nor undone, by the pointer of an event if one is given: a second
+// finger moves nothing.
+const dragging = (event) =>
+  drag !== null && state.room.furniture.includes(drag.dragged) && (!event || drag.pointer === event.pointerId);
 
 plan.addEventListener("pointerdown", (event) => {
   if (dragging() || state.mode !== "edit" || !idle() || event.button !== 0) return;
