@@ -7,8 +7,9 @@ async function answer(path, options) {
   } catch {
     throw new Error("The server does not answer. Is it still running?");
   }
-  if (!response.ok) throw new Error((await response.json()).error);
-  return response;
+  if (response.ok) return response;
+  const { error } = await response.json().catch(() => ({})); // none, if not this server answers
+  throw new Error(error ?? `The server does not answer as it should (status ${response.status}).`, { cause: response.status });
 }
 
 const json = async (path, options) => (await answer(path, options)).json();

@@ -5,7 +5,7 @@ import "./building.js";
 import { offerKinds } from "./building.js";
 import "./edit.js";
 import "./furnish.js";
-import { known, render, say } from "./page.js";
+import { complain, known, render, say } from "./page.js";
 import { fromLink, offer, offerUnits, shown } from "./saving.js";
 import { sourceOf } from "./store.js";
 
@@ -23,7 +23,7 @@ try {
   if (!(await fromLink())) {
     const wrong = document.getElementById("verdict").textContent; // with the link
     await shown(first, gallery);
-    if (wrong) say(wrong);
+    if (wrong) complain(wrong);
   }
 } catch (error) {
   say(error.message);

@@ -1,6 +1,6 @@
 // A room of one's own: an outline on a grid of 10 cm, doors and windows through its walls.
 
-import { $, answered, changed, grid, idle, inTurnHere, known, plan, render, say } from "./page.js";
+import { $, answered, changed, complain, grid, idle, inTurnHere, known, plan, render, say } from "./page.js";
 import { metres, pixel, snapped } from "./plan.js";
 import { openAlone } from "./saving.js";
 import { WAYS, item, openings, outdated, state, words } from "./store.js";
@@ -25,12 +25,13 @@ function reached(point) {
 
 function enter(mode) {
   if (!idle()) return;
-  Object.assign(state, { mode: state.mode === mode ? "edit" : mode, selected: null, thoughts: null });
+  Object.assign(state, { mode: state.mode === mode ? "edit" : mode, selected: null, thoughts: null, notice: "" });
   state.cursor = [...(mode === "draw" ? state.draft.at(-1) ?? [1, 1] : state.look.middle)];
   render();
   if (state.mode === "edit") return;
   say(HINTS[mode], false);
   plan.focus({ preventScroll: true });
+  plan.scrollIntoView({ block: "nearest" }); // on a phone it is above
 }
 
 async function put() {
@@ -51,7 +52,7 @@ async function rebuilt(about, then) {
     Object.assign(state, { room: said.room, look: said, ...then(), ...outdated });
     await changed();
   } catch (error) {
-    say(error.message);
+    complain(error.message);
   }
 }
 
@@ -113,6 +114,7 @@ export function back() {
 $("draw").onclick = () => enter("draw");
 $("door").onclick = () => enter("door");
 $("window").onclick = () => enter("window");
+$("wide").onchange = () => { if (!$("wide").valueAsNumber) $("wide").value = $("wide").defaultValue; };
 $("close").onclick = close;
 $("back").onclick = back;
 $("grid").onchange = () => {

@@ -106,8 +106,8 @@ async function changedTo(chosen, fieldsOf) {
   }, BACK);
 }
 
-const turn = (degrees) =>
-  item()?.center && change(({ rotation }) => ({ rotation: (((rotation ?? 0) + degrees) % 360 + 360) % 360 }));
+const round = (degrees) => ((degrees % 360) + 360) % 360;
+const turn = (degrees) => item()?.center && change(({ rotation }) => ({ rotation: round((rotation ?? 0) + degrees) }));
 
 function lock() {
   if (drag) return null;
@@ -236,11 +236,11 @@ for (const [id, side] of [["depth", 0], ["width", 1]]) {
     return { size: shape === "circle" ? [length, length] : size.with(side, length) };
   }));
 }
-typed("degrees", (rotation) => item()?.center && change(() => ({ rotation })));
+typed("degrees", (degrees) => item()?.center && change(() => ({ rotation: round(degrees) })));
 
 async function travelled(before) {
   if (!idle() || !travel(before)) return;
-  Object.assign(state, { ...outdated, thoughts: null, notice: "", look: { ...state.look, gaps: [], faults: [] } });
+  Object.assign(state, { thoughts: null, notice: "", look: { ...state.look, gaps: [], faults: [] } });
   await look();
   document.dispatchEvent(new Event("choose"));
   if (state.problem) say(state.problem); // else unsaid while a door or window is put in

@@ -40,7 +40,7 @@ async function furnish(chosen) {
   state.selected = selected;
   if (state.choices.length) await changed();
   think();
-  focus.focus({ preventScroll: true });
+  if (document.activeElement === document.body) focus.focus({ preventScroll: true }); // else it is elsewhere by now
 }
 
 // Offer other choices beside the first. They are found while that is played and looked at; by then, they may be outdated.
@@ -106,8 +106,9 @@ $("skip").onclick = () => skip?.();
 document.addEventListener("take", async ({ detail }) => {
   await judged();
   if (!idle() || !state.choices[detail]) return;
+  const { room, locked } = state;
   state.chosen = detail;
-  state.room.furniture = structuredClone(state.choices[detail].furniture);
+  room.furniture = structuredClone(state.choices[detail].furniture).map((entry, k) => (locked[k] ? room.furniture[k] : entry));
   changed();
   think();
 });

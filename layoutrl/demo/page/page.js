@@ -24,6 +24,12 @@ export function say(text, bad = true) {
   $("verdict").classList.toggle("bad", bad);
 }
 
+// Say what went wrong, until something changes.
+export function complain(text) {
+  state.notice = text;
+  say(text);
+}
+
 // What the page does: loading, idle, asking, playing. Only while it is idle can its rooms and tools be used.
 export function become(name) {
   document.body.dataset.state = name;
@@ -71,11 +77,11 @@ const looking = latest(async () => {
   try {
     const said = await ask("look", { room, item: chosen });
     if (state.room === room) {
-      Object.assign(state, { look: said, problem: "" });
+      Object.assign(state, { look: said, problem: "", refused: false });
       document.dispatchEvent(new Event("looked"));
     }
   } catch (error) {
-    state.problem = error.message;
+    if (state.room === room) Object.assign(state, { problem: error.message, refused: error.cause === 400 });
   }
   if (!playing()) render();
 });
@@ -114,12 +120,20 @@ async function untilIdle() {
   }
 }
 
-// Take another room. It is shown as soon as the server has read it, and no other is being furnished.
-export async function open(room, locked = [], source = sourceOf()) {
+// Take another room; whether it was taken. It is shown as soon as the server has read it, and no other is being furnished.
+// Of several, the one that was asked for last is shown last.
+let opens = Promise.resolve();
+
+export function open(room, locked = [], source = sourceOf()) {
+  opens = opens.then(() => taken(room, locked, source));
+  return opens;
+}
+
+async function taken(room, locked, source) {
   try {
     const said = await answered("look", { room });
     await untilIdle();
-    Object.assign(state, { room: said.room, source, look: said, problem: "", notice: "", mode: "edit" });
+    Object.assign(state, { room: said.room, source, look: said, problem: "", refused: false, notice: "", mode: "edit" });
     Object.assign(state, { selected: null, thoughts: null, ...outdated });
     state.locked = said.room.furniture.map((_, k) => locked[k] || false);
     state.room.furniture.forEach((item) => delete item.locked); // who edits may unlock it
@@ -128,7 +142,7 @@ export async function open(room, locked = [], source = sourceOf()) {
     become("idle");
     return true;
   } catch (error) {
-    say(error.message);
+    complain(error.message);
     return false;
   }
 }
@@ -161,6 +175,7 @@ export function render() {
   const where = focus && ["item", "opening", "row"].map((name) => [name, focus.dataset[name]]).find(([, value]) => value);
   if (state.mode === "draw") drawDraft(plan, state, grid());
   else draw(plan, state, known);
+  renderStrip();
   renderList();
   renderSelected();
   renderChoices();
@@ -168,6 +183,12 @@ export function render() {
   renderLines();
   $("link-label").hidden = state.linked === null || snapshot() !== state.linked; // the link holds a room as it was
   if (where) (document.querySelector(`[data-${where[0]}="${where[1]}"]`) ?? plan).focus({ preventScroll: true });
+}
+
+function renderStrip() {
+  const now = state.source.pictures.get(state.room.id)?.parentElement;
+  for (const node of $("gallery").querySelectorAll("[aria-current]")) if (node !== now) node.removeAttribute("aria-current");
+  now?.setAttribute("aria-current", "true");
 }
 
 function wrongWith(index) {
@@ -218,7 +239,7 @@ function renderSelected() {
   for (const id of ["item-buttons", "item-sizes", "gaps"]) $(id).hidden = !chosen;
   $("name").textContent = chosen ? words(chosen.category) : opening.kind;
   $("delete").disabled = Boolean(chosen && state.locked[selected.index]);
-  $("wrong").textContent = chosen ? state.problem || wrongWith(selected.index).join("; ") : "";
+  $("wrong").textContent = chosen ? (state.refused && state.problem) || wrongWith(selected.index).join("; ") : "";
   if (!chosen) return;
   const lock = Boolean(state.locked[selected.index]);
   $("lock").setAttribute("aria-pressed", lock);
@@ -234,23 +255,28 @@ function renderSelected() {
 
 const counted = (count, one, several) => count && `${count} ${count > 1 ? several : one}`;
 
+function choiceOf({ furniture, faults, by }, k) {
+  const faulty = new Set(faults.map(([index]) => index));
+  const odd = faults.filter(([, name]) => known.oddities.has(name)).length;
+  const counts = [counted(faults.length - odd, "fault", "faults"), counted(odd, "oddity", "oddities")];
+  const text = counts.filter(Boolean).join(", ") || "no fault";
+  const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
+  node.append(thumbnail({ ...state.room, furniture }, state.look.box, known, faulty));
+  node.append(element("span", { textContent: `Choice ${k + 1}${by ? `, by ${by}` : ""}: ${text}` }));
+  return node;
+}
+
+let offered = []; // the choices that are drawn, and in which box
+
+// They stay while they are the same: one may have the focus, or be pressed just now.
 function renderChoices() {
-  const { choices, chosen, room, look, mode } = state;
+  const { choices, chosen, look, mode } = state;
+  const now = [choices, String(look.box)];
   $("choices").hidden = choices.length === 0 || mode === "draw";
-  const focus = [...$("choices").children].indexOf(document.activeElement);
-  $("choices").replaceChildren(...choices.map(({ furniture, faults, by }, k) => {
-    const standing = { ...room, furniture };
-    const count = new Set(faults.map(([index]) => index));
-    const odd = faults.filter(([, name]) => known.oddities.has(name)).length;
-    const counts = [counted(faults.length - odd, "fault", "faults"), counted(odd, "oddity", "oddities")];
-    const text = counts.filter(Boolean).join(", ") || "no fault";
-    const whose = by ? `, by ${by}` : "";
-    const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
-    node.setAttribute("aria-pressed", k === chosen);
-    node.append(thumbnail(standing, look.box, known, count), element("span", { textContent: `Choice ${k + 1}${whose}: ${text}` }));
-    return node;
-  }));
-  $("choices").children[focus]?.focus({ preventScroll: true });
+  if (now.some((what, k) => what !== offered[k])) $("choices").replaceChildren();
+  offered = now;
+  choices.slice($("choices").children.length).forEach((choice) => $("choices").append(choiceOf(choice, $("choices").children.length)));
+  [...$("choices").children].forEach((node, k) => node.setAttribute("aria-pressed", k === chosen));
 }
 
 // They are told by screen readers whenever they are drawn: once is enough.
@@ -276,7 +302,7 @@ function renderTools() {
     $(kind).setAttribute("aria-pressed", mode === kind);
     $(kind).disabled = mode === "draw";
   }
-  $("type").hidden = mode === "draw";
+  $("type").hidden = $("keys").hidden = mode === "draw";
   $("type").value = room.room_type;
   const entries = known.palette[room.room_type] ?? [];
   if ($("palette").dataset.type === room.room_type) return;

@@ -79,6 +79,12 @@ function furniture(item, fronts) {
   return nodes;
 }
 
+// A finger on it drags it, and does not scroll the page. It is asked itself, as it may be drawn anew before the plan is.
+function held(node) {
+  node.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
+  return node;
+}
+
 const placed = (item) => `translate(${item.center.join(" ")}) rotate(${item.rotation ?? 0})`;
 
 // Under others: rugs and platforms, then what is tucked, and of the rest what is larger.
@@ -139,7 +145,7 @@ export function draw(svg, state, { fronts, raised }) {
   const chosen = selected?.kind === "item" ? selected.index : -1;
   const faults = new Map();
   for (const [k, , told] of look.faults) faults.set(k, [...(faults.get(k) ?? []), told]);
-  if (state.problem && chosen >= 0) faults.set(chosen, [state.problem]);
+  if (state.refused && chosen >= 0) faults.set(chosen, [state.problem]);
   shell(group, room, look.swings);
   if (state.thoughts?.values) heat(group, state.thoughts.values, state.thoughts.step);
   openings(room).forEach((opening, index) => {
@@ -152,19 +158,20 @@ export function draw(svg, state, { fronts, raised }) {
   for (const { item, index } of order(room, raised)) {
     const told = faults.get(index);
     const looks = ["item", told && "faulty", state.locked[index] && "locked", index === chosen && "selected"];
+    if (index === chosen && state.thoughts?.values) looks.push("valued");
     const about = [words(item.category), state.locked[index] && "locked", told?.join(", ")];
     const nodes = furniture(item, fronts);
     if (told) nodes.push(nodes[0].cloneNode());
     if (told) nodes.at(-1).setAttribute("class", "hatch");
     if (!item.tucked || index === chosen) nodes.push(label(item, size)); // else under a table
     if (state.locked[index]) nodes.push(padlock(item, size));
-    group.append(make("g", {
+    group.append(held(make("g", {
       class: looks.filter(Boolean).join(" "), "data-item": index, role: "button", tabindex: 0, id: index === chosen ? "chosen" : null,
       "aria-pressed": index === chosen, "aria-label": about.filter(Boolean).join("; "), transform: placed(item),
-    }, ...nodes));
+    }, ...nodes)));
   }
   // What is chosen lies on top, but stays where it is among the others: Tab goes from one to the next in this order.
-  if (room.furniture[chosen]?.center) group.append(make("use", { href: "#chosen", "aria-hidden": true, tabindex: -1 }));
+  if (room.furniture[chosen]?.center) group.append(held(make("use", { href: "#chosen", "aria-hidden": true, tabindex: -1 })));
   if (state.mode === "edit" && chosen >= 0) for (const gap of look.gaps) measure(group, gap, 0.95 * size);
   const from = room.furniture[chosen]?.center;
   if (from) (state.thoughts?.moves ?? []).forEach(({ to }, rank) => arrow(group, from, to, rank));

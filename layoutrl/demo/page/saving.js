@@ -1,7 +1,7 @@
 // Files in and out, and the link that holds the room.
 
 import { ask, home, read } from "./api.js";
-import { $, element, judged, known, open, render, say } from "./page.js";
+import { $, complain, element, judged, known, open, render, say } from "./page.js";
 import { thumbnail } from "./plan.js";
 import { anyUnsaved, forget, marks, packed, snapshot, sourceOf, state, unpacked, unsaved, words } from "./store.js";
 
@@ -30,13 +30,15 @@ function withLocks({ room, locked }) {
   return { ...room, furniture };
 }
 
-// Take up a room of the strip as it was left, with what its file says of it, unless that is of another type now.
+// Take up a room of the strip as it was left, with what its file says of it, unless that is of another type now. Whether it
+// is shown.
 export async function shown({ room, fixed = [] }, source) {
   const left = source.now.get(room.id);
   const now = left ? JSON.parse(left) : { room: structuredClone(room), locked: locks(room, fixed) };
-  if (!(await open(now.room, now.locked, source))) return;
+  if (!(await open(now.room, now.locked, source))) return false;
   if (now.room.room_type === room.room_type) state.lines = source.lines.filter((line) => line.startsWith(`${room.id}: `));
   render();
+  return true;
 }
 
 // The name of a room among others of its home, whose name begins all their ids.
@@ -64,6 +66,7 @@ export async function openAlone(room, locked) {
   if (!(await open(room, locked))) return false;
   state.source.rooms.push(state.look);
   offer(state.source, true);
+  render();
   return true;
 }
 
@@ -87,7 +90,7 @@ async function opened(file, before = { source: null, entries: [] }) {
   render();
   try {
     const most = (await file.slice(0, 2).text()) === "PK" ? LARGEST.home : LARGEST.other; // a home is a ZIP
-    if (file.size > most * 1e6) return say(`${file.name} is larger than ${most} MB.`);
+    if (file.size > most * 1e6) return complain(`${file.name} is larger than ${most} MB.`);
     say(`${file.name} is being read.`, false); // a large home takes seconds
     const content = new Blob([await file.arrayBuffer()]); // which stays as it is, whatever becomes of the file
     const name = file.name.replace(/(?<=.)\.\w+$/, "");
@@ -95,12 +98,12 @@ async function opened(file, before = { source: null, entries: [] }) {
     const source = sourceOf(rooms, name, whole ? content : null, left_out);
     before.entries.forEach((entry) => entry.remove());
     Object.assign(mine, { source, entries: offer(source, true) });
-    await shown(rooms[0], source);
+    if (!(await shown(rooms[0], source))) return;
     forget(before.source);
     state.lines = left_out;
     render();
   } catch (error) {
-    say(`${file.name}: ${error.message}`);
+    complain(`${file.name}: ${error.message}`);
   }
 }
 
@@ -142,7 +145,7 @@ async function saveHome() {
   download(content, "application/zip", "sh3d", source.home ? source.name : room.id);
   const lost = unkept([room, ...others.filter((_, k) => !without.includes(k))], source);
   mark([...lost.ids, ...without.map((k) => others[k].id)]);
-  if (left || lost.line) say([left, lost.line].filter(Boolean).join("; "));
+  if (left || lost.line) complain([left, lost.line].filter(Boolean).join("; "));
 }
 
 $("file").onclick = () => { $("file").value = ""; }; // the same file, too, is opened anew
@@ -167,7 +170,7 @@ function saving(id, save) {
       await judged();
       await save();
     } catch (error) {
-      say(error.message);
+      complain(error.message);
     }
   };
 }
@@ -205,9 +208,9 @@ export async function fromLink() {
   if (!location.hash.startsWith("#room=")) return false;
   try {
     const { room, locked } = JSON.parse(await unpacked(location.hash.slice(6)));
-    return await openAlone(room, locked);
+    return await openAlone(room, locked ?? []);
   } catch {
-    say("The link holds no whole room.");
+    complain("The link holds no whole room.");
     return false;
   }
 }

@@ -5,7 +5,8 @@ export const state = {
   locked: [], // of each piece of furniture: true, false, or "page" where nobody else locked it
   source: null, // that the room is from, made by sourceOf
   look: null, // what the server last said of the room
-  problem: "", // why the server refuses the room as it is
+  problem: "", // why nobody says what is wrong with the room as it is
+  refused: false, // whether that is because of the room
   notice: "", // what else is to be said, until something changes
   lines: [], // of a file that was opened, or of what was not placed
   selected: null, // {kind: "item" | "opening", index}
@@ -26,7 +27,7 @@ export const sourceOf = (rooms = [], name = "", home = null, lines = []) =>
 
 const sources = new Set(); // of rooms that were shown
 const MOST = 500; // changes that can be undone, for the sake of memory
-const past = []; // each {text: a snapshot, source}
+const past = []; // each {text: a snapshot, source, found: the choices and lines of one that was left}
 const future = [];
 let present = null;
 
@@ -68,13 +69,14 @@ export function commit() {
   keep();
 }
 
-// The room before, or after; nothing if there is none.
+// The room before, or after, with what was found of it when it was left for one before; false if there is none.
 export function travel(back) {
   const [from, to] = back ? [past, future] : [future, past];
   if (!from.length) return false;
-  to.push(present);
+  const { choices, chosen, lines } = state;
+  to.push({ ...present, found: back ? { choices, chosen, lines } : outdated });
   present = from.pop();
-  Object.assign(state, JSON.parse(present.text), { source: present.source });
+  Object.assign(state, JSON.parse(present.text), { source: present.source }, outdated, present.found);
   keep();
   const { selected, room } = state;
   if (selected?.kind === "item" && selected.index >= room.furniture.length) state.selected = null;

@@ -55,6 +55,13 @@ def test_a_room_is_drawn_gets_doors_and_windows_and_is_furnished(still):
     expect(page.locator("#plan .window")).to_have_count(0)
 
 
+def test_a_width_that_is_cleared_is_the_usual_one(page):
+    page.locator("#building summary").click()
+    page.locator("#wide").fill("")
+    page.locator("#wide").blur()
+    expect(page.locator("#wide")).to_have_value("0.9")
+
+
 def test_a_room_is_drawn_by_keyboard(page):
     page.locator("#building summary").click()
     page.locator("#draw").click()

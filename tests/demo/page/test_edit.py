@@ -46,6 +46,67 @@ def test_it_begins_with_a_room_and_a_gallery_of_all_types(page):
     expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
 
 
+def test_nothing_can_be_used_before_a_room_is_shown(browser, address):
+    page, held = browser.new_page(), []
+    page.route("**/api/look", lambda route: held.append(route))
+    page.goto(address)
+    while not held:
+        page.wait_for_timeout(10)
+    for name in ("furnish", "undo", "redo"):
+        expect(page.locator(f"#{name}")).to_be_disabled()
+    tools = ("nav", "aside", "#type")
+    assert all(page.locator(name).evaluate("node => node.inert") for name in tools)
+    held.pop().continue_()
+    settled(page)
+    expect(page.locator("#furnish")).to_be_enabled()
+    assert not any(page.locator(name).evaluate("node => node.inert") for name in tools)
+    page.close()
+
+
+def test_of_two_rooms_the_last_is_shown_however_late_the_first_is(page):
+    held = []
+    page.route("**/api/look", lambda route: held.append(route) if not held else route.continue_())
+    for name in ("bathroom", "kitchen"):
+        page.locator("#gallery").get_by_role("button", name=name).first.click()
+    while not held:
+        page.wait_for_timeout(10)
+    page.wait_for_timeout(200)  # the second could be answered by now
+    held[0].continue_()
+    expect(page.locator("#title")).to_contain_text("kitchen")
+    settled(page)
+    expect(page.locator("#title")).to_contain_text("kitchen")
+    current = page.locator("#gallery [aria-current]")
+    expect(current).to_have_count(1)
+    expect(current).to_have_text("kitchen")
+
+
+def test_what_nobody_answers_of_a_room_is_not_said_of_another(page):
+    held = []
+    page.route("**/api/look", lambda route: held.append(route) if not held else route.continue_())
+    item(page, "bed").focus()
+    while not held:
+        page.wait_for_timeout(10)
+    page.locator("#gallery").get_by_role("button", name="kitchen").first.click()
+    expect(page.locator("#title")).to_contain_text("kitchen")
+    held[0].fulfill(status=400, body='{"error": "busy"}')
+    settled(page)
+    expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+
+
+def test_what_is_no_answer_is_no_fault_of_the_chosen_item(page):
+    answer = {}
+    page.route("**/api/look", lambda route: route.fulfill(**answer))
+    for faulty, told in ((0, {"body": "cut off"}), (1, {"status": 400, "body": '{"error": "furniture: too much"}'})):
+        answer |= told
+        item(page, "bed").focus()
+        page.keyboard.press("Escape")
+        item(page, "bed").focus()
+        expect(page.locator("#plan")).to_have_attribute("aria-busy", "false")
+        expect(page.locator("#verdict.bad")).to_be_visible()
+        expect(page.locator("#plan .item.faulty")).to_have_count(faulty)
+        expect(page.locator("#wrong")).to_have_text("furniture: too much" if faulty else "")
+
+
 def test_a_room_of_each_type_is_shown(page):
     for room_type in MAIN_ITEM:
         take(page, room_type.replace("_", " "))
@@ -425,6 +486,15 @@ def test_a_field_whose_number_is_refused_says_again_what_is_so(page):
     expect(page.locator("#depth")).to_have_value("0.1")  # the least that it takes
     settled(page)
     assert room_of(page)["furniture"] == [stools[0], stools[1] | {"size": [0.1, 0.5]}]
+
+
+def test_degrees_of_more_than_a_turn_are_those_of_less(page):
+    page.locator("#furniture").get_by_role("button", name="bed").click()
+    page.locator("#degrees").fill("725")
+    page.locator("#degrees").blur()
+    settled(page)
+    expect(page.locator("#degrees")).to_have_value("5")
+    assert room_of(page)["furniture"][0]["rotation"] == 5
 
 
 def test_what_is_typed_in_a_field_is_of_the_item_that_was_chosen(page):

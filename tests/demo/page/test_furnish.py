@@ -175,6 +175,65 @@ def test_what_is_locked_stays(still):
     expect(still.locator("#plan .item.locked .padlock")).to_have_count(1)
 
 
+def test_what_is_locked_stays_whichever_choice_is_taken(still):
+    still.locator("#furnish").click()
+    settled(still)
+    item(still, "bed").focus()
+    still.keyboard.press("l")
+    settled(still)
+    before = room_of(still)["furniture"]
+    choices = still.locator("#choices").get_by_role("button")
+    for k in range(1, choices.count()):
+        choices.nth(k).click()
+        settled(still)
+        after = room_of(still)["furniture"]
+        assert after[0] == before[0]
+        assert after[1:] != before[1:]
+
+
+def test_choices_come_back_with_what_is_done_again(still):
+    choices = still.locator("#choices").get_by_role("button")
+    still.locator("#furnish").click()
+    settled(still)
+    count = choices.count()
+    choices.last.click()
+    settled(still)
+    furniture = room_of(still)["furniture"]
+    for name, times in (("undo", 2), ("redo", 2)):
+        for _ in range(times):
+            still.locator(f"#{name}").click()
+            settled(still)
+    assert room_of(still)["furniture"] == furniture
+    expect(choices).to_have_count(count)
+    expect(choices.last).to_have_attribute("aria-pressed", "true")
+
+
+def test_a_choice_stays_where_it_is_pressed(still):
+    """Not drawn anew when the server answers: a press on it would be lost."""
+    still.locator("#furnish").click()
+    settled(still)
+    still.evaluate("window.pressed = document.querySelector('#choices').lastChild")
+    item(still, "bed").focus()
+    still.keyboard.press("ArrowUp")
+    settled(still)
+    assert still.evaluate("window.pressed.isConnected")
+    take(still, "bathroom")
+    assert not still.evaluate("window.pressed.isConnected")
+
+
+def test_what_has_the_focus_by_then_keeps_it(still):
+    held = []
+    still.route("**/api/furnish", lambda route: held.append(route))
+    still.locator("#furnish").click()
+    expect(still.locator("body")).to_have_attribute("data-state", "asking")
+    still.locator("#speed").focus()
+    while not held:
+        still.evaluate("0")
+    held.pop().fulfill(status=400, body='{"error": "busy"}')
+    settled(still)
+    expect(still.locator("#speed")).to_be_focused()
+
+
 def test_only_this_item_moves(still):
     dragged(still, item(still, "wardrobe"), 0.6, -0.8)
     before = room_of(still)["furniture"]
@@ -245,6 +304,8 @@ def test_what_the_agent_thinks_is_a_map_and_arrows(page):
     page.locator("#heat").check()
     expect(page.locator("#plan .value").nth(50)).to_be_attached()
     expect(page.locator("#scale")).to_be_visible()
+    see_through = page.locator("#plan #chosen .body").evaluate("node => getComputedStyle(node).fillOpacity")
+    assert float(see_through) < 0.5  # what lies under it shows
     page.locator("#arrows").check()
     expect(page.locator("#plan .arrow")).to_have_count(2)
     expect(page.locator("#moves li")).to_have_text(["left: 2.0", "down: 1.0"])

@@ -100,6 +100,18 @@ def test_a_link_that_is_broken_is_said(browser, address):
     assert next(pages, None) is None
 
 
+def test_a_link_without_what_is_locked_is_opened(page, browser):
+    page.evaluate(
+        """async room => {
+          const { packed } = await import("/store.js");
+          location.href = `#room=${await packed(JSON.stringify({ room, locked: null }))}`;
+        }""",
+        SQUARE,
+    )
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+    settled(page)
+
+
 @pytest.mark.parametrize("looks", LOOKS.values(), ids=LOOKS)
 def test_axe_finds_nothing(browser, address, looks):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="no axe-playwright-python")
@@ -133,8 +145,22 @@ def test_dark_and_light_differ(browser, address):
     assert colors == ["rgb(255, 255, 255)", "rgb(20, 24, 29)"]
 
 
+def test_on_a_phone_what_is_said_and_drawn_is_in_view(browser, address):
+    page = next(pages := visited(browser, address, **LOOKS["phone"]))
+    page.locator("#saving summary").click()
+    page.locator("#saving").scroll_into_view_if_needed()
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    page.evaluate(DROP, "no room")
+    expect(page.locator("#verdict")).to_contain_text("expected JSON")
+    expect(page.locator("#verdict")).to_be_in_viewport()
+    page.locator("#building summary").click()
+    page.locator("#draw").click()
+    expect(page.locator("#plan")).to_be_in_viewport(ratio=0.9)
+    assert next(pages, None) is None
+
+
 def test_a_finger_drags_furniture(browser, address):
-    """Up and down, too, where it would scroll the page; beside the plan it does."""
+    """Up and down, too, where it would scroll the page; on the floor and beside the plan it does."""
     page = next(pages := visited(browser, address, **LOOKS["phone"]))
     before = room_of(page)["furniture"][0]["center"]
     item(page, "bed").scroll_into_view_if_needed()
@@ -147,13 +173,25 @@ def test_a_finger_drags_furniture(browser, address):
             finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
         finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
+    def until(condition: str) -> None:
+        while not page.evaluate(condition):
+            page.wait_for_timeout(10)
+
     scrolled = page.evaluate("scrollY")
     swiped(*((x, y - 3 * k) for k in range(13)), (x - 20, y - 36), (x - 40, y - 36))
     settled(page)
     assert page.evaluate("scrollY") == scrolled
     x, y = middle(page.locator("#keys"))
     swiped(*((x, y - 10 * k) for k in range(13)))
-    page.wait_for_function(f"scrollY > {scrolled}")
+    until(f"scrollY > {scrolled}")
+    page.wait_for_timeout(500)  # the page rolls on
+    page.evaluate("scrollTo(0, 0)")
+    until("scrollY === 0")
+    plan = page.locator("#plan").bounding_box()
+    x, y = plan["x"] + plan["width"] / 2, plan["y"] + 0.97 * plan["height"]
+    assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('.item')", [x, y]) is None
+    swiped(*((x, y - 10 * k) for k in range(13)))
+    until("scrollY > 0")
     after = room_of(page)["furniture"][0]["center"]
     assert after[0] < before[0] - 0.2
     assert after[1] > before[1] + 0.2

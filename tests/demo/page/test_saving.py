@@ -76,6 +76,26 @@ def test_many_lines_on_a_file_take_no_more_space_than_ten_and_can_all_be_read(pa
     expect(page.locator("#lines li").last).to_be_in_viewport()
 
 
+def test_what_went_wrong_is_said_until_something_changes(page):
+    page.evaluate(DROP, "no room")
+    expect(page.locator("#verdict")).to_contain_text("expected JSON")
+    page.set_viewport_size({"width": 1000, "height": 800})
+    page.evaluate("new Promise(requestAnimationFrame)")
+    expect(page.locator("#verdict")).to_contain_text("expected JSON")
+    item(page, "bed").focus()
+    expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
+
+
+def test_a_room_that_is_read_but_not_shown_is_said(page):
+    page.route("**/api/look", lambda route: route.fulfill(status=400, body='{"error": "busy"}'))
+    page.evaluate(DROP, json.dumps(SQUARE))
+    expect(page.locator("#verdict")).to_have_text("busy")
+    expect(page.locator("#title")).not_to_have_attribute("data-room", SQUARE["id"])
+    page.unroute("**/api/look")
+    page.locator("#gallery").get_by_title(SQUARE["id"]).click()
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+
+
 def test_while_a_file_is_read_the_page_says_so(page):
     held = []
     page.route("**/api/read*", lambda route: held.append(route))
