@@ -35,6 +35,7 @@ from layoutrl.rooms.units import unit_line
 from layoutrl.runs.answer import Answer
 from layoutrl.runs.commands import Incomplete, command
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed
+from layoutrl.runs.files import check_writable
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.room_placer import RoomPlacer, matched
 from layoutrl.runs.streams import (
@@ -340,6 +341,7 @@ class Work:
     def _draw(self, answer: Answer, picture: Path) -> None:
         from layoutrl.figures.drawing import draw  # matplotlib, which takes a second
 
+        picture.parent.mkdir(parents=True, exist_ok=True)
         for n, (layout, wrong) in enumerate(zip(answer.layouts, answer.wrong, strict=True), 1):
             room_id = re.sub(r"[^\w.-]+", "_", layout.id).encode()[:LONGEST].decode(errors="ignore")
             choice = f"-{n}" if n > 1 else ""
@@ -385,6 +387,8 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
     several = "all, or furniture with commas between"
     moved = [name if name == ALL else meant("move", name, several) for name in sorted(names_in(config.move))]
     item = config.item and meant("item", config.item, "furniture")
+    if item and moved and not {ALL, item} & {*moved}:
+        raise InputError(f"item: {item} is none of move={config.move}; expected one of these, or no item=")
     return replace(config, move=",".join(moved) if moved else None, item=item)
 
 
@@ -427,9 +431,10 @@ def out_files(config: PlaceConfig, suffix: str) -> list[Path]:
 
 
 def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
-    """Make the folder for pictures and return it; None if none are asked for.
+    """Return the folder for pictures, which is made with the first; None if none are asked for.
 
-    Raises InputError if it is a file, if it is for a `new` run and not empty, and for DXF without ezdxf.
+    Raises InputError if it is a file or cannot be made, if it is for a `new` run and not empty, and for DXF without
+    ezdxf.
     """
     if config.pictures is None:
         return None
@@ -439,8 +444,8 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
     folder = Path(config.pictures) / (f"{shard}of{shards}" if shards > 1 else "")
     if folder.is_file():
         raise InputError(f"pictures: {folder} is a file; expected a new folder, as pictures=<folder>")
-    folder.mkdir(parents=True, exist_ok=True)
-    if new and any(folder.iterdir()):
+    check_writable(folder, "pictures")
+    if new and folder.exists() and any(folder.iterdir()):
         raise InputError(f"pictures: {folder} is not empty; expected a new folder, as pictures=<folder>")
     return folder
 

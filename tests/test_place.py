@@ -795,6 +795,15 @@ def test_an_item_that_no_room_lacks_is_named(middle: Middle, tmp_path: Path) -> 
         place(PlaceConfig(rooms=str(file), item="sofa"))
 
 
+def test_an_item_that_is_not_to_move_is_refused_as_the_only_one(middle: Middle, tmp_path: Path) -> None:
+    file, _ = many(tmp_path, 1)
+    config = PlaceConfig(rooms=str(file), move="bed", item="Schrank")
+    with pytest.raises(InputError, match="item: wardrobe is none of move=bed; expected one of these, or no item="):
+        place(config)
+    for move in ("all", "bed,wardrobe"):
+        assert place(replace(config, move=move, out=str(tmp_path / f"{move}.jsonl"))).tally.items == 1
+
+
 def test_what_is_to_move_and_is_in_no_room_is_said(
     middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -886,6 +895,17 @@ def test_nothing_of_the_users_is_overwritten(middle: Middle, tmp_path: Path) -> 
         with pytest.raises(InputError, match=said):
             place(PlaceConfig(by="search", rooms=str(file), **given))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["pictures", "rooms-placed.jsonl", "rooms.jsonl"]
+    (tmp_path / "other.jsonl.part").write_text("mine")
+    with pytest.raises(InputError, match=r"out: .*other\.jsonl\.part is a file; expected another out=<file>, or that"):
+        place(PlaceConfig(by="search", rooms=str(file), out=str(tmp_path / "other.jsonl")))
+    assert (tmp_path / "other.jsonl.part").read_text() == "mine"
+
+
+def test_who_reads_no_room_makes_no_folder_for_pictures(middle: Middle, tmp_path: Path) -> None:
+    (tmp_path / "rooms.jsonl").write_text("{}\n")
+    with pytest.raises(InputError, match=r"no room of .* could be read"):
+        place(PlaceConfig(by="search", rooms=str(tmp_path / "rooms.jsonl"), pictures=str(tmp_path / "pictures")))
+    assert not (tmp_path / "pictures").exists()
 
 
 @pytest.mark.parametrize("drawing", ["svg", "png", "dxf"])

@@ -11,7 +11,8 @@ def usable_device(device: torch.device | str, *others: str) -> torch.device:
     """Return the device of a name. Raises InputError if this machine has none such; the message also lists `others`."""
     try:
         chosen = torch.device(device)
-        torch.zeros(1, device=chosen).item()  # which a device without memory refuses
+        # Positions are of double precision, which some devices do not have; a device without memory refuses any.
+        torch.zeros(1, dtype=torch.float64, device=chosen).item()
     except (RuntimeError, AssertionError, TypeError, ImportError) as error:
         known, reason = ", ".join([*others, "cpu"]), str(error).partition("\n")[0]
         raise InputError(

@@ -6,7 +6,7 @@ import numpy as np
 
 from layoutrl.env.reward import Array
 
-GRID = 1e-6  # metres: positions are kept on this grid, so that a move and its opposite cancel exactly
+GRID = 1e-6  # metres: positions are kept on this grid, so that a move of whole micrometres and its opposite cancel
 CONTACT = 2e-6  # metres of slack: a place that touches a border still fits once it is rounded to the grid
 
 

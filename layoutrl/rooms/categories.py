@@ -143,16 +143,20 @@ class Names:
         return part is not None and self._furniture[part] in NOT_FURNITURE
 
     def ours(self, document: Any) -> Any:
-        """Return a room's document with known names of furniture replaced by categories; all else is unchanged."""
+        """Return a room's document with known names of furniture replaced by categories; all else is unchanged.
+
+        A sink in a bathroom is a vanity.
+        """
         if not isinstance(document, dict) or not isinstance(document.get("furniture"), list):
             return document
-        return document | {"furniture": [self._named(entry) for entry in document["furniture"]]}
+        here = {"sink": "vanity"} if document.get("room_type") == "bathroom" else {}
+        return document | {"furniture": [self._named(entry, here) for entry in document["furniture"]]}
 
-    def _named(self, entry: Any) -> Any:
+    def _named(self, entry: Any, here: Mapping[str, str]) -> Any:
         name = entry.get("category") if isinstance(entry, dict) else None
         if not isinstance(name, str) or (ours := self.meant(name)) is None:
             return entry
-        return entry | {"category": ours}
+        return entry | {"category": here.get(ours, ours)}
 
     def _known(self, names: list[str]) -> str | None:
         """Return the table's name for a thing of these names, or None. Names of SHAPES count only if no other does."""

@@ -25,7 +25,7 @@ DOOR = (0.7, 1.0)  # metres, of a door's width
 CLEAR_OUTSIDE = 0.9  # metres outside a door that the room itself stays clear of, as the designer has it
 GRID = 1e-6  # metres, to which the corners of the remaining floor are rounded
 LITTLE = 0.01  # square metres: a piece that takes less counts as nothing
-ROUNDING = 1e-6  # square metres: smaller areas are rounding
+ROUNDED = 1e-6  # square metres: smaller areas come of rounding to GRID
 
 
 def disturbed(rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> list[tuple[Room, list[str]]]:
@@ -93,7 +93,7 @@ def one_more_door(room: Room, rng: np.random.Generator) -> Room | None:
     door = outside(thickness)
     too_narrow = np.hypot(*along) < DOOR[0]
     beside = any(opening.shape.distance(door) < thickness for opening in room.openings)
-    if too_narrow or beside or outside(thickness + CLEAR_OUTSIDE).intersection(room.indoor).area > ROUNDING:
+    if too_narrow or beside or outside(thickness + CLEAR_OUTSIDE).intersection(room.indoor).area > ROUNDED:
         return None
     return replace(room, openings=(*room.openings, Opening("door", _ring(door.exterior))))
 

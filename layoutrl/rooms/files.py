@@ -96,8 +96,9 @@ def check_not_given(rooms: Path | str, **given: object) -> None:
             raise InputError(f"{name}: rooms of {rooms} say themselves what and where they are; expected no {name}=")
 
 
-def check_new(out: Path, suffix: str) -> None:
-    """Raise InputError unless `out` is a new file of this suffix: nothing of a user's is ever overwritten."""
+def check_new(out: Path | str, suffix: str) -> None:
+    """Raise InputError unless `out` is a new file of this suffix: what `out` names is never overwritten."""
+    out = Path(out)
     if out.exists() or out.suffix != suffix:
         what = "is there already" if out.exists() else f"is no {suffix} file"
         raise InputError(f"out: {out} {what}; expected the name of a new {suffix} file, as out=<file>")

@@ -58,7 +58,7 @@ class Source(Protocol):
         """The furniture of each room as it stands in the file, including what is to be placed anew."""
         ...
 
-    def write(self, layouts: Iterable[Room], out: Path) -> None:
+    def write(self, layouts: Iterable[Room], out: Path | str) -> None:
         """Write layouts to a new file: rooms of the collection, by their ids, with the same items in the same order.
 
         An item without a center is left where it was. Raises InputError where `out` is there already, has another
@@ -75,7 +75,7 @@ class RoomsSource:
     stood: list[tuple[Item, ...]]
     suffix: str = ".jsonl"
 
-    def write(self, layouts: Iterable[Room], out: Path) -> None:
+    def write(self, layouts: Iterable[Room], out: Path | str) -> None:
         """Write the layouts, and no other rooms.
 
         An item without a center is written where it stood, unless that is outside its room. Raises InputError as every
@@ -127,6 +127,8 @@ def opened(
     """
     if room_type is not None:
         check_room_type(room_type)
+    if not isinstance(move, str | None):
+        raise InputError(f"move: expected text, or None; got {move!r:.60}")
     path = Path(path)
     kind = format_of(path)
     if kind == "json":

@@ -42,7 +42,7 @@ SIZES = {
 }
 ROOMY = 1.25  # times as large or as small as the designer has it: no question yet
 ALIKE = 0.2  # metres: if the sides differ by less, it does not matter which is the depth
-OUTSIZE = 2.0  # times as large as any of the designer's, in depth and in width: too large
+OUTSIZE = 2.0  # times as large or as small as any of the designer's, in depth and in width: too large, or too small
 
 
 def doubt(item: Item) -> str | None:
@@ -53,6 +53,8 @@ def doubt(item: Item) -> str | None:
     size = f"the {item.category} of {item.size[0]:g} by {item.size[1]:g} m"
     if min(item.size[0] / depth[1], item.size[1] / width[1]) > OUTSIZE:
         return f"{size} is more than twice as large as others are: is the unit right?"
+    if max(item.size[0] / depth[0], item.size[1] / width[0]) < 1 / OUTSIZE:
+        return f"{size} is less than half as large as others are: is the unit right?"
     if item.category not in FRONT_DEPTH or abs(item.size[0] - item.size[1]) < ALIKE:
         return None
     if not _within(item.size[0], depth) and _within(item.size[1], depth) and _within(item.size[0], width):

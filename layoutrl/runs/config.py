@@ -31,7 +31,17 @@ from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.pretrained import cards
-from layoutrl.runs.ranges import check_annealer, check_begin, check_data, check_method, check_search, one_of, within
+from layoutrl.runs.ranges import (
+    FOLDER,
+    check_annealer,
+    check_begin,
+    check_data,
+    check_method,
+    check_search,
+    names_folder,
+    one_of,
+    within,
+)
 
 COMPOSING = Lock()  # Hydra has one global state
 PATHS = ("run", "runs", "resume", "out", "results")  # options that name files and folders
@@ -80,7 +90,7 @@ class BudgetConfig:
     """How long a training takes, and how often it is looked at."""
 
     name: str = MISSING
-    reports: int = 50  # lines in metrics.csv
+    reports: int = 50  # lines in metrics.csv, or some more where they do not divide the updates
     evaluations: int = 10  # about so many while training; each is made at a report, so there are no more than reports
     evaluation_rooms: int = 64  # at most, in each evaluation: of the training rooms, and of the held-out rooms
     random_starts: int = 2000  # of the paper's Table 2
@@ -110,8 +120,7 @@ class LearningConfig:
             within(f"budget.{name}", value, value >= 1, "1 or more")
         within("fold", self.fold, 0 <= self.fold < FOLDS, f"0 to {FOLDS - 1}")
         within("seed", self.seed, self.seed >= 0, "0 or more")
-        named = self.name is None or (self.name not in ("", ".", "..") and not {*self.name} & {"/", "\\", "\0"})
-        within("name", self.name, named, "the name of a folder, without / and \\; runs= says where it goes")
+        within("name", self.name, self.name is None or names_folder(self.name), f"{FOLDER}; runs= says where it goes")
         length = len((self.name or "").encode(errors="replace"))
         within("name", self.name, length <= LONGEST, f"at most {LONGEST} bytes")
         within("runs", self.runs, self.runs.strip() != "", "the name of a folder; it is empty")
@@ -139,9 +148,17 @@ class TrainConfig(LearningConfig):
         one_of("begin", self.begin, "nothing", "package")
 
     def check_used(self) -> None:
-        """Raises InputError for a reward term without effect. Not part of __post_init__: older runs may have it."""
-        useful = self.reward.theta4 == 0 or self.method.scope == "room"
+        """Raises InputError for options without effect. Not part of __post_init__: older runs may have them."""
+        whole, faces_away, own_share = self.method.scope == "room", self.reward.faces_away, self.method.own_share
+        useful = self.reward.theta4 == 0 or whole
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
+        usual = f"{Reward.faces_away} with scope=item, which turns nothing"
+        within("reward.faces_away", faces_away, whole or faces_away == Reward.faces_away, usual)
+        usual = f"{Method.own_share} with scope=item, which furnishes no room"
+        within("method.own_share", own_share, whole or own_share == Method.own_share, usual)
+        first, useful = self.method.discount_start, self.method.every_move
+        usual = f"{Method.discount_start} without method.every_move"
+        within("method.discount_start", first, useful or first == Method.discount_start, usual)
 
 
 @dataclass

@@ -15,9 +15,20 @@ from layoutrl.rooms.sources import FILES
 from layoutrl.rooms.sources.parts import Data
 from layoutrl.rooms.units import UNITS
 
+MOST_COUNT = 2**31 - 1
+FOLDER = "the name of a folder, without / and \\"
+# Which sources have a field of Data; all have those that are not here.
+OF_SOURCES = {
+    "labels": ("floorplans",),
+    "strict": ("json",),
+    "unit": ("json",),
+    "categories": ("sweethome3d", "procthor", "front3d"),
+}
+
 
 def check_method(prefix: str, method: Method) -> None:
     """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
+    within(f"{prefix}.name", method.name, names_folder(method.name), FOLDER)
     within(f"{prefix}.learning_rate", method.learning_rate, 0 < method.learning_rate < inf, "more than 0, and finite")
     one_of(f"{prefix}.observation", method.observation, "geometry", "image")
     one_of(f"{prefix}.scope", method.scope, "item", "room")
@@ -27,6 +38,9 @@ def check_method(prefix: str, method: Method) -> None:
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
         value = getattr(method, name)
         within(f"{prefix}.{name}", value, value >= 1, "1 or more")
+    for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "replay_capacity"):
+        value = getattr(method, name)
+        within(f"{prefix}.{name}", value, value <= MOST_COUNT, f"at most {MOST_COUNT}")
     within(f"{prefix}.climbs", method.climbs, method.climbs >= 0, "0 or more")
     within(f"{prefix}.snap", method.snap, 0 <= method.snap < inf, "0 or more metres, and finite")
     sees_lines = method.observation == "geometry" or not method.snap
@@ -121,6 +135,10 @@ def check_data(data: Data) -> None:
     within("data.disturbed", data.disturbed, data.disturbed is None or 0 <= data.disturbed <= 1, "0 to 1")
     if data.unit is not None:
         one_of("data.unit", data.unit, "auto", *UNITS)
+    for name, sources in OF_SOURCES.items():
+        value = getattr(data, name)
+        used = data.source in (None, *sources) or value in (None, getattr(Data, name))
+        within(f"data.{name}", value, used, f"it with data={' or '.join(sources)} alone")
 
 
 def check_begin(method: Method, before: Mapping[str, Any]) -> None:
@@ -129,6 +147,11 @@ def check_begin(method: Method, before: Mapping[str, Any]) -> None:
         option = of if of == "scope" else f"method.{of}"
         ours, theirs = getattr(method, of), before[of]
         within("begin=package", f"{option}={ours}", ours == theirs, f"{option}={theirs}, as that agent has it")
+
+
+def names_folder(name: str) -> bool:
+    """Whether a text can be the name of a folder, or a part of it."""
+    return name not in ("", ".", "..") and not {*name} & {"/", "\\", "\0"}
 
 
 def one_of(name: str, value: str, *allowed: str) -> None:

@@ -218,6 +218,8 @@ def growing(out: Path, about: dict[str, Any], *, again: bool = True) -> Iterator
     and if the file exists at the end.
     """
     folder = out.with_name(f"{out.name}{PART}")
+    if folder.is_file():
+        raise InputError(f"out: {folder} is a file; expected another out=<file>, or that it is removed")
     folder.mkdir(parents=True, exist_ok=True)
     lines, state = folder / "rooms.jsonl", folder / "state.json"
     with locked(folder / LOCK, wait=False):

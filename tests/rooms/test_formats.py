@@ -158,6 +158,18 @@ def test_packed_rooms_are_answered_in_one_line(tmp_path: Path) -> None:
         assert format_of(path) == "procthor"
 
 
+def test_a_source_takes_paths_as_text_and_a_move_that_is_text(tmp_path: Path) -> None:
+    write_rooms(tmp_path / "a.jsonl", [rectangular_room()])
+    source = opened(str(tmp_path / "a.jsonl"), move="all")
+    source.write(source.collection.rooms, str(tmp_path / "b.jsonl"))
+    assert (tmp_path / "b.jsonl").read_text()
+    home = opened(str(home_file(tmp_path / "a.sh3d", FLAT)))
+    home.write([], str(tmp_path / "b.sh3d"))
+    assert (tmp_path / "b.sh3d").read_bytes() == (tmp_path / "a.sh3d").read_bytes()
+    with pytest.raises(InputError, match=r"move: expected text, or None; got \['bed'\]"):
+        opened(tmp_path / "a.jsonl", move=["bed"])
+
+
 def test_files_of_other_formats_in_a_folder_are_said(tmp_path: Path) -> None:
     write_rooms(tmp_path / "a.jsonl", [rectangular_room()])
     write_rooms(tmp_path / "b.json", [rectangular_room(id="other")])

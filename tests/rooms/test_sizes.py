@@ -49,5 +49,10 @@ def test_nothing_is_asked_of_what_may_be_meant(item: Item) -> None:
     assert doubt(item) is None
 
 
+def test_the_unit_of_furniture_in_metres_in_a_room_in_millimetres_is_asked_for() -> None:
+    assert "less than half as large as others are: is the unit right?" in (doubt(Item("bed", (0.0021, 0.0015))) or "")
+    assert doubt(Item("bed", (1.1, 0.7))) is None  # a cot
+
+
 def test_sizes_are_known_of_all_that_has_a_front() -> None:
     assert SIZES.keys() >= FRONT_DEPTH.keys()

@@ -84,6 +84,10 @@ let last = null; // the file that was opened last, the unit, and what was read: 
 
 async function opened(file, before = { source: null, entries: [] }) {
   if (!file) return;
+  const endings = $("file").accept.split(",");
+  if (!endings.some((ending) => file.name.toLowerCase().endsWith(ending))) {
+    return complain(`${file.name}: expected a file of rooms: ${endings.join(", ")}`);
+  }
   const mine = { ...before, file, unit: $("unit").value };
   last = mine;
   state.lines = [];

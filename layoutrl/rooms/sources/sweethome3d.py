@@ -79,7 +79,7 @@ class Home:
         """
         return [tuple(piece.stood for piece in self.pieces[room.id]) for room in self.rooms]
 
-    def write(self, layouts: Iterable[Room], out: Path) -> None:
+    def write(self, layouts: Iterable[Room], out: Path | str) -> None:
         """Write the whole home, with the items that were placed moved to where these layouts have them.
 
         Nothing else changes: every other entry of the file is the same, byte for byte, and so is every attribute but
@@ -99,7 +99,7 @@ class Home:
             if xml == self.xml:
                 shutil.copyfile(self.path, out)
             else:
-                write_home(self.path, out, xml)
+                write_home(self.path, Path(out), xml)
         except OSError as error:
             raise InputError(f"out: {out} cannot be written ({error.strerror})") from None
 

@@ -86,6 +86,13 @@ def test_what_went_wrong_is_said_until_something_changes(page):
     expect(page.locator("#verdict")).to_have_text("Nothing is wrong.")
 
 
+def test_a_file_that_is_no_file_of_rooms_is_told_by_its_name(page):
+    page.evaluate(DROP.replace("room.json", "plan.pdf"), "%PDF-1.7")
+    expect(page.locator("#verdict")).to_have_text("plan.pdf: expected a file of rooms: .json, .jsonl, .sh3d, .sh3x")
+    page.evaluate(DROP.replace("room.json", "ROOM.JSON"), json.dumps(SQUARE))
+    expect(page.locator("#title")).to_have_attribute("data-room", SQUARE["id"])
+
+
 def test_a_room_that_is_read_but_not_shown_is_said(page):
     page.route("**/api/look", lambda route: route.fulfill(status=400, body='{"error": "busy"}'))
     page.evaluate(DROP, json.dumps(SQUARE))
