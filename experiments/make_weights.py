@@ -233,7 +233,8 @@ def page_of(about: Mapping[str, Any]) -> str:
         "",
         f"Each furnishes rooms of one type: {types}. `place` uses them where no other is named by `run=` or `by=`, and",
         "so does the page of `make demo`. They are networks of DQN agents, trained on designed rooms alone.",
-        f"Together the files have {size:.1f} MB. Licence: {about['licence']}. Version of the weights: {about['version']}.",
+        f"Together the files have {size:.1f} MB. Licence: {about['licence']}. "
+        f"Version of the weights: {about['version']}.",
         "",
         "    python experiments/make_weights.py results=<new folder>",
         "",
