@@ -29,4 +29,5 @@ try {
   say(error.message);
 }
 
+document.getElementById("past-rooms").onclick = () => document.getElementById("furnish").focus();
 addEventListener("resize", render);

@@ -222,6 +222,14 @@ def test_tab_goes_through_the_plan_and_back(page):
     expect(page.locator("aside :focus")).to_be_attached()  # behind the last
 
 
+def test_who_uses_the_keyboard_gets_past_the_rooms(page):
+    page.keyboard.press("Tab")
+    expect(page.get_by_role("button", name="past the rooms")).to_be_focused()
+    expect(page.get_by_role("button", name="past the rooms")).to_be_in_viewport()
+    page.keyboard.press("Enter")
+    expect(page.locator("#furnish")).to_be_focused()
+
+
 def test_the_chosen_item_lies_on_top_and_is_dragged_there(page):
     furniture = [
         {"category": "table", "size": [1.0, 1.0], "center": [1.5, 1.5], "rotation": 0},
