@@ -66,10 +66,9 @@ class Training:
     ends episodes, and with `every_move`. It stops after the last update, or after the one in which `stopping` is set.
     `state_dict` holds all that is needed to resume from any update as if training had never stopped.
 
-    Illegal moves are never chosen ("dropped, then a new action", section 4.2). An item that can make no move stays, and the
-    target of what is stored of it is its reward alone.
-    Learning starts when `warmup_moves` moves are stored; each update sees an equal share of its batch
-    in every one of the `symmetries`. With `every_move` an update learns the values of all legal moves of the poses that
+    Illegal moves are never chosen ("dropped, then a new action", section 4.2). An item that can make no move stays, and
+    the target of what is stored of it is its reward alone. Learning starts when `warmup_moves` moves are stored; each
+    update sees an equal share of its batch in every one of the `symmetries`. With `every_move` an update learns the values of all legal moves of the poses that
     it samples, otherwise only that of the move that was made.
     """
 
