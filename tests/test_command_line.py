@@ -356,11 +356,18 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["method.discount_start=0.4"], ["method.discount_start", "0.5 without method.every_move"]),
         ("train", ["method.name=../elsewhere"], ["method.name", "the name of a folder, without /"]),
         ("train", ["method.max_moves=100000000000000000000"], ["method.max_moves", "at most 2147483647"]),
-        ("train", ["method.replay_capacity=100000000000000000000"], ["method.replay_capacity", "at most 2147483647"]),
-        ("train", ["data=json", "data.labels=raw"], ["data.labels", "it with data=floorplans alone; got raw"]),
-        ("train", ["data=floorplans", "data.unit=cm"], ["data.unit", "it with data=json alone; got cm"]),
-        ("train", ["data.strict=true"], ["data.strict", "it with data=json alone"]),
+        *(
+            ("train", [f"method.{name}=100000000000000000000"], [f"method.{name.split('.')[0]}", "at most 2147483647"])
+            for name in ("replay_capacity", "warmup_moves", "climbs", "updates.smoke")
+        ),
+        ("train", ["data=json", "data.labels=raw"], ["data.labels", "none, as it is of data=floorplans alone"]),
+        ("train", ["data=floorplans", "data.unit=cm"], ["data.unit", "none, as it is of data=json alone; got cm"]),
+        ("train", ["data.strict=true"], ["data.strict", "as it is of data=json alone"]),
         ("train", ["data=json", "data.categories=mine.yaml"], ["data.categories", "data=sweethome3d or procthor or"]),
+        ("planit.train", ["data.unit=cm"], ["data.unit", "as it is of data=json alone"]),
+        ("gallery", ["data.unit=cm"], ["data.unit", "as it is of data=json alone"]),
+        ("evaluate", ["run=nowhere", "data=designer", "data.unit=cm"], ["data.unit", "as it is of data=json alone"]),
+        ("planit.train", ["method.name=../elsewhere"], ["method.name", "the name of a folder, without /"]),
         ("train", [f"~method.updates.{budget}" for budget in BUDGETS], ["method.updates", "1 or more each"]),
         ("planit.train", [f"~method.updates.{budget}" for budget in BUDGETS[1:]], ["method.updates", "1 or more each"]),
         ("train", ["method.steps=[.64,.32,.16,.08,.04,.02,.01]"], ["method.steps", "at most 6 lengths"]),

@@ -68,8 +68,8 @@ class Training:
 
     Illegal moves are never chosen ("dropped, then a new action", section 4.2). An item that can make no move stays, and
     the target of what is stored of it is its reward alone. Learning starts when `warmup_moves` moves are stored; each
-    update sees an equal share of its batch in every one of the `symmetries`. With `every_move` an update learns the values of all legal moves of the poses that
-    it samples, otherwise only that of the move that was made.
+    update sees an equal share of its batch in every one of the `symmetries`. With `every_move` an update learns the
+    values of all legal moves of the poses that it samples, otherwise only that of the move that was made.
     """
 
     def __init__(

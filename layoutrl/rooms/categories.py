@@ -143,20 +143,16 @@ class Names:
         return part is not None and self._furniture[part] in NOT_FURNITURE
 
     def ours(self, document: Any) -> Any:
-        """Return a room's document with known names of furniture replaced by categories; all else is unchanged.
-
-        A sink in a bathroom is a vanity.
-        """
+        """Return a room's document with known names of furniture replaced by categories; all else is unchanged."""
         if not isinstance(document, dict) or not isinstance(document.get("furniture"), list):
             return document
-        here = {"sink": "vanity"} if document.get("room_type") == "bathroom" else {}
-        return document | {"furniture": [self._named(entry, here) for entry in document["furniture"]]}
+        return document | {"furniture": [self._named(entry) for entry in document["furniture"]]}
 
-    def _named(self, entry: Any, here: Mapping[str, str]) -> Any:
+    def _named(self, entry: Any) -> Any:
         name = entry.get("category") if isinstance(entry, dict) else None
         if not isinstance(name, str) or (ours := self.meant(name)) is None:
             return entry
-        return entry | {"category": here.get(ours, ours)}
+        return entry | {"category": ours}
 
     def _known(self, names: list[str]) -> str | None:
         """Return the table's name for a thing of these names, or None. Names of SHAPES count only if no other does."""

@@ -15,6 +15,7 @@ from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: items that overlap by more count as stacked
+CALLED = {("bathroom", "sink"): "vanity"}  # what agents of a room type call a category that they do not place
 NARROWEST = 0.5  # metres: doors are below it where inches were taken for centimetres
 
 
@@ -96,6 +97,8 @@ def _why(room: Room, category: str, known: Collection[str], types_placing: Calla
     if not known:
         return f"nobody who is asked furnishes a {room.room_type}"
     ours = own_names().meant(category) or category
+    if (here := CALLED.get((room.room_type, ours))) in known:
+        return f"in a {room.room_type} it is a {here}; expected that category"
     if ours in known:
         return f"it is known as {ours}; expected that category"
     if types := types_placing(ours):

@@ -37,6 +37,8 @@ from layoutrl.runs.ranges import (
     check_begin,
     check_data,
     check_method,
+    check_name,
+    check_of_source,
     check_search,
     names_folder,
     one_of,
@@ -149,6 +151,8 @@ class TrainConfig(LearningConfig):
 
     def check_used(self) -> None:
         """Raises InputError for options without effect. Not part of __post_init__: older runs may have them."""
+        check_of_source(self.data)
+        check_name("method", self.method.name)
         whole, faces_away, own_share = self.method.scope == "room", self.reward.faces_away, self.method.own_share
         useful = self.reward.theta4 == 0 or whole
         within("reward", "a fourth term", useful, "none with scope=item, as reward=usable is of whole rooms")
@@ -199,6 +203,11 @@ class PlanitCommand(PlanitConfig):
 
     resume: str | None = None  # folder of a run to go on with
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_of_source(self.data)
+        check_name("method", self.method.name)
+
 
 @dataclass
 class TrainCommand(TrainConfig):
@@ -232,6 +241,7 @@ class RunConfig:
     def __post_init__(self) -> None:
         expand_paths(self)
         check_data(self.data)
+        check_of_source(self.data)
         one_of("checkpoint", self.checkpoint, "last", "best")
         if self.part is not None:
             one_of("part", self.part, "held_out", "training", "all")
@@ -359,6 +369,7 @@ class GalleryConfig:
     def __post_init__(self) -> None:
         expand_paths(self)
         check_data(self.data)
+        check_of_source(self.data)
         one_of("room.type", self.room.type, *MAIN_ITEM)
         within("rooms", self.rooms, self.rooms >= 1, "1 or more")
 

@@ -30,9 +30,7 @@ def device_of(name: str) -> torch.device:
 
 def require_determinism_on_cpu(device: torch.device) -> None:
     """Make torch raise for operations that are not deterministic, on the CPU alone: on a GPU that would cost speed."""
-    if device.type != "cpu":
-        return
-    torch.use_deterministic_algorithms(True)
+    torch.use_deterministic_algorithms(device.type == "cpu")
     # Filling memory finds errors, but takes time. (torch's types do not know the option.)
     torch.utils.deterministic.fill_uninitialized_memory = False  # type: ignore[attr-defined]
 

@@ -28,7 +28,6 @@ OF_SOURCES = {
 
 def check_method(prefix: str, method: Method) -> None:
     """Raises InputError for what is out of range; `prefix` is where it stands in the configuration."""
-    within(f"{prefix}.name", method.name, names_folder(method.name), FOLDER)
     within(f"{prefix}.learning_rate", method.learning_rate, 0 < method.learning_rate < inf, "more than 0, and finite")
     one_of(f"{prefix}.observation", method.observation, "geometry", "image")
     one_of(f"{prefix}.scope", method.scope, "item", "room")
@@ -38,10 +37,8 @@ def check_method(prefix: str, method: Method) -> None:
     for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "warmup_moves"):
         value = getattr(method, name)
         within(f"{prefix}.{name}", value, value >= 1, "1 or more")
-    for name in ("max_moves", "evaluation_moves", "batch", "episodes", "target_period", "replay_capacity"):
-        value = getattr(method, name)
         within(f"{prefix}.{name}", value, value <= MOST_COUNT, f"at most {MOST_COUNT}")
-    within(f"{prefix}.climbs", method.climbs, method.climbs >= 0, "0 or more")
+    within(f"{prefix}.climbs", method.climbs, 0 <= method.climbs <= MOST_COUNT, f"0 or more, at most {MOST_COUNT}")
     within(f"{prefix}.snap", method.snap, 0 <= method.snap < inf, "0 or more metres, and finite")
     sees_lines = method.observation == "geometry" or not method.snap
     within(f"{prefix}.snap", method.snap, sees_lines, f"0 with {prefix}.observation=image")
@@ -57,9 +54,13 @@ def check_method(prefix: str, method: Method) -> None:
     given = "room.whole_updates" if method.scope == "room" else "room.updates"  # in conf/, of budget=default
     enough = min(method.updates.values(), default=0) >= 1
     within(f"{prefix}.updates", method.updates, enough, f"1 or more each (default: as {given} says)")
+    within(
+        f"{prefix}.updates", method.updates, max(method.updates.values()) <= MOST_COUNT, f"at most {MOST_COUNT} each"
+    )
     fewest, what = max((method.batch, "a batch"), (method.episodes, "a move of each episode"))
     capacity = method.replay_capacity
     within(f"{prefix}.replay_capacity", capacity, capacity >= fewest, f"{fewest} or more, {what}")
+    within(f"{prefix}.replay_capacity", capacity, capacity <= MOST_COUNT, f"at most {MOST_COUNT}")
     within(f"{prefix}.discount", method.discount, 0 <= method.discount < 1, "0 <= discount < 1")
     if method.every_move:
         first = method.discount_start
@@ -135,10 +136,19 @@ def check_data(data: Data) -> None:
     within("data.disturbed", data.disturbed, data.disturbed is None or 0 <= data.disturbed <= 1, "0 to 1")
     if data.unit is not None:
         one_of("data.unit", data.unit, "auto", *UNITS)
+
+
+def check_of_source(data: Data) -> None:
+    """Raises InputError for an option of another source. Not part of `check_data`: older runs may have it."""
     for name, sources in OF_SOURCES.items():
         value = getattr(data, name)
         used = data.source in (None, *sources) or value in (None, getattr(Data, name))
-        within(f"data.{name}", value, used, f"it with data={' or '.join(sources)} alone")
+        within(f"data.{name}", value, used, f"none, as it is of data={' or '.join(sources)} alone")
+
+
+def check_name(prefix: str, name: str) -> None:
+    """Raises InputError where the name of a method cannot be a part of its run's. Older runs may have such a name."""
+    within(f"{prefix}.name", name, names_folder(name), FOLDER)
 
 
 def check_begin(method: Method, before: Mapping[str, Any]) -> None:

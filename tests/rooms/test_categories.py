@@ -399,13 +399,6 @@ def test_a_document_is_as_it_was_but_for_names_of_categories(document: Any) -> N
     assert names_of().ours(document) == document
 
 
-@pytest.mark.parametrize(("room_type", "ours"), [("bathroom", "vanity"), ("kitchen", "sink"), ("balcony", "sink")])
-def test_a_sink_in_a_bathroom_is_a_vanity(room_type: str, ours: str) -> None:
-    for name in ("sink", "Double sink", "Évier"):
-        found = names_of().ours({"room_type": room_type, "furniture": [{"category": name, "size": [0.5, 0.6]}]})
-        assert found["furniture"] == [{"category": ours, "size": [0.5, 0.6]}]
-
-
 def test_a_documents_furniture_is_called_by_its_categories() -> None:
     given = {"id": "Bett", "furniture": [{"category": "Bett", "size": [2, 1]}, {"category": "Couch"}]}
     assert names_of().ours(given) == {

@@ -56,6 +56,15 @@ def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tup
     assert found.merge(replace(found.brief, furniture=(placed,))).furniture == (placed, furniture[1])
 
 
+@pytest.mark.parametrize("name", ["sink", "Double sink"])
+def test_a_sink_in_a_bathroom_is_said_to_be_a_vanity(name: str) -> None:
+    room = replace(room_with(Item(name, (0.5, 0.6), None, None)), room_type="bathroom")
+    (line,) = checked_brief(room, ("toilet", "vanity"), lambda _: ("kitchen",)).lines
+    assert line == f"the {name} is not placed: in a bathroom it is a vanity; expected that category"
+    (line,) = checked_brief(room, ("toilet",), lambda _: ("kitchen",)).lines
+    assert "the agent of kitchen places" in line
+
+
 def test_what_another_name_means_is_offered_first() -> None:
     room = replace(room_with(Item("couch", (0.9, 2.0), None, None)), room_type="living_room")
     (line,) = checked_brief(room, pretrained.known("living_room"), pretrained.types_with).lines

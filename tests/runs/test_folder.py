@@ -86,6 +86,23 @@ def test_what_no_run_writes_is_refused_in_a_line_and_soon(text: str, said: str, 
     answered(reader, (), text)
 
 
+@pytest.mark.parametrize(
+    ("now", "then"),
+    [
+        ("unit: auto", "unit: cm"),
+        ("strict: false", "strict: true"),
+        ("labels: snapped", "labels: raw"),
+        ("name: geometric", "name: a/b"),
+        ("own_share: 0.5", "own_share: 0.0"),
+        ("faces_away: 0.5", "faces_away: 0.1"),
+        ("discount_start: 0.5", "discount_start: 0.4"),
+    ],
+)
+def test_a_run_with_options_without_effect_is_read(now: str, then: str, tmp_path: Path) -> None:
+    assert WHOLE.count(f"{now}\n") == 1
+    read(tmp_path, WHOLE.replace(f"{now}\n", f"{then}\n"))
+
+
 def test_a_folder_that_is_no_run_is_answered(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"config\.yaml cannot be read \(No such file or directory\); expected the"):
         load_config(tmp_path, TrainConfig)

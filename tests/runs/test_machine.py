@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import layoutrl
-from layoutrl.runs.machine import machine, require_determinism_on_cpu, resident_bytes
+from layoutrl.runs.machine import machine, resident_bytes
 from tests import commands
 
 FAULTS = """
@@ -25,16 +25,6 @@ for _ in range(5):
     parts = [torch.ones(10_000_000) for _ in range(3)]
 print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - faults)
 """
-
-
-def test_determinism_that_was_asked_for_is_not_taken_back_on_a_gpu() -> None:
-    before = torch.are_deterministic_algorithms_enabled()
-    try:
-        for device in ("cpu", "cuda"):
-            require_determinism_on_cpu(torch.device(device))
-            assert torch.are_deterministic_algorithms_enabled()
-    finally:
-        torch.use_deterministic_algorithms(before)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")

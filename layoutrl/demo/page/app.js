@@ -5,11 +5,13 @@ import "./building.js";
 import { offerKinds } from "./building.js";
 import "./edit.js";
 import "./furnish.js";
-import { complain, known, render, say } from "./page.js";
+import { complain, known, plan, render, say } from "./page.js";
 import { fromLink, offer, offerUnits, shown } from "./saving.js";
 import { sourceOf } from "./store.js";
 
 const FIRST = "bedroom";
+
+document.getElementById("past-rooms").onclick = () => plan.focus();
 
 try {
   const said = await begin();
@@ -29,5 +31,4 @@ try {
   say(error.message);
 }
 
-document.getElementById("past-rooms").onclick = () => document.getElementById("furnish").focus();
 addEventListener("resize", render);

@@ -17,8 +17,9 @@ const dragging = (event) =>
 
 plan.addEventListener("pointerdown", (event) => {
   if (dragging() || state.mode !== "edit" || !idle() || event.button !== 0) return;
-  document.activeElement.blur(); // what was typed in a field is of the item that was chosen
   const thing = event.target.closest("[data-item], [data-opening], use"); // which shows the chosen item on top
+  if (event.pointerType === "touch" && !thing?.matches("[data-item], use")) return; // it may scroll; `click` tells
+  document.activeElement.blur(); // what was typed in a field is of the item that was chosen
   if (!thing) return select(null);
   if (thing.dataset.opening) return select("opening", Number(thing.dataset.opening));
   const index = Number(thing.dataset.item ?? state.selected.index);
@@ -29,6 +30,14 @@ plan.addEventListener("pointerdown", (event) => {
   plan.setPointerCapture(event.pointerId);
   const dragged = state.room.furniture[index];
   drag = { pointer: event.pointerId, dragged, from: metres(plan, event), center: dragged.center, moved: false };
+});
+
+plan.addEventListener("click", ({ pointerType, target }) => {
+  if (pointerType !== "touch" || state.mode !== "edit" || !idle() || target.closest("[data-item], use")) return;
+  const opening = target.closest("[data-opening]");
+  document.activeElement.blur();
+  if (opening) select("opening", Number(opening.dataset.opening));
+  else select(null);
 });
 
 plan.addEventListener("pointermove", (event) => {
@@ -106,8 +115,8 @@ async function changedTo(chosen, fieldsOf) {
   }, BACK);
 }
 
-const round = (degrees) => ((degrees % 360) + 360) % 360;
-const turn = (degrees) => item()?.center && change(({ rotation }) => ({ rotation: round((rotation ?? 0) + degrees) }));
+const wrapped = (degrees) => ((degrees % 360) + 360) % 360;
+const turn = (degrees) => item()?.center && change(({ rotation }) => ({ rotation: wrapped((rotation ?? 0) + degrees) }));
 
 function lock() {
   if (drag) return null;
@@ -236,7 +245,7 @@ for (const [id, side] of [["depth", 0], ["width", 1]]) {
     return { size: shape === "circle" ? [length, length] : size.with(side, length) };
   }));
 }
-typed("degrees", (degrees) => item()?.center && change(() => ({ rotation: round(degrees) })));
+typed("degrees", (degrees) => item()?.center && change(() => ({ rotation: wrapped(degrees) })));
 
 async function travelled(before) {
   if (!idle() || !travel(before)) return;

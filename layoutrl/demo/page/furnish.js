@@ -2,7 +2,7 @@
 
 import { ask } from "./api.js";
 import { $, become, changed, element, idle, judged, latest, plan, render, say } from "./page.js";
-import { item, outdated, state } from "./store.js";
+import { item, outdated, state, withLocked } from "./store.js";
 
 const MOVE = 450; // milliseconds, of a move; less where there are many
 const ALL = 9000; // milliseconds, of all moves at most
@@ -49,9 +49,8 @@ async function offerMore(choices) {
   const first = JSON.stringify(choices[0].furniture);
   const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
   $("choices").setAttribute("aria-busy", "false");
-  if (state.choices !== choices) return;
-  choices.push(...others.slice(0, CHOICES - 1));
-  render();
+  choices.push(...others.slice(0, CHOICES - 1)); // also of what was undone: it may be done again
+  if (state.choices === choices) render();
 }
 
 // Show how a choice came to be, move by move; its end is what it is.
@@ -106,9 +105,8 @@ $("skip").onclick = () => skip?.();
 document.addEventListener("take", async ({ detail }) => {
   await judged();
   if (!idle() || !state.choices[detail]) return;
-  const { room, locked } = state;
   state.chosen = detail;
-  room.furniture = structuredClone(state.choices[detail].furniture).map((entry, k) => (locked[k] ? room.furniture[k] : entry));
+  state.room.furniture = structuredClone(withLocked(state.choices[detail]));
   changed();
   think();
 });

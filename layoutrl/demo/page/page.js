@@ -2,7 +2,7 @@
 
 import { ask } from "./api.js";
 import { draw, drawDraft, thumbnail } from "./plan.js";
-import { canTravel, commit, item, openings, outdated, snapshot, sourceOf, state, words } from "./store.js";
+import { canTravel, commit, item, openings, outdated, snapshot, sourceOf, state, withLocked, words } from "./store.js";
 
 export const $ = (id) => document.getElementById(id);
 export const plan = $("plan");
@@ -120,19 +120,17 @@ async function untilIdle() {
   }
 }
 
-// Take another room; whether it was taken. It is shown as soon as the server has read it, and no other is being furnished.
-// Of several, the one that was asked for last is shown last.
-let opens = Promise.resolve();
+let opened = 0; // rooms
 
-export function open(room, locked = [], source = sourceOf()) {
-  opens = opens.then(() => taken(room, locked, source));
-  return opens;
-}
-
-async function taken(room, locked, source) {
+// Take another room; whether it was taken. It is shown as soon as the server has read it, and no other is being furnished; of
+// several, only the last.
+export async function open(room, locked = [], source = sourceOf()) {
+  opened += 1;
+  const mine = opened;
   try {
     const said = await answered("look", { room });
     await untilIdle();
+    if (mine !== opened) return false;
     Object.assign(state, { room: said.room, source, look: said, problem: "", refused: false, notice: "", mode: "edit" });
     Object.assign(state, { selected: null, thoughts: null, ...outdated });
     state.locked = said.room.furniture.map((_, k) => locked[k] || false);
@@ -142,7 +140,8 @@ async function taken(room, locked, source) {
     become("idle");
     return true;
   } catch (error) {
-    complain(error.message);
+    if (mine === opened) complain(error.message);
+    if (!state.room) document.querySelector("nav").inert = false; // another may be shown
     return false;
   }
 }
@@ -255,23 +254,31 @@ function renderSelected() {
 
 const counted = (count, one, several) => count && `${count} ${count > 1 ? several : one}`;
 
-function choiceOf({ furniture, faults, by }, k) {
+// Nothing is said of a choice in which something was locked elsewhere since: nobody has looked at it.
+function choiceOf(choice, k) {
+  const { faults, by } = choice;
+  const furniture = withLocked(choice);
+  const pose = ({ center, rotation }) => JSON.stringify([center, rotation]);
+  if (furniture.some((entry, index) => pose(entry) !== pose(choice.furniture[index]))) return choiceNode(furniture, k, `Choice ${k + 1}`);
   const faulty = new Set(faults.map(([index]) => index));
   const odd = faults.filter(([, name]) => known.oddities.has(name)).length;
   const counts = [counted(faults.length - odd, "fault", "faults"), counted(odd, "oddity", "oddities")];
   const text = counts.filter(Boolean).join(", ") || "no fault";
+  return choiceNode(furniture, k, `Choice ${k + 1}${by ? `, by ${by}` : ""}: ${text}`, faulty);
+}
+
+function choiceNode(furniture, k, textContent, faulty = new Set()) {
   const node = button("", () => document.dispatchEvent(new CustomEvent("take", { detail: k })));
-  node.append(thumbnail({ ...state.room, furniture }, state.look.box, known, faulty));
-  node.append(element("span", { textContent: `Choice ${k + 1}${by ? `, by ${by}` : ""}: ${text}` }));
+  node.append(thumbnail({ ...state.room, furniture }, state.look.box, known, faulty), element("span", { textContent }));
   return node;
 }
 
-let offered = []; // the choices that are drawn, and in which box
+let offered = []; // the choices that are drawn, in which box, and what was locked
 
 // They stay while they are the same: one may have the focus, or be pressed just now.
 function renderChoices() {
-  const { choices, chosen, look, mode } = state;
-  const now = [choices, String(look.box)];
+  const { choices, chosen, look, mode, room, locked } = state;
+  const now = [choices, String(look.box), JSON.stringify(room.furniture.filter((_, k) => locked[k]))];
   $("choices").hidden = choices.length === 0 || mode === "draw";
   if (now.some((what, k) => what !== offered[k])) $("choices").replaceChildren();
   offered = now;

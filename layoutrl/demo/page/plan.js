@@ -79,9 +79,10 @@ function furniture(item, fronts) {
   return nodes;
 }
 
-// A finger on it drags it, and does not scroll the page. It is asked itself, as it may be drawn anew before the plan is.
-function held(node) {
-  node.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false });
+// A finger on what it `drags` does not scroll the page. The node is asked itself, as it may be drawn anew before the plan is.
+function held(node, drags) {
+  const keep = (event) => { if (event.touches.length === 1 && drags()) event.preventDefault(); };
+  node.addEventListener("touchstart", keep, { passive: false });
   return node;
 }
 
@@ -141,6 +142,7 @@ export function draw(svg, state, { fronts, raised }) {
   const { room, look, selected } = state;
   const group = framed(svg, look.box);
   const size = 12 * pixel(svg);
+  const drags = (index) => state.mode === "edit" && document.body.dataset.state === "idle" && !state.locked[index];
   svg.prepend(hatching(pixel(svg)));
   const chosen = selected?.kind === "item" ? selected.index : -1;
   const faults = new Map();
@@ -168,10 +170,13 @@ export function draw(svg, state, { fronts, raised }) {
     group.append(held(make("g", {
       class: looks.filter(Boolean).join(" "), "data-item": index, role: "button", tabindex: 0, id: index === chosen ? "chosen" : null,
       "aria-pressed": index === chosen, "aria-label": about.filter(Boolean).join("; "), transform: placed(item),
-    }, ...nodes)));
+    }, ...nodes), () => drags(index)));
   }
   // What is chosen lies on top, but stays where it is among the others: Tab goes from one to the next in this order.
-  if (room.furniture[chosen]?.center) group.append(held(make("use", { href: "#chosen", "aria-hidden": true, tabindex: -1 })));
+  if (room.furniture[chosen]?.center) {
+    const top = make("use", { href: "#chosen", "aria-hidden": true, tabindex: -1 });
+    group.append(held(top, () => drags(chosen)));
+  }
   if (state.mode === "edit" && chosen >= 0) for (const gap of look.gaps) measure(group, gap, 0.95 * size);
   const from = room.furniture[chosen]?.center;
   if (from) (state.thoughts?.moves ?? []).forEach(({ to }, rank) => arrow(group, from, to, rank));

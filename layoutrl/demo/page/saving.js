@@ -102,9 +102,9 @@ async function opened(file, before = { source: null, entries: [] }) {
     const source = sourceOf(rooms, name, whole ? content : null, left_out);
     before.entries.forEach((entry) => entry.remove());
     Object.assign(mine, { source, entries: offer(source, true) });
-    if (!(await shown(rooms[0], source))) return;
-    forget(before.source);
-    state.lines = left_out;
+    const isShown = await shown(rooms[0], source);
+    if (state.source !== before.source) forget(before.source);
+    if (isShown) state.lines = left_out;
     render();
   } catch (error) {
     complain(`${file.name}: ${error.message}`);

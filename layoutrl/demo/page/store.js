@@ -27,8 +27,8 @@ export const sourceOf = (rooms = [], name = "", home = null, lines = []) =>
 
 const sources = new Set(); // of rooms that were shown
 const MOST = 500; // changes that can be undone, for the sake of memory
-const past = []; // each {text: a snapshot, source, found: the choices and lines of one that was left}
-const future = [];
+const past = []; // each {text: a snapshot, source}
+const future = []; // the same, and {found}: the choices and lines that there were
 let present = null;
 
 export const snapshot = () => JSON.stringify({ room: state.room, locked: state.locked });
@@ -74,15 +74,20 @@ export function travel(back) {
   const [from, to] = back ? [past, future] : [future, past];
   if (!from.length) return false;
   const { choices, chosen, lines } = state;
-  to.push({ ...present, found: back ? { choices, chosen, lines } : outdated });
-  present = from.pop();
-  Object.assign(state, JSON.parse(present.text), { source: present.source }, outdated, present.found);
+  to.push(back ? { ...present, found: { choices, chosen, lines } } : present);
+  const { text, source, found } = from.pop();
+  present = { text, source };
+  Object.assign(state, JSON.parse(text), { source }, outdated, found);
   keep();
   const { selected, room } = state;
   if (selected?.kind === "item" && selected.index >= room.furniture.length) state.selected = null;
   if (selected?.kind === "opening" && selected.index >= openings(room).length) state.selected = null;
   return true;
 }
+
+// The furniture of a choice, but for what is locked, which stays where it is.
+export const withLocked = ({ furniture }) =>
+  furniture.map((entry, k) => (state.locked[k] ? state.room.furniture[k] : entry));
 
 // What was found, of furniture or walls that are others now.
 export const outdated = { choices: [], lines: [] };

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -148,6 +149,14 @@ def drawn(page: Page, corners: Sequence[tuple[float, float]]) -> None:
     page.mouse.click(*corner(page, *corners[0]))
     expect(page.locator("#plan .corner")).to_have_count(0)
     settled(page)
+
+
+def until(page: Page, holds: Callable[[], Any]) -> None:
+    """Wait until something holds, a minute at most."""
+    last = time.monotonic() + 60
+    while not holds():
+        assert time.monotonic() < last
+        page.wait_for_timeout(10)
 
 
 def is_left(page: Page) -> bool:

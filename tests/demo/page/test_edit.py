@@ -27,6 +27,7 @@ from tests.demo.page.browsing import (
     settled,
     shown,
     take,
+    until,
     visited,
 )
 
@@ -50,8 +51,7 @@ def test_nothing_can_be_used_before_a_room_is_shown(browser, address):
     page, held = browser.new_page(), []
     page.route("**/api/look", lambda route: held.append(route))
     page.goto(address)
-    while not held:
-        page.wait_for_timeout(10)
+    until(page, lambda: held)
     for name in ("furnish", "undo", "redo"):
         expect(page.locator(f"#{name}")).to_be_disabled()
     tools = ("nav", "aside", "#type")
@@ -63,13 +63,25 @@ def test_nothing_can_be_used_before_a_room_is_shown(browser, address):
     page.close()
 
 
+def test_another_room_can_be_shown_where_the_first_is_not(browser, address):
+    page = browser.new_page()
+    page.route("**/api/look", lambda route: route.fulfill(status=503, body='{"error": "busy"}'))
+    page.goto(address)
+    expect(page.locator("#verdict")).to_have_text("busy")
+    page.unroute("**/api/look")
+    page.locator("#gallery").get_by_role("button", name="kitchen").first.click()
+    settled(page)
+    expect(page.locator("#title")).to_contain_text("kitchen")
+    expect(page.locator("#furnish")).to_be_enabled()
+    page.close()
+
+
 def test_of_two_rooms_the_last_is_shown_however_late_the_first_is(page):
     held = []
     page.route("**/api/look", lambda route: held.append(route) if not held else route.continue_())
     for name in ("bathroom", "kitchen"):
         page.locator("#gallery").get_by_role("button", name=name).first.click()
-    while not held:
-        page.wait_for_timeout(10)
+    until(page, lambda: held)
     page.wait_for_timeout(200)  # the second could be answered by now
     held[0].continue_()
     expect(page.locator("#title")).to_contain_text("kitchen")
@@ -84,8 +96,7 @@ def test_what_nobody_answers_of_a_room_is_not_said_of_another(page):
     held = []
     page.route("**/api/look", lambda route: held.append(route) if not held else route.continue_())
     item(page, "bed").focus()
-    while not held:
-        page.wait_for_timeout(10)
+    until(page, lambda: held)
     page.locator("#gallery").get_by_role("button", name="kitchen").first.click()
     expect(page.locator("#title")).to_contain_text("kitchen")
     held[0].fulfill(status=400, body='{"error": "busy"}')
@@ -227,7 +238,7 @@ def test_who_uses_the_keyboard_gets_past_the_rooms(page):
     expect(page.get_by_role("button", name="past the rooms")).to_be_focused()
     expect(page.get_by_role("button", name="past the rooms")).to_be_in_viewport()
     page.keyboard.press("Enter")
-    expect(page.locator("#furnish")).to_be_focused()
+    expect(page.locator("#plan")).to_be_focused()
 
 
 def test_the_chosen_item_lies_on_top_and_is_dragged_there(page):

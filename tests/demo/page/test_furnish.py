@@ -25,6 +25,7 @@ from tests.demo.page.browsing import (
     settled,
     shown,
     take,
+    until,
 )
 
 
@@ -183,12 +184,17 @@ def test_what_is_locked_stays_whichever_choice_is_taken(still):
     settled(still)
     before = room_of(still)["furniture"]
     choices = still.locator("#choices").get_by_role("button")
+    expect(choices.first).to_contain_text("Choice 1: ")  # the bed is where it was
     for k in range(1, choices.count()):
+        expect(choices.nth(k)).to_have_text(f"Choice {k + 1}")  # nobody has looked at it with the bed there
         choices.nth(k).click()
         settled(still)
         after = room_of(still)["furniture"]
         assert after[0] == before[0]
         assert after[1:] != before[1:]
+    item(still, "bed").focus()
+    still.keyboard.press("l")
+    expect(choices.last).to_contain_text(":")
 
 
 def test_choices_come_back_with_what_is_done_again(still):
@@ -227,8 +233,7 @@ def test_what_has_the_focus_by_then_keeps_it(still):
     still.locator("#furnish").click()
     expect(still.locator("body")).to_have_attribute("data-state", "asking")
     still.locator("#speed").focus()
-    while not held:
-        still.evaluate("0")
+    until(still, lambda: held)
     held.pop().fulfill(status=400, body='{"error": "busy"}')
     settled(still)
     expect(still.locator("#speed")).to_be_focused()

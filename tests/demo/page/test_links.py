@@ -16,7 +16,9 @@ from tests.demo.page.browsing import (
     middle,
     room_of,
     settled,
+    shown,
     take,
+    until,
     visited,
 )
 
@@ -159,6 +161,20 @@ def test_on_a_phone_what_is_said_and_drawn_is_in_view(browser, address):
     assert next(pages, None) is None
 
 
+def test_a_finger_on_furniture_puts_in_a_window_there(browser, address):
+    page = next(pages := visited(browser, address, **LOOKS["phone"]))
+    shown(
+        page,
+        SQUARE | {"furniture": [{"category": "wardrobe", "size": [0.6, 1.8], "center": [0.3, 1.5], "rotation": 0}]},
+    )
+    page.locator("#building summary").click()
+    page.locator("#window").click()
+    page.touchscreen.tap(*middle(page.locator("#plan [data-item='0']")))
+    settled(page)
+    expect(page.locator("#plan .window")).to_have_count(1)
+    assert next(pages, None) is None
+
+
 def test_a_finger_drags_furniture(browser, address):
     """Up and down, too, where it would scroll the page; on the floor and beside the plan it does."""
     page = next(pages := visited(browser, address, **LOOKS["phone"]))
@@ -173,25 +189,28 @@ def test_a_finger_drags_furniture(browser, address):
             finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
         finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
-    def until(condition: str) -> None:
-        while not page.evaluate(condition):
-            page.wait_for_timeout(10)
-
     scrolled = page.evaluate("scrollY")
     swiped(*((x, y - 3 * k) for k in range(13)), (x - 20, y - 36), (x - 40, y - 36))
     settled(page)
     assert page.evaluate("scrollY") == scrolled
     x, y = middle(page.locator("#keys"))
     swiped(*((x, y - 10 * k) for k in range(13)))
-    until(f"scrollY > {scrolled}")
+    until(page, lambda: page.evaluate("scrollY") > scrolled)
     page.wait_for_timeout(500)  # the page rolls on
     page.evaluate("scrollTo(0, 0)")
-    until("scrollY === 0")
+    until(page, lambda: page.evaluate("scrollY") == 0)
+    page.locator("#furniture").get_by_role("button", name="bed").click()
+    expect(page.locator("#selected")).to_be_visible()
+    page.evaluate("scrollTo(0, 0)")
+    until(page, lambda: page.evaluate("scrollY") == 0)
     plan = page.locator("#plan").bounding_box()
     x, y = plan["x"] + plan["width"] / 2, plan["y"] + 0.97 * plan["height"]
     assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('.item')", [x, y]) is None
     swiped(*((x, y - 10 * k) for k in range(13)))
-    until("scrollY > 0")
+    until(page, lambda: page.evaluate("scrollY") > 0)
+    expect(page.locator("#selected")).to_be_visible()  # its tools are what one scrolls to
+    page.touchscreen.tap(x, page.locator("#plan").bounding_box()["y"] + 0.97 * plan["height"])
+    expect(page.locator("#selected")).to_be_hidden()
     after = room_of(page)["furniture"][0]["center"]
     assert after[0] < before[0] - 0.2
     assert after[1] > before[1] + 0.2
