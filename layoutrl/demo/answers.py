@@ -37,7 +37,7 @@ from layoutrl.rooms.faults import (
 )
 from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, FROM_BED, IN_SWING, ODDITIES, OFF_ITS_WALL, oddities
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, ODDITIES, OFF_ITS_WALL, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
@@ -82,7 +82,6 @@ WORDS = {
     FRONT_NOT_FREE: "needs free floor before it",
     OFF_ITS_WALL: "stands off its wall",
     ASTRAY: "does not stand at its table, facing it",
-    FROM_BED: "does not stand beside a bed",
     BEFORE_WINDOW: "stands before a window",
     IN_SWING: "stands where a door opens",
 }

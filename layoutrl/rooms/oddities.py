@@ -11,11 +11,10 @@ from layoutrl.rooms.doors import leaves
 from layoutrl.rooms.faults import Fault, Items, pairs, unions
 from layoutrl.rooms.room import TOLERANCE, Room
 
-OFF_ITS_WALL, ASTRAY, FROM_BED = "off its wall", "not at its table", "not at its bed"
-BEFORE_WINDOW, IN_SWING = "before a window", "in a door's swing"
-ODDITIES = (OFF_ITS_WALL, ASTRAY, FROM_BED, BEFORE_WINDOW, IN_SWING)
+OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
+IN_SWING = "in a door's swing"
+ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING)
 NEAR = 0.05  # metres: an item no farther from its wall, table or window is at it
-BESIDE = 0.3  # metres: a nightstand no farther from a bed is at it; the designer's touch one; unsourced
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners
 
@@ -26,7 +25,6 @@ AT_A_WALL = frozenset({
     "plant_rack", "shower", "sideboard", "sink", "sofa_bed", "toilet", "tv_unit", "vanity", "wardrobe", "washer",
     "washing_machine",
 })  # fmt: skip
-BEDS = frozenset({"bed", "sofa_bed"})
 TALL = frozenset({"bookcase", "fridge", "wardrobe"})
 
 
@@ -42,7 +40,6 @@ def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray
     return {
         OFF_ITS_WALL: off_their_walls(layouts, items),
         ASTRAY: astray(layouts, items),
-        FROM_BED: from_beds(items),
         BEFORE_WINDOW: before_windows(layouts, items),
         IN_SWING: in_swings(layouts, items),
     }
@@ -85,16 +82,6 @@ def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
     front = shapely.points(np.stack([corners[:, 0] + quarter, corners[:, 3] - quarter], 1))
     at, under = hosts[those, None], shapely.points(corners[:, 1:3])
     result[those] = ~shapely.dwithin(at, front, NEAR).all(1) | shapely.intersects(at, under).any(1)
-    return result
-
-
-def from_beds(items: Items) -> np.ndarray:
-    """Whether a nightstand is farther than BESIDE from each of the BEDS of its room, if there are any: (N,)."""
-    result = items.placed & (items.category == "nightstand")
-    those, beds = np.flatnonzero(result), np.flatnonzero(items.placed & np.isin(items.category, list(BEDS)))
-    a, b = pairs(items.room[those], items.room[beds])
-    near = shapely.dwithin(items.footprint[those[a]], items.footprint[beds[b]], BESIDE)
-    result[those] = (np.bincount(a, minlength=len(those)) > 0) & (np.bincount(a, near, len(those)) == 0)
     return result
 
 

@@ -9,17 +9,7 @@ import pytest
 
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import Items, faults
-from layoutrl.rooms.oddities import (
-    ASTRAY,
-    BEFORE_WINDOW,
-    BESIDE,
-    FROM_BED,
-    IN_SWING,
-    NEAR,
-    OFF_ITS_WALL,
-    item_oddities,
-    oddities,
-)
+from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, NEAR, OFF_ITS_WALL, item_oddities, oddities
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 from tests.builders import rectangular_room
 
@@ -57,23 +47,6 @@ def test_what_stands_across_a_corner_is_off_its_wall_and_what_stands_before_a_ni
     niche = ((0, 0), (4, 0), (4, 3), (0, 3), (0, 2), (-0.3, 2), (-0.3, 1), (0, 1))
     assert not oddities(furnished(Item("bed", (2.0, 1.6), (1.0, 1.5), 0), outline=niche))
     assert oddities(furnished(Item("bed", (2.0, 1.6), (1.2, 1.5), 0), outline=niche)) == [(0, OFF_ITS_WALL)]
-
-
-def test_a_nightstand_is_odd_that_stands_far_from_every_bed() -> None:
-    bed, other = Item("bed", (2.0, 1.0), (1.0, 2.5), 0), Item("sofa_bed", (0.9, 2.0), (3.55, 1.0), 180)
-    stand = Item("nightstand", (0.4, 0.4), (0.2, 1.8), 0)  # touches the bed
-    far = replace(stand, center=(0.2, 0.2))
-    assert not oddities(furnished(bed, stand))
-    assert not oddities(furnished(bed, replace(stand, center=(0.2, 1.8 - BESIDE + 1e-6))))
-    assert oddities(furnished(bed, replace(stand, center=(0.2, 1.8 - BESIDE - 1e-3)))) == [(1, FROM_BED)]
-    assert oddities(furnished(far, bed, stand, far, other)) == [(0, FROM_BED), (3, FROM_BED)]
-    assert not oddities(furnished(far))
-    assert not oddities(furnished(replace(bed, center=None), far))  # it may get a bed
-    assert not oddities(furnished(bed, replace(far, category="side_table")))
-    assert not oddities(furnished(bed, other, replace(far, center=(2.9, 0.2), rotation=90)))
-    alone, both = [furnished(far)], [furnished(far), furnished(bed, far), furnished(bed, stand)]
-    assert item_oddities(alone, Items.of(alone))[FROM_BED].tolist() == [False]
-    assert item_oddities(both, Items.of(both))[FROM_BED].tolist() == [False, False, True, False, False]
 
 
 def test_a_chair_is_astray_that_stands_under_no_table_though_there_is_one() -> None:
