@@ -102,9 +102,9 @@ def furnish(
     briefs = rooms
     if stood is None:
         briefs, stood = [to_place(room, config.move) for room in rooms], [room.furniture for room in rooms]
-    elif [[item.kind for item in items] for items in stood] != [
-        [item.kind for item in room.furniture] for room in rooms
-    ]:
+    elif [[item.category for item in items] for items in stood] != [
+        [item.category for item in room.furniture] for room in rooms
+    ]:  # sizes may differ: a source's rooms are rounded
         raise InputError("stood: expected the furniture of each room, every item as it stood; got other items")
     entries = [
         Entry(room.id, brief, room_to_dict(room), stood=tuple(items))

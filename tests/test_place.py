@@ -42,7 +42,7 @@ from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.furnishers import FurnisherInfo, Helped, furnisher_for
 from layoutrl.train import run as train
 from tests.commands import layoutrl as command
-from tests.rooms.sources.test_sweethome3d import FLAT, home_file, piece, room_tag
+from tests.rooms.sources.test_sweethome3d import BED, FLAT, home_file, piece, room_tag
 from tests.runs.test_resume import SHORT
 
 DOCUMENTS = [room_to_dict(room) for room in design_rooms("bedroom", "test", 3, 3).rooms]
@@ -1217,6 +1217,15 @@ def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle)
 def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         furnish([room_from_dict(DOCUMENTS[0])], **options)
+
+
+def test_rooms_of_a_home_are_furnished_in_memory_though_their_sizes_are_rounded(middle: Middle, tmp_path: Path) -> None:
+    bed = piece("bed140x190", 100, 104, 158.000046, 208.000046, id="bed")
+    source = opened(home_file(tmp_path / "flat.sh3d", FLAT.replace(BED, bed)), move="all")
+    (stood, *_), (room, *_) = source.stood, source.collection.rooms
+    assert stood[0].size != room.furniture[0].size
+    answers = furnish(source.collection.rooms, stood=source.stood, move="all", by="search")
+    assert 0 in answers[0].request.wanted
 
 
 @pytest.mark.parametrize("rooms", [DOCUMENTS, room_from_dict(DOCUMENTS[0]), "my_rooms.json"])
