@@ -372,9 +372,10 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
     """Return the options with the everyday names in `move` and `item` replaced by categories.
 
     With `run` they stay as they are: an agent of the user's own has its own categories. Raises InputError for a name
-    that is unknown or means a rug.
+    that is unknown or means a rug, and for a `move` in which an `item` is none.
     """
     if config.run is not None:
+        check_item_moves(config)
         return config
     names = names_of(Path(config.categories) if config.categories else None)
 
@@ -387,9 +388,17 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
     several = "all, or furniture with commas between"
     moved = [name if name == ALL else meant("move", name, several) for name in sorted(names_in(config.move))]
     item = config.item and meant("item", config.item, "furniture")
-    if item and moved and not {ALL, item} & {*moved}:
-        raise InputError(f"item: {item} is none of move={config.move}; expected one of these, or no item=")
-    return replace(config, move=",".join(moved) if moved else None, item=item)
+    config = replace(config, move=",".join(moved) if moved else None, item=item)
+    check_item_moves(config)
+    return config
+
+
+def check_item_moves(config: PlaceConfig) -> None:
+    """Raise InputError for a `move` without effect: one without the `item` that alone is placed."""
+    if config.item and config.move and not {ALL, config.item} & names_in(config.move):
+        raise InputError(
+            f"move: {config.move} has no effect with item={config.item}; expected {config.item} among them, or no move="
+        )
 
 
 def source_of(config: PlaceConfig) -> Source | None:
@@ -442,7 +451,7 @@ def picture_folder(config: PlaceConfig, new: bool) -> Path | None:
         raise InputError("drawing: dxf needs ezdxf; expected it: in the checkout, pip install '.[dxf]'")
     shard, shards = config.shard_of
     folder = Path(config.pictures) / (f"{shard}of{shards}" if shards > 1 else "")
-    if folder.is_file():
+    if folder.is_file() or (folder.is_symlink() and not folder.exists()):
         raise InputError(f"pictures: {folder} is a file; expected a new folder, as pictures=<folder>")
     check_writable(folder, "pictures")
     if new and folder.exists() and any(folder.iterdir()):

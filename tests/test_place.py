@@ -798,8 +798,12 @@ def test_an_item_that_no_room_lacks_is_named(middle: Middle, tmp_path: Path) -> 
 def test_an_item_that_is_not_to_move_is_refused_as_the_only_one(middle: Middle, tmp_path: Path) -> None:
     file, _ = many(tmp_path, 1)
     config = PlaceConfig(rooms=str(file), move="bed", item="Schrank")
-    with pytest.raises(InputError, match="item: wardrobe is none of move=bed; expected one of these, or no item="):
+    with pytest.raises(
+        InputError, match="move: bed has no effect with item=wardrobe; expected wardrobe among them, or no move="
+    ):
         place(config)
+    with pytest.raises(InputError, match="move: bed has no effect with item=Schrank"):
+        place(replace(config, run=str(tmp_path)))
     for move in ("all", "bed,wardrobe"):
         assert place(replace(config, move=move, out=str(tmp_path / f"{move}.jsonl"))).tally.items == 1
 

@@ -17,7 +17,7 @@ from layoutrl.rooms.units import UNITS
 
 MOST_COUNT = 2**31 - 1
 FOLDER = "the name of a folder, without / and \\"
-# Which sources have a field of Data; all have those that are not here.
+# Which sources have a field of Data. Those that are not here may be set for all, by a budget or a scope.
 OF_SOURCES = {
     "labels": ("floorplans",),
     "strict": ("json",),

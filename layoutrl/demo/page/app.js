@@ -7,7 +7,7 @@ import "./edit.js";
 import "./furnish.js";
 import { complain, known, plan, render, say } from "./page.js";
 import { fromLink, offer, offerUnits, shown } from "./saving.js";
-import { sourceOf } from "./store.js";
+import { sourceOf, state } from "./store.js";
 
 const FIRST = "bedroom";
 
@@ -22,7 +22,8 @@ try {
   const gallery = sourceOf(known.gallery);
   offer(gallery);
   const first = known.gallery.find(({ room }) => room.room_type === FIRST);
-  if (!(await fromLink())) {
+  await fromLink();
+  if (!state.room) {
     const wrong = document.getElementById("verdict").textContent; // with the link
     await shown(first, gallery);
     if (wrong) complain(wrong);

@@ -9,6 +9,7 @@ const centimetres = (value) => Math.round(value * 100) / 100;
 const TYPED = "input:not([type=checkbox], [type=file])"; // who types there undoes letters
 const BACK = " It is back as it was.";
 let drag = null;
+let touched = false; // by a finger, and not pressed
 
 // Whether an item is dragged that was neither deleted nor undone, by the pointer of an event if one is given: a second
 // finger moves nothing.
@@ -18,7 +19,8 @@ const dragging = (event) =>
 plan.addEventListener("pointerdown", (event) => {
   if (dragging() || state.mode !== "edit" || !idle() || event.button !== 0) return;
   const thing = event.target.closest("[data-item], [data-opening], use"); // which shows the chosen item on top
-  if (event.pointerType === "touch" && !thing?.matches("[data-item], use")) return; // it may scroll; `click` tells
+  touched = event.pointerType === "touch";
+  if (touched && !thing?.matches("[data-item], use")) return; // it may scroll; `click` tells
   document.activeElement.blur(); // what was typed in a field is of the item that was chosen
   if (!thing) return select(null);
   if (thing.dataset.opening) return select("opening", Number(thing.dataset.opening));
@@ -32,8 +34,8 @@ plan.addEventListener("pointerdown", (event) => {
   drag = { pointer: event.pointerId, dragged, from: metres(plan, event), center: dragged.center, moved: false };
 });
 
-plan.addEventListener("click", ({ pointerType, target }) => {
-  if (pointerType !== "touch" || state.mode !== "edit" || !idle() || target.closest("[data-item], use")) return;
+plan.addEventListener("click", ({ target }) => {
+  if (!touched || state.mode !== "edit" || !idle() || target.closest("[data-item], use")) return;
   const opening = target.closest("[data-opening]");
   document.activeElement.blur();
   if (opening) select("opening", Number(opening.dataset.opening));

@@ -20,8 +20,12 @@ export const button = (text, onclick, attributes = {}) => element("button", { ty
 
 // Screen readers read out whatever is put there, were it the same again.
 export function say(text, bad = true) {
-  if ($("verdict").textContent !== text) $("verdict").textContent = text;
-  $("verdict").classList.toggle("bad", bad);
+  const verdict = $("verdict");
+  verdict.classList.toggle("bad", bad);
+  if (verdict.textContent === text) return;
+  verdict.textContent = text;
+  if (verdict.scrollHeight > verdict.clientHeight) verdict.tabIndex = 0; // keys scroll what has the focus
+  else verdict.removeAttribute("tabindex");
 }
 
 // Say what went wrong, until something changes.
@@ -120,17 +124,19 @@ async function untilIdle() {
   }
 }
 
-let opened = 0; // rooms
+let asked = 0; // how often another room
+let latestTaken = 0; // of these
 
-// Take another room; whether it was taken. It is shown as soon as the server has read it, and no other is being furnished; of
-// several, only the last.
+// Take another room; whether it was taken. It is shown as soon as the server has read it, and no other is being furnished, but
+// not after one that was asked for later.
 export async function open(room, locked = [], source = sourceOf()) {
-  opened += 1;
-  const mine = opened;
+  asked += 1;
+  const mine = asked;
   try {
     const said = await answered("look", { room });
     await untilIdle();
-    if (mine !== opened) return false;
+    if (mine < latestTaken) return false;
+    latestTaken = mine;
     Object.assign(state, { room: said.room, source, look: said, problem: "", refused: false, notice: "", mode: "edit" });
     Object.assign(state, { selected: null, thoughts: null, ...outdated });
     state.locked = said.room.furniture.map((_, k) => locked[k] || false);
@@ -140,7 +146,7 @@ export async function open(room, locked = [], source = sourceOf()) {
     become("idle");
     return true;
   } catch (error) {
-    if (mine === opened) complain(error.message);
+    complain(error.message);
     if (!state.room) document.querySelector("nav").inert = false; // another may be shown
     return false;
   }

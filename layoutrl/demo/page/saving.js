@@ -100,11 +100,11 @@ async function opened(file, before = { source: null, entries: [] }) {
     const name = file.name.replace(/(?<=.)\.\w+$/, "");
     const { rooms, left_out, home: whole } = await read(content, name, mine.unit);
     const source = sourceOf(rooms, name, whole ? content : null, left_out);
-    before.entries.forEach((entry) => entry.remove());
     Object.assign(mine, { source, entries: offer(source, true) });
-    const isShown = await shown(rooms[0], source);
-    if (state.source !== before.source) forget(before.source);
-    if (isShown) state.lines = left_out;
+    if (!(await shown(rooms[0], source))) return;
+    before.entries.forEach((entry) => entry.remove());
+    forget(before.source);
+    state.lines = left_out;
     render();
   } catch (error) {
     complain(`${file.name}: ${error.message}`);
@@ -207,15 +207,14 @@ saving("share", async () => {
   $("link").select();
 });
 
-// The room of the address, if it holds one. Says what is wrong with one that cannot be read.
+// Show the room of the address, if it holds one. Says what is wrong with one that cannot be read.
 export async function fromLink() {
-  if (!location.hash.startsWith("#room=")) return false;
+  if (!location.hash.startsWith("#room=")) return;
   try {
     const { room, locked } = JSON.parse(await unpacked(location.hash.slice(6)));
-    return await openAlone(room, locked ?? []);
+    await openAlone(room, locked ?? []);
   } catch {
     complain("The link holds no whole room.");
-    return false;
   }
 }
 

@@ -92,6 +92,19 @@ def test_of_two_rooms_the_last_is_shown_however_late_the_first_is(page):
     expect(current).to_have_text("kitchen")
 
 
+def test_a_room_that_is_refused_keeps_no_other_from_being_shown(page):
+    held = []
+    page.route("**/api/look", lambda route: held.append(route) if not held else route.continue_())
+    page.locator("#gallery").get_by_role("button", name="kitchen").first.click()
+    until(page, lambda: held)
+    link = "link => { location.href = link }"
+    page.evaluate(link, "#room=nonsense")
+    expect(page.locator("#verdict")).to_have_text("The link holds no whole room.")
+    held[0].continue_()
+    expect(page.locator("#title")).to_contain_text("kitchen")
+    settled(page)
+
+
 def test_what_nobody_answers_of_a_room_is_not_said_of_another(page):
     held = []
     page.route("**/api/look", lambda route: held.append(route) if not held else route.continue_())

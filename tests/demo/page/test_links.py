@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from functools import partial
+from typing import Any
 
 import pytest
 
@@ -102,6 +104,33 @@ def test_a_link_that_is_broken_is_said(browser, address):
     assert next(pages, None) is None
 
 
+def hold(held: list[Any], route: Any) -> None:
+    """Keep the first two questions, and let others through."""
+    if len(held) < 2:
+        held.append(route)
+    else:
+        route.continue_()
+
+
+def test_a_second_link_is_opened_while_the_first_is(page, browser, address):
+    packed = """async room => (await import("/store.js")).packed(JSON.stringify({ room, locked: [] }))"""
+    links = [f"{address}/#room={page.evaluate(packed, SQUARE | {'id': name})}" for name in ("one", "two")]
+    for first in (0, 1):  # that is answered
+        held = []
+        other = browser.new_page()
+        other.route("**/api/look", partial(hold, held))
+        other.goto(links[0])
+        until(other, partial(len, held))
+        other.evaluate("link => { location.href = link }", links[1])
+        until(other, lambda kept=held: len(kept) == 2)
+        for k in (first, 1 - first):
+            held[k].continue_()
+        expect(other.locator("#title")).to_have_attribute("data-room", "two")
+        settled(other)
+        expect(other.locator("#title")).to_have_attribute("data-room", "two")
+        other.close()
+
+
 def test_a_link_without_what_is_locked_is_opened(page, browser):
     page.evaluate(
         """async room => {
@@ -161,6 +190,20 @@ def test_on_a_phone_what_is_said_and_drawn_is_in_view(browser, address):
     assert next(pages, None) is None
 
 
+def test_on_a_phone_all_that_is_wrong_can_be_read_by_keyboard(browser, address):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="no axe-playwright-python")
+    page = next(pages := visited(browser, address, **LOOKS["phone"]))
+    wardrobe = {"category": "wardrobe", "size": [0.6, 1.8], "center": [1.5, 1.5], "rotation": 0}
+    shown(page, SQUARE | {"furniture": [wardrobe] * 8})
+    verdict = page.locator("#verdict")
+    assert verdict.evaluate("node => node.scrollHeight > node.clientHeight && node.tabIndex === 0")
+    found = axe.Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()
+    shown(page, SQUARE | {"id": "other"})
+    expect(verdict).not_to_have_attribute("tabindex", "0")
+    assert next(pages, None) is None
+
+
 def test_a_finger_on_furniture_puts_in_a_window_there(browser, address):
     page = next(pages := visited(browser, address, **LOOKS["phone"]))
     shown(
@@ -209,8 +252,13 @@ def test_a_finger_drags_furniture(browser, address):
     swiped(*((x, y - 10 * k) for k in range(13)))
     until(page, lambda: page.evaluate("scrollY") > 0)
     expect(page.locator("#selected")).to_be_visible()  # its tools are what one scrolls to
-    page.touchscreen.tap(x, page.locator("#plan").bounding_box()["y"] + 0.97 * plan["height"])
+    page.wait_for_timeout(500)  # the page rolls on
+    page.evaluate("scrollTo(0, 0)")
+    until(page, lambda: page.evaluate("scrollY") == 0)
+    page.touchscreen.tap(x, y)
     expect(page.locator("#selected")).to_be_hidden()
+    page.touchscreen.tap(*middle(page.locator("#plan .door").first))
+    expect(page.locator("#name")).to_have_text("door")
     after = room_of(page)["furniture"][0]["center"]
     assert after[0] < before[0] - 0.2
     assert after[1] > before[1] + 0.2
