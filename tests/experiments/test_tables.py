@@ -92,8 +92,8 @@ EVERY = (
     ("planit_long", 2, 1),
 )
 LONG = ("paper_every_move", 1, 1)  # a type in which it is trained for longer
-PICTURES = (("paper", 2, 1), ("paper_every_move", 4, 1), *[LONG] * 4, ("paper_every_move", 1, 2))  # without a GPU
-ALL_SEEDS = (("paper", 8, 3), ("paper_every_move", 4, 3), *[("paper_every_move", 1, 3)] * 4)
+PICTURES = (("paper", 2, 1), ("paper_every_move", 3, 1), *[LONG] * 5, ("paper_every_move", 1, 2))  # without a GPU
+ALL_SEEDS = (("paper", 8, 3), ("paper_every_move", 3, 3), *[("paper_every_move", 1, 3)] * 5)
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
