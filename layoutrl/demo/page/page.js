@@ -288,7 +288,7 @@ function renderChoices() {
   $("choices").hidden = choices.length === 0 || mode === "draw";
   if (now.some((what, k) => what !== offered[k])) $("choices").replaceChildren();
   offered = now;
-  choices.slice($("choices").children.length).forEach((choice) => $("choices").append(choiceOf(choice, $("choices").children.length)));
+  for (let k = $("choices").children.length; k < choices.length; k += 1) $("choices").append(choiceOf(choices[k], k));
   [...$("choices").children].forEach((node, k) => node.setAttribute("aria-pressed", k === chosen));
 }
 
