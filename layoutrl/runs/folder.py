@@ -28,9 +28,8 @@ def wanted_folder(config: AnyTraining) -> Path:
     labels = f"-{config.data.labels}" if config.data.source == "floorplans" else ""
     item = "rooms" if getattr(config.method, "scope", "item") == "room" else config.room.item
     begin = "-package" if getattr(config, "begin", "nothing") == "package" else ""
-    fold = f"-fold{config.fold}" if config.fold else ""
     name = config.name or (
-        f"{config.data.source}{labels}-{item}-{config.method.name}{begin}-{config.budget.name}{fold}-seed{config.seed}"
+        f"{config.data.source}{labels}-{item}-{config.method.name}{begin}-{config.budget.name}-seed{config.seed}"
     )
     return Path(config.runs) / config.room.type / name
 

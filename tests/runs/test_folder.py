@@ -15,16 +15,7 @@ from omegaconf import OmegaConf
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, narrowed
-from layoutrl.runs.folder import (
-    LARGEST,
-    NOT_COMPARED,
-    differences,
-    folders_of,
-    load_config,
-    make_folder,
-    new_folder,
-    wanted_folder,
-)
+from layoutrl.runs.folder import LARGEST, NOT_COMPARED, differences, folders_of, load_config, make_folder, new_folder
 from tests.test_fuzz import answered, times
 
 WHOLE = OmegaConf.to_yaml(OmegaConf.structured(narrowed(composed("train", "room=bedroom"), TrainConfig)))
@@ -47,11 +38,6 @@ def test_what_is_written_is_resolved_and_read_again(room_type: str, tmp_path: Pa
         assert load_config(folder, TrainConfig) == config
     rival = narrowed(composed("planit", f"room={room_type}", f"runs={tmp_path}"), PlanitConfig)
     assert load_config(new_folder(rival), PlanitConfig) == rival
-
-
-def test_a_fold_is_in_the_name_of_its_run() -> None:
-    names = [wanted_folder(composed("train", "room=bedroom", f"fold={fold}")).name for fold in (0, 3)]
-    assert names == ["designer-main-geometric-default-seed0", "designer-main-geometric-default-fold3-seed0"]
 
 
 @pytest.mark.parametrize(
