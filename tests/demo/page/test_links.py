@@ -232,6 +232,10 @@ def test_a_finger_drags_furniture(browser, address):
             finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": x, "y": y}]})
         finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
 
+    def to_top() -> None:
+        page.wait_for_timeout(500)  # the page rolls on
+        until(page, lambda: page.evaluate("scrollTo(0, 0)") or page.evaluate("scrollY") == 0)
+
     scrolled = page.evaluate("scrollY")
     swiped(*((x, y - 3 * k) for k in range(13)), (x - 20, y - 36), (x - 40, y - 36))
     settled(page)
@@ -239,22 +243,17 @@ def test_a_finger_drags_furniture(browser, address):
     x, y = middle(page.locator("#keys"))
     swiped(*((x, y - 10 * k) for k in range(13)))
     until(page, lambda: page.evaluate("scrollY") > scrolled)
-    page.wait_for_timeout(500)  # the page rolls on
-    page.evaluate("scrollTo(0, 0)")
-    until(page, lambda: page.evaluate("scrollY") == 0)
+    to_top()
     page.locator("#furniture").get_by_role("button", name="bed").click()
     expect(page.locator("#selected")).to_be_visible()
-    page.evaluate("scrollTo(0, 0)")
-    until(page, lambda: page.evaluate("scrollY") == 0)
+    to_top()
     plan = page.locator("#plan").bounding_box()
     x, y = plan["x"] + plan["width"] / 2, plan["y"] + 0.97 * plan["height"]
     assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('.item')", [x, y]) is None
     swiped(*((x, y - 10 * k) for k in range(13)))
     until(page, lambda: page.evaluate("scrollY") > 0)
     expect(page.locator("#selected")).to_be_visible()  # its tools are what one scrolls to
-    page.wait_for_timeout(500)  # the page rolls on
-    page.evaluate("scrollTo(0, 0)")
-    until(page, lambda: page.evaluate("scrollY") == 0)
+    to_top()
     page.touchscreen.tap(x, y)
     expect(page.locator("#selected")).to_be_hidden()
     page.touchscreen.tap(*middle(page.locator("#plan .door").first))
