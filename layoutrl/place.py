@@ -129,6 +129,7 @@ def run(config: PlaceConfig) -> Done:
     if config.drawing != "svg" and config.pictures is None:
         raise InputError(f"drawing: nothing is drawn as {config.drawing} without pictures=; expected pictures=<folder>")
     asked, config = config, by_category(config)
+    check_item_moves(config)
     source = source_of(config)
     suffix = source.suffix if source else JSON
     piped = (config.out or config.rooms) == STANDARD
@@ -372,10 +373,9 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
     """Return the options with the everyday names in `move` and `item` replaced by categories.
 
     With `run` they stay as they are: an agent of the user's own has its own categories. Raises InputError for a name
-    that is unknown or means a rug, and for a `move` in which an `item` is none.
+    that is unknown or means a rug.
     """
     if config.run is not None:
-        check_item_moves(config)
         return config
     names = names_of(Path(config.categories) if config.categories else None)
 
@@ -388,9 +388,7 @@ def by_category(config: PlaceConfig) -> PlaceConfig:
     several = "all, or furniture with commas between"
     moved = [name if name == ALL else meant("move", name, several) for name in sorted(names_in(config.move))]
     item = config.item and meant("item", config.item, "furniture")
-    config = replace(config, move=",".join(moved) if moved else None, item=item)
-    check_item_moves(config)
-    return config
+    return replace(config, move=",".join(moved) if moved else None, item=item)
 
 
 def check_item_moves(config: PlaceConfig) -> None:

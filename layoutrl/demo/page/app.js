@@ -5,13 +5,13 @@ import "./building.js";
 import { offerKinds } from "./building.js";
 import "./edit.js";
 import "./furnish.js";
-import { complain, known, plan, render, say } from "./page.js";
+import { $, complain, known, plan, render, say } from "./page.js";
 import { fromLink, offer, offerUnits, shown } from "./saving.js";
 import { sourceOf, state } from "./store.js";
 
 const FIRST = "bedroom";
 
-document.getElementById("past-rooms").onclick = () => plan.focus();
+$("past-rooms").onclick = () => plan.focus();
 
 try {
   const said = await begin();
@@ -24,7 +24,7 @@ try {
   const first = known.gallery.find(({ room }) => room.room_type === FIRST);
   await fromLink();
   if (!state.room) {
-    const wrong = document.getElementById("verdict").textContent; // with the link
+    const wrong = $("verdict").textContent; // with the link
     await shown(first, gallery);
     if (wrong) complain(wrong);
   }

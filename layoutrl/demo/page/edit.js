@@ -3,11 +3,12 @@
 import { back } from "./building.js";
 import { $, changed, idle, inTurn, inTurnHere, known, look, measures, plan, render, say, select, waits } from "./page.js";
 import { metres } from "./plan.js";
-import { WAYS, commit, item, outdated, state, travel, words } from "./store.js";
+import { WAYS, commit, foundNow, item, outdated, state, travel, words } from "./store.js";
 
 const centimetres = (value) => Math.round(value * 100) / 100;
 const TYPED = "input:not([type=checkbox], [type=file])"; // who types there undoes letters
 const BACK = " It is back as it was.";
+const FURNITURE = "[data-item], use"; // which shows the chosen item on top
 let drag = null;
 let touched = false; // by a finger, and not pressed
 
@@ -16,15 +17,22 @@ let touched = false; // by a finger, and not pressed
 const dragging = (event) =>
   drag !== null && state.room.furniture.includes(drag.dragged) && (!event || drag.pointer === event.pointerId);
 
+// Choose the door or window that was pointed at; where there is none, nothing is chosen.
+function chooseOpening(target) {
+  document.activeElement.blur(); // what was typed in a field is of the item that was chosen
+  const opening = target.closest("[data-opening]");
+  if (opening) select("opening", Number(opening.dataset.opening));
+  else select(null);
+}
+
 plan.addEventListener("pointerdown", (event) => {
   if (dragging() || state.mode !== "edit" || !idle() || event.button !== 0) return;
-  const thing = event.target.closest("[data-item], [data-opening], use"); // which shows the chosen item on top
   touched = event.pointerType === "touch";
-  if (touched && !thing?.matches("[data-item], use")) return; // it may scroll; `click` tells
-  document.activeElement.blur(); // what was typed in a field is of the item that was chosen
-  if (!thing) return select(null);
-  if (thing.dataset.opening) return select("opening", Number(thing.dataset.opening));
-  const index = Number(thing.dataset.item ?? state.selected.index);
+  const furniture = event.target.closest(FURNITURE);
+  if (!furniture && touched) return; // it may scroll; `click` tells
+  if (!furniture) return chooseOpening(event.target);
+  document.activeElement.blur();
+  const index = Number(furniture.dataset.item ?? state.selected.index);
   select("item", index);
   document.querySelector(`[data-item="${index}"]`)?.focus({ preventScroll: true });
   event.preventDefault();
@@ -35,11 +43,7 @@ plan.addEventListener("pointerdown", (event) => {
 });
 
 plan.addEventListener("click", ({ target }) => {
-  if (!touched || state.mode !== "edit" || !idle() || target.closest("[data-item], use")) return;
-  const opening = target.closest("[data-opening]");
-  document.activeElement.blur();
-  if (opening) select("opening", Number(opening.dataset.opening));
-  else select(null);
+  if (touched && state.mode === "edit" && idle() && !target.closest(FURNITURE)) chooseOpening(target);
 });
 
 plan.addEventListener("pointermove", (event) => {
@@ -158,9 +162,6 @@ function retarget(room) {
   state.look.faults = [];
   Object.assign(state, outdated);
 }
-
-// What is `outdated` where furniture is another: to have it back.
-const foundNow = () => Object.fromEntries(Object.keys(outdated).map((name) => [name, state[name]]));
 
 // Whether the server takes furniture more; else there is none of it.
 async function added(entries) {

@@ -179,7 +179,7 @@ export function render() {
   const focus = document.activeElement?.closest?.("[data-item], [data-opening], [data-row]");
   const where = focus && ["item", "opening", "row"].map((name) => [name, focus.dataset[name]]).find(([, value]) => value);
   if (state.mode === "draw") drawDraft(plan, state, grid());
-  else draw(plan, state, known);
+  else draw(plan, state, known, idle);
   renderStrip();
   renderList();
   renderSelected();

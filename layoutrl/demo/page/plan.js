@@ -138,11 +138,11 @@ function arrow(group, [x0, y0], [x1, y1], rank) {
 }
 
 // The room that the page holds, to be worked on.
-export function draw(svg, state, { fronts, raised }) {
+export function draw(svg, state, { fronts, raised }, idle) {
   const { room, look, selected } = state;
   const group = framed(svg, look.box);
   const size = 12 * pixel(svg);
-  const drags = (index) => state.mode === "edit" && document.body.dataset.state === "idle" && !state.locked[index];
+  const drags = (index) => state.mode === "edit" && idle() && !state.locked[index];
   svg.prepend(hatching(pixel(svg)));
   const chosen = selected?.kind === "item" ? selected.index : -1;
   const faults = new Map();

@@ -28,7 +28,7 @@ export const sourceOf = (rooms = [], name = "", home = null, lines = []) =>
 const sources = new Set(); // of rooms that were shown
 const MOST = 500; // changes that can be undone, for the sake of memory
 const past = []; // each {text: a snapshot, source}
-const future = []; // the same, and {found}: the choices and lines that there were
+const future = []; // the same, and {found}, as foundNow was there
 let present = null;
 
 export const snapshot = () => JSON.stringify({ room: state.room, locked: state.locked });
@@ -73,8 +73,7 @@ export function commit() {
 export function travel(back) {
   const [from, to] = back ? [past, future] : [future, past];
   if (!from.length) return false;
-  const { choices, chosen, lines } = state;
-  to.push(back ? { ...present, found: { choices, chosen, lines } } : present);
+  to.push(back ? { ...present, found: foundNow() } : present);
   const { text, source, found } = from.pop();
   present = { text, source };
   Object.assign(state, JSON.parse(text), { source }, outdated, found);
@@ -90,7 +89,10 @@ export const withLocked = ({ furniture }) =>
   furniture.map((entry, k) => (state.locked[k] ? state.room.furniture[k] : entry));
 
 // What was found, of furniture or walls that are others now.
-export const outdated = { choices: [], lines: [] };
+export const outdated = { choices: [], chosen: 0, lines: [] };
+
+// What is `outdated` where furniture is another: to have it back.
+export const foundNow = () => Object.fromEntries(Object.keys(outdated).map((name) => [name, state[name]]));
 
 export const canTravel = (back) => (back ? past : future).length > 0;
 
