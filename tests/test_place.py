@@ -21,6 +21,7 @@ import pytest
 import layoutrl.figures.drawing
 import layoutrl.place
 import layoutrl.rooms.sources.sweethome3d
+import layoutrl.runs.file_placer
 from layoutrl import InputError
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.moving import STARTS_PER_FACING
@@ -129,7 +130,7 @@ def test_an_item_without_rotation_goes_and_faces_where_its_value_is_highest(
     given = without_place(DOCUMENTS[1], rotation=180)
     written(tmp_path, [document, given])
 
-    monkeypatch.setattr(layoutrl.place, "blocks", lambda entries: [[*entries]])
+    monkeypatch.setattr(layoutrl.runs.file_placer, "blocks", lambda entries: [[*entries]])
     chosen: list[np.ndarray] = []
 
     def rotations(facing: int) -> list[float]:
