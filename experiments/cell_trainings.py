@@ -46,7 +46,7 @@ def trained_network(
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         trained = agent_training.train(training, rooms, held_out, device, begun)
-        if trained.learner.dqn.updates < trained.learner.updates:
+        if trained.learner.dqn.updates < trained.learner.total_updates:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.dqn.updates}
 

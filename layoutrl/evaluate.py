@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from layoutrl import InputError
 from layoutrl.rooms.files import check_new
@@ -35,11 +33,11 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
-    seed, which = seeds(trained)[3], ""
+    which, drawn = "", trained
     if config.seed is not None:
-        seed, which = np.random.SeedSequence(config.seed), f"-seed{config.seed}"
+        which, drawn = f"-seed{config.seed}", replace(trained, seed=config.seed)
     file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}{which}.json")
-    result, said = scored(shown.agent, shown.reward, shown.rooms, shown.training, seed, config.starts)
+    result, said = scored(shown.agent, shown.reward, shown.rooms, shown.training, seeds(drawn)[3], config.starts)
     print(said)
     about = {
         "run": config.run,

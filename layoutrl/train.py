@@ -31,9 +31,9 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     training, held_out = both(*parts_of(scope, room.type, room.item, config.data, config.fold))
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
-    if learner.dqn.updates < learner.updates:
+    if learner.dqn.updates < learner.total_updates:
         raise Stopped(
-            f"stopped after {learner.dqn.updates} of {learner.updates} updates",
+            f"stopped after {learner.dqn.updates} of {learner.total_updates} updates",
             going_on(folder, config, "layoutrl.train"),
         )
     with evaluation_session(folder, config, "layoutrl.train"):

@@ -65,6 +65,21 @@ def test_the_rooms_commands_work_one_after_the_other(tmp_path: Path) -> None:
     assert len(list((tmp_path / "three").iterdir())) == 3
 
 
+def test_the_answer_that_is_explained_is_the_one_that_is_given(tmp_path: Path) -> None:
+    section = PLACE.partition("\n## What is said of a layout\n")[2].partition("\n| fault |")[0]
+    answer, written = blocks(section)
+    room, more = json.loads(EXAMPLE), re.findall(r"`(\{.+?\})`", section)
+    room["furniture"] += map(json.loads, more)
+    (tmp_path / "my_rooms.json").write_text(json.dumps(room))
+    done = layoutrl("place", "rooms=my_rooms.json", "device=cpu", cwd=tmp_path)
+    assert (len(more), done.returncode) == (2, 2)
+    *told, error = answer.splitlines()
+    assert done.stdout.replace(f"{tmp_path}/", "").splitlines() == told
+    assert done.stderr.splitlines()[-1] == error
+    (placed,) = map(json.loads, (tmp_path / "my_rooms-placed.jsonl").read_text().splitlines())
+    assert placed["furniture"][-1] == json.loads(written)
+
+
 @pytest.mark.parametrize(("entry_point", "options"), COMMANDS)
 def test_the_commands_options_exist(entry_point: str, options: str) -> None:
     given = [option.replace("<name>", "name") for option in shlex.split(options.partition("#")[0])]

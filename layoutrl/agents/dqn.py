@@ -1,9 +1,11 @@
-"""Deep Q-learning with a target network, as in section 4.4 of Di & Yu 2021; double DQN as an option."""
+"""Deep Q-learning with a target network (Mnih et al. 2015), as in section 4.4 of Di & Yu 2021.
+
+Double Q-learning is an option (van Hasselt, Guez & Silver 2016).
+"""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import torch
@@ -20,15 +22,20 @@ class UpdateStats(NamedTuple):
     mean_q: Tensor
     max_q: Tensor
 
+    @classmethod
+    def of(cls, loss: Tensor, q: Tensor) -> UpdateStats:
+        """Return those of a loss and the Q (B,) of the moves made."""
+        return cls(loss.detach(), q.detach().mean(), q.detach().max())
+
 
 PARTS = ("network", "target", "optimizer", "schedule")  # attributes of a DQN with a state_dict of their own
 
 
 class DQN:
-    """A Q-network, its target network and an optimiser.
+    """A Q-network, its target network and an optimiser, Adam.
 
-    The target network is copied every `target_period` updates; the learning rate falls linearly to
-    zero at `total_updates`.
+    The target network is copied every `target_period` updates; the learning rate falls linearly from `learning_rate` to
+    zero at `total_updates`. With `double` the network chooses the next action and the target network values it.
     """
 
     def __init__(
@@ -57,22 +64,23 @@ class DQN:
         q = self.network(observation).gather(1, batch.action.long()[:, None]).squeeze(1)
         target = self.td_target(batch, next_observation)
         assert q.shape == target.shape == batch.reward.shape
-        return self._descend(smooth_l1_loss(q, target), q)
+        loss = smooth_l1_loss(q, target)
+        self._descend(loss)
+        return UpdateStats.of(loss, q)
 
-    def update_every_move(
-        self, legal: Tensor, target: Tensor, observation: Tensor, q_made: Callable[[Tensor], Tensor]
-    ) -> UpdateStats:
+    def update_every_move(self, legal: Tensor, target: Tensor, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Take one gradient step on the mean absolute error of the values of all moves (B, A).
 
-        Illegal moves count as errors of 0. `q_made` computes, for the statistics, the Q (B,) of the moves that were
-        made from the network's output (B, A).
+        Illegal moves count as errors of 0. Return the loss, and the network's output (B, A) before the step.
         """
         learned = self.network(observation)
         assert learned.shape == target.shape == legal.shape
-        return self._descend((learned - target).where(legal, 0.0).abs().mean(), q_made(learned.detach()))
+        loss = (learned - target).where(legal, 0.0).abs().mean()
+        self._descend(loss)
+        return loss.detach(), learned.detach()
 
-    def _descend(self, loss: Tensor, q: Tensor) -> UpdateStats:
-        """Take one gradient step on the loss; return its statistics, with those of values `q`."""
+    def _descend(self, loss: Tensor) -> None:
+        """Take one gradient step on the loss."""
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         self.optimizer.step()
@@ -80,7 +88,6 @@ class DQN:
         self.updates += 1
         if self.updates % self.target_period == 0:
             self.target.load_state_dict(self.network.state_dict())
-        return UpdateStats(loss.detach(), q.detach().mean(), q.detach().max())
 
     @torch.no_grad()
     def td_target(self, batch: Transitions, next_observation: Tensor) -> Tensor:

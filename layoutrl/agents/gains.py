@@ -38,14 +38,14 @@ class EveryMove:
     """
 
     simulator: BatchSimulator
-    updates: int
+    total_updates: int
     discount: tuple[float, float]  # first and last; in between, the horizon 1 / (1 - discount) rises linearly
     repeats: int = 32  # the most times that a move is made, a power of two
 
     def discount_at(self, updates: int) -> float:
         """The discount after so many updates."""
         first, last = (1 / (1 - discount) for discount in self.discount)
-        return 1 - 1 / LinearSchedule(first, last, self.updates // 2)(updates)
+        return 1 - 1 / LinearSchedule(first, last, self.total_updates // 2)(updates)
 
     def transitions(
         self, room: Tensor, position: Tensor, updates: int, generator: torch.Generator

@@ -69,7 +69,7 @@ class Learner:
         rooms: Sequence[Room],
         method: Method,
         reward: Reward,
-        updates: int,
+        total_updates: int,
         network_seed: np.random.SeedSequence,
         training_seed: np.random.SeedSequence,
         device: torch.device,
@@ -77,7 +77,7 @@ class Learner:
     ):
         self.categories = categories_of(rooms)
         self.method = method
-        self.updates = updates
+        self.total_updates = total_updates
         if before is None:
             network = q_network(method, self.categories, network_seed, device)
         else:
@@ -85,7 +85,7 @@ class Learner:
             new = [category for category in self.categories if category not in before.categories]
             self.categories = [*before.categories, *new]
             network = before.network.knowing(len(new))
-        self.dqn = DQN(network, method.learning_rate, updates, method.target_period, method.double)
+        self.dqn = DQN(network, method.learning_rate, total_updates, method.target_period, method.double)
         self._seed = training_seed
         # Staggered, so that not all episodes end in the same step.
         ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves
@@ -94,7 +94,7 @@ class Learner:
             whole = RoomsSimulator([brief_of(room) for room in rooms], rooms, method.moves, reward)
             self.simulator: BatchSimulator | Scenes = (scenes := Scenes(BatchRoomsSimulator(whole, device)))
             self.observe: Observe = ScenesObservation(scenes, RoomsObservation(whole, self.categories, device))
-            moves_in = scenes.simulator.simulator
+            moves_in = scenes.simulator.one_item
             self.replay = Replay(method.replay_capacity, method.moves.count, device, (scenes.columns,))
             self._begin: Begin = lambda generator: SceneEpisodes(
                 scenes, whole, ages, most, generator, near=method.near_share, own=method.own_share
@@ -123,8 +123,8 @@ class Learner:
             self._begin,
             self.observe,
             self.replay,
-            LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * self.updates)),
-            updates=self.updates,
+            LinearSchedule(method.epsilon_start, method.epsilon_end, int(method.epsilon_share * self.total_updates)),
+            total_updates=self.total_updates,
             batch=method.batch,
             discount=method.discount,
             warmup_moves=method.warmup_moves,
@@ -136,7 +136,7 @@ class Learner:
 
     def _every_move(self) -> EveryMove:
         assert isinstance(self.simulator, BatchSimulator)
-        return EveryMove(self.simulator, self.updates, (self.method.discount_start, self.method.discount))
+        return EveryMove(self.simulator, self.total_updates, (self.method.discount_start, self.method.discount))
 
 
 def can_move(simulator: BatchSimulator) -> bool:

@@ -72,9 +72,9 @@ class GeometryNetwork(nn.Module):
     """A Q-network on the set of a room's elements, of any number.
 
     Shared layers encode each element relative to the moving item, and then once more, given the pooled encodings of
-    all. Pooling is by maximum and sum, so that order does not matter. The second encoding and the trunk are also given
-    how far the item can go in each direction. Input: (B, elements, columns) as made by GeometryObservation or, of whole
-    rooms, ScenesObservation. Output: (B, actions).
+    all (Zaheer et al. 2017; Qi et al. 2017). Pooling is by maximum and sum, so that order does not matter. The second
+    encoding and the trunk are also given how far the item can go in each direction. Input: (B, elements, columns) as
+    made by GeometryObservation or, of whole rooms, ScenesObservation. Output: (B, actions).
     """
 
     def __init__(self, columns: int, actions: int, element_width: int = 64, width: int = 256, dueling: bool = False):

@@ -58,7 +58,7 @@ class Stopwatch:
 
 
 class Training:
-    """The training loop: `updates` updates of `batch` transitions, one step of all parallel episodes before each.
+    """The training loop: `total_updates` updates of `batch` transitions, one step of all parallel episodes before each.
 
     `begin` makes the episodes; `Episodes` and `SceneEpisodes` say when they end. The agent cannot see when an episode
     is truncated, so the last transition bootstraps like any other.
@@ -80,7 +80,7 @@ class Training:
         replay: Replay,
         epsilon: LinearSchedule,
         *,
-        updates: int,
+        total_updates: int,
         batch: int,
         discount: float,
         warmup_moves: int,
@@ -92,7 +92,12 @@ class Training:
         self.dqn, self.replay, self.stopping = dqn, replay, False
         self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
         self._every_move = every_move
-        self._total_updates, self._batch, self._discount, self._report_every = updates, batch, discount, report_every
+        self._total_updates, self._batch, self._discount, self._report_every = (
+            total_updates,
+            batch,
+            discount,
+            report_every,
+        )
         self._warm = min(warmup_moves, replay.capacity)
         device = replay.device
         episode_rng, self._explore_rng, self._replay_rng = (
@@ -167,12 +172,9 @@ class Training:
             legal, target = (_values_in_every_symmetry(self._symmetries, values) for values in (legal, target))
             action, updates = _moves_in_every_symmetry(self._symmetries, sampled.action), self.updates
             reward = every_move.reward(sampled.room, sampled.position)
-            return self.dqn.update_every_move(
-                legal,
-                target,
-                in_every_view(self._observe, self._symmetries, observation),
-                lambda learned: every_move.q_made(learned, legal, action, reward, updates),
-            )
+            views = in_every_view(self._observe, self._symmetries, observation)
+            loss, learned = self.dqn.update_every_move(legal, target, views)
+            return UpdateStats.of(loss, every_move.q_made(learned, legal, action, reward, updates))
 
     def _report(self) -> Progress:
         recent, self._recent = self._recent, Recent()

@@ -186,7 +186,9 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
         due = model._n_updates > 0 and model._n_updates % config.probe_every == 0
         return not due or curve.add(model._n_updates, greedy(learner.dqn.network, learner.method)).iou < SB3_IOU
 
-    steps = learner.updates + -(-method.warmup_moves // method.episodes) - 1  # the last of the warm-up learns already
+    steps = (
+        learner.total_updates + -(-method.warmup_moves // method.episodes) - 1
+    )  # the last of the warm-up learns already
     model.learn(steps * method.episodes, callback=goes_on, log_interval=ENDLESS)
     if curve.minutes_to(SB3_IOU) is None:
         curve.add(model._n_updates, greedy(learner.dqn.network, learner.method))

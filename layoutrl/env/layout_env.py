@@ -91,6 +91,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; return its first observation and info. A ValueError leaves the environment as it was."""
         room, position = self._chosen(checked_options(options, "room", "position"))  # refused before anything changes
         super().reset(seed=seed)
         drawn = self.np_random.integers(len(self.simulator.rooms))  # drawn even where it is not used
@@ -104,6 +105,7 @@ class LayoutEnv(gymnasium.Env[np.ndarray, np.int64]):
         return self._observation(), self._arrive() | {"illegal": False}
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Make one action; return observation, reward, terminated, truncated and info."""
         begun(self._path)
         action = checked_action(action, self.action_space)
         illegal = not self._legal[action]

@@ -30,7 +30,7 @@ class BatchRoomsSimulator:
         self.moves = simulator.moves
         self.actions = simulator.actions
         self.device = torch.device(device)
-        self.simulator = BatchSimulator(simulator.simulator, device, dtype)
+        self.one_item = BatchSimulator(simulator.one_item, device, dtype)  # in a room for each item and facing
         self.count, self.ways, self.room_index = (
             torch.tensor(table, device=device) for table in (simulator.count, simulator.ways, simulator.room_index)
         )
@@ -76,7 +76,7 @@ class BatchRoomsSimulator:
         chance = torch.rand(room_index.shape, generator=generator, device=self.device)
         quarter = chance.masked_fill(room_index < 0, -1.0).argmax(2)
         room_index = room_index.gather(2, quarter[..., None])[..., 0]
-        center = self.simulator.starts(room_index.clamp(min=0).flatten(), generator).view(*room_index.shape, 2)
+        center = self.one_item.starts(room_index.clamp(min=0).flatten(), generator).view(*room_index.shape, 2)
         return State(room, center, quarter, torch.zeros_like(room_index, dtype=torch.bool), torch.zeros_like(room))
 
     def put(self, state: State[Tensor], item: Tensor, center: Tensor, quarter: Tensor) -> State[Tensor]:
@@ -98,7 +98,7 @@ class BatchRoomsSimulator:
         turns = []
         for turn in self._turns:
             as_turned = self.room_index[state.room, state.moving, (quarter + turn) % ways]
-            fits = self.simulator.is_legal(as_turned.clamp(min=0), center)
+            fits = self.one_item.is_legal(as_turned.clamp(min=0), center)
             turns.append(fits & (ways > 1) & (as_turned >= 0))
         stands = state.stands.gather(1, state.moving[:, None])
         can_take = torch.arange(state.stands.shape[1], device=self.device) < self.count[state.room][:, None]
@@ -109,7 +109,7 @@ class BatchRoomsSimulator:
     def steps(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
         """As `reach`, but of the moves and slides alone: (B, moves) each."""
         room_index, center, _ = self._moving(state)
-        return self.simulator.reach(room_index, center, self._others(state))
+        return self.one_item.reach(room_index, center, self._others(state))
 
     def moved(self, state: State[Tensor], action: Tensor, length: Tensor) -> State[Tensor]:
         """Return the states after an action (B,), which leads `length` (B,) metres far."""
@@ -118,7 +118,7 @@ class BatchRoomsSimulator:
         _, center, quarter = self._moving(state._replace(moving=item))
         by = self._turns[turn.clamp(0, len(self._turns) - 1)].where((turn >= 0) & (turn < len(self._turns)), 0)
         quarter = (quarter + by) % self.ways[state.room, item]
-        return self.put(state, item, self.simulator.moved(state.room, center, action, length), quarter)
+        return self.put(state, item, self.one_item.moved(state.room, center, action, length), quarter)
 
     def reward(self, state: State[Tensor]) -> RewardTerms[Tensor]:
         """The reward of the moving item where it stands, among what stands now: terms (B,), 0 until one is taken."""
@@ -127,12 +127,12 @@ class BatchRoomsSimulator:
         if self._target_counts.shape[1]:
             there = self._target_center.index_select(0, which)
             targets = self._targets.footprints(which, there, torch.zeros_like(there[..., 0], dtype=torch.int64))
-            ious = self.simulator.ious(room_index, center, targets)
+            ious = self.one_item.ious(room_index, center, targets)
             iou = (ious * self._target_counts[which, :, quarter]).amax(1)
         else:
             iou = torch.zeros(len(room_index), device=self.device, dtype=self._target_counts.dtype)
         taken = self._floor_taken(state) if self._floors_count else None
-        terms = self.simulator.reward(room_index, center, self._others(state), iou, taken)
+        terms = self.one_item.reward(room_index, center, self._others(state), iou, taken)
         stands = state.stands.gather(1, state.moving[:, None])[:, 0]
         return RewardTerms(*(term * stands for term in terms))
 
@@ -150,10 +150,10 @@ class BatchRoomsSimulator:
         in_the_way = stand & ~self._welcome[state.room[:, None], item, state.moving[:, None]]
         middles = state.center + self._ahead[state.room[:, None], item, state.quarter]
         theirs = self._floor_table.some(state, middles, in_the_way)
-        return taken + self.simulator.ious(room_index, center, theirs).sum(1)
+        return taken + self.one_item.ious(room_index, center, theirs).sum(1)
 
     def _moving(self, state: State[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the room of `simulator` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
+        """Return the room of `one_item` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
         index = state.moving[:, None]
         quarter = state.quarter.gather(1, index)[:, 0]
         center = state.center.gather(1, index[..., None].expand(-1, 1, 2))[:, 0]

@@ -86,6 +86,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; return its first observation and info. A ValueError leaves the environment as it was."""
         count = len(self.simulator.rooms)
         room = checked_room(checked_options(options, "room").get("room"), count)
         super().reset(seed=seed)
@@ -95,6 +96,7 @@ class RoomsEnv(gymnasium.Env[np.ndarray, np.int64]):
         return self._observation(), self._arrive() | {"illegal": False}
 
     def step(self, action: np.int64 | int) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Make one action; return observation, reward, terminated, truncated and info."""
         state = self._running
         action = checked_action(action, self.action_space)
         illegal = not self._legal[action]

@@ -51,7 +51,7 @@ class RoomsSimulator:
     - `count` (rooms,): how many each room has to place
     - `ways` (rooms, N): in how many ways that look different an item can face
     - `degrees` (rooms, N, 4): its rotation in each of them
-    - `room_index` (rooms, N, 4): the room of `simulator` in which it moves when turned so, -1 where it does not fit
+    - `room_index` (rooms, N, 4): the room of `one_item` in which it moves when turned so, -1 where it does not fit
 
     If the reward has a fourth term, the floor that is to be free before an item moves with it, in room `floor_index`
     (rooms, N, 4) of the simulator `floors`. Its middle is the item's plus `ahead` (rooms, N, 4, 2), in metres.
@@ -94,7 +94,7 @@ class RoomsSimulator:
             for n, item in enumerate(items):
                 if (self.room_index[r, n] < 0).all():
                     raise InputError(f"room {briefs[r].id}: the {item.category} does not fit into it")
-        self.simulator = Simulator(rooms_by_facing, moves, reward)
+        self.one_item = Simulator(rooms_by_facing, moves, reward)
         self.floor = [[floor_before(item) if reward.theta4 else None for item in items] for items in self.items]
         rooms_by_facing, self.floor_index = self._rooms_by_facing(self.floor, _takes_floor)
         self.floors = Simulator(rooms_by_facing, moves, Reward(0.0, 1.0, 1.0)) if rooms_by_facing else None
@@ -199,7 +199,7 @@ class RoomsSimulator:
         quarter = np.argmax(rng.random(room_index.shape) * (room_index >= 0), 2)
         room_index = np.take_along_axis(room_index, quarter[..., None], 2)[..., 0]
         center = np.zeros((*room_index.shape, 2))
-        center[room_index >= 0] = self.simulator.starts(room_index[room_index >= 0], rng)
+        center[room_index >= 0] = self.one_item.starts(room_index[room_index >= 0], rng)
         return self.empty(room)._replace(center=center, quarter=quarter)
 
     def put(
@@ -215,18 +215,20 @@ class RoomsSimulator:
         """Return which item every action moves (B, A), to which center (B, A, 2) and quarter (B, A), and whether it is
         legal (B, A). Until an item is taken, only taking one is legal."""
         room_index, center, quarter = self._moving(state)
-        reached, legal = self.simulator.destinations(room_index, center, self._others(state))
+        reached, legal = self.one_item.destinations(room_index, center, self._others(state))
         ways = self.ways[state.room, state.moving][:, None]
         turned = (quarter[:, None] + TURNS) % ways
         as_turned = self.room_index[state.room[:, None], state.moving[:, None], turned]
         there = np.repeat(center[:, None], len(TURNS), 1)
-        fits = (ways > 1) & (as_turned >= 0) & self.simulator.is_legal(as_turned, there)
+        fits = (ways > 1) & (as_turned >= 0) & self.one_item.is_legal(as_turned, there)
         stands = np.take_along_axis(state.stands, state.moving[:, None], 1)
         items = np.arange(state.stands.shape[1])
         taken = (items == state.moving[:, None]) & stands
         moves = legal.shape[1]
         return (
-            np.concatenate([np.repeat(state.moving[:, None], self.actions - len(items), 1), items + 0 * taken], 1),
+            np.concatenate(
+                [np.repeat(state.moving[:, None], self.actions - len(items), 1), np.broadcast_to(items, taken.shape)], 1
+            ),
             np.concatenate([reached, there, state.center], 1),
             np.concatenate([np.repeat(quarter[:, None], moves, 1), turned, state.quarter], 1),
             np.concatenate([legal & stands, fits & stands, (items < self.count[state.room][:, None]) & ~taken], 1),
@@ -239,9 +241,9 @@ class RoomsSimulator:
         for b, (room, item) in enumerate(zip(state.room, state.moving, strict=True)):
             degrees = self.degrees[room, item, quarter[b]]
             for target in self.targets[room][item]:
-                found = self.simulator.ious(room_index[[b]], center[[b]], np.array([[target.footprint]])).item()
+                found = self.one_item.ious(room_index[[b]], center[[b]], np.array([[target.footprint]])).item()
                 iou[b] = max(iou[b], found * (1 if faces_alike(target, degrees) else self.reward_function.faces_away))
-        terms = self.simulator.reward(room_index, center, self._others(state), iou, self.floor_taken(state))
+        terms = self.one_item.reward(room_index, center, self._others(state), iou, self.floor_taken(state))
         return RewardTerms(*(term * state.stands[np.arange(len(iou)), state.moving] for term in terms))
 
     def floor_taken(self, state: State[np.ndarray]) -> np.ndarray:
@@ -265,10 +267,10 @@ class RoomsSimulator:
             taken[b] = terms.r2 + terms.r3
         floors = self._others(state, floors=True)
         floors[self.welcome[state.room[:, None], np.arange(floors.shape[1]), moving[:, None]]] = None
-        return taken + self.simulator.ious(room_index, center, floors).sum(1)
+        return taken + self.one_item.ious(room_index, center, floors).sum(1)
 
     def _moving(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the room of `simulator` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
+        """Return the room of `one_item` (B,), the center (B, 2) and the quarter (B,) of the moving items."""
         every = np.arange(len(state.room))
         quarter = state.quarter[every, state.moving]
         return self.room_index[state.room, state.moving, quarter], state.center[every, state.moving], quarter

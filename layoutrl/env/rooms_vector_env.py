@@ -75,12 +75,14 @@ class RoomsVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin all episodes; return their first observations (num_envs, ...) and info. See the class for seeds."""
         refuse_options(options)
         self._streams = reseeded(self, seed, self._streams)
         self._generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
         return self._begun()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Make one action in each environment, int (num_envs,); return arrays of what one returns, and info."""
         simulator, state = self.simulator, self._running
         action = checked_actions(actions, self.num_envs, simulator.actions, simulator.device)
         legal = self._legal.gather(1, action[:, None])[:, 0]

@@ -15,7 +15,6 @@ from layoutrl.env.rooms_simulator import RoomsSimulator, State
 from layoutrl.env.scenes import Scenes
 
 SETTLING = 0.3  # share of an item's moves, the last ones, without exploration: where it ends is the agent's own choice
-ANY_ORDER = 1.0  # scale of the noise on the log of a footprint: the largest waiting item is usually among the next
 NEAR_DEVIATION = 0.4  # metres: standard deviation of starts near the designer's place
 LEAVE_SHARE = 0.25  # share of rooms left after each item: the first items, about which least is known, come most often
 LEAVE_SHARE_FURNISHED = 0.5  # the same once all items stand
@@ -34,6 +33,8 @@ class SceneEpisodes(Episodes):
     Raises ValueError where a room has no design.
     """
 
+    _simulator: Scenes
+
     def __init__(
         self,
         scenes: Scenes,
@@ -45,9 +46,7 @@ class SceneEpisodes(Episodes):
         near: float,
         own: float,
     ):
-        self._scenes = scenes
         self._near_share, self._own_share = near, own
-        self._keeps = 0.0
         device = scenes.device
         center, quarter = rooms.designed()
         self._designed_center = torch.tensor(center, device=device)
@@ -61,27 +60,27 @@ class SceneEpisodes(Episodes):
         super().__init__(scenes, ages, max_moves, generator)
 
     def explore_at(self, epsilon: float) -> Tensor:
-        """Explore at a rate from now on; return the probability of a random action in each room, float32 (B,).
+        """Set the rate of exploration, before each step; return the probability of a random action, float32 (B,).
 
         It is `epsilon`, but 0 in the last moves of an item. The lower `epsilon` is, the more of the rooms that begin
         keep the agent's mistakes.
         """
         self._keeps = 1 - epsilon
         settles = self._age >= (1 - SETTLING) * self._max_moves
-        return torch.as_tensor(np.where(settles, 0.0, epsilon), dtype=torch.float32).to(self._scenes.device)
+        return torch.as_tensor(np.where(settles, 0.0, epsilon), dtype=torch.float32).to(self._simulator.device)
 
     def state_dict(self) -> dict[str, Any]:
         """Return the state of all rooms and of their random generator."""
-        return super().state_dict() | {"own": self._own, "keeps": self._keeps}
+        return super().state_dict() | {"own": self._own}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Continue from a state that `state_dict` returned."""
         super().load_state_dict(state)
-        self._own, self._keeps = state["own"].to(self._scenes.device), state["keeps"]
+        self._own = state["own"].to(self._simulator.device)
 
     def _following(self, ended: Tensor) -> tuple[Tensor, Tensor]:
         """Take the next item of each room, or begin another room; return the scenes and starts."""
-        state = self._scenes.state(self.room[ended], self.position[ended])
+        state = self._simulator.state(self.room[ended], self.position[ended])
         own = self._own[ended]
         state = state._replace(
             center=state.center.where(own[:, None, None], self._designed_center[state.room]),
@@ -100,21 +99,21 @@ class SceneEpisodes(Episodes):
 
     def _empty(self, count: int) -> State[Tensor]:
         """Draw rooms with none of the items to place."""
-        drawn = torch.randint(len(self._rooms), (count,), generator=self._generator, device=self._scenes.device)
+        drawn = torch.randint(len(self._rooms), (count,), generator=self._generator, device=self._simulator.device)
         room = self._rooms[drawn]
         nowhere = torch.zeros_like(self._designed_center[room])
         quarter = torch.zeros_like(self._designed_quarter[room])
-        return State(room, nowhere, quarter, quarter > 0, torch.zeros_like(room))
+        return State(room, nowhere, quarter, torch.zeros_like(quarter, dtype=torch.bool), torch.zeros_like(room))
 
     def _taken(self, state: State[Tensor]) -> tuple[Tensor, Tensor]:
         """Take the next item of each state; return the scenes in which it moves and its starts (B, 2)."""
-        scenes = self._scenes
+        scenes = self._simulator
         size = self._size[state.room]
         waits = (size > -torch.inf) & ~state.stands
         complete = ~waits.any(1, keepdim=True)
         free = torch.where(complete, size > -torch.inf, waits)
-        chance = -(-self._uniform(*size.shape).clamp(min=1e-9).log()).log()  # Gumbel
-        drawn = chance * ANY_ORDER + size.where(~complete, 0.0)
+        chance = -(-self._uniform(*size.shape).clamp(min=1e-9).log()).log()  # Gumbel: larger items are likely the next
+        drawn = chance + size.where(~complete, 0.0)
         moving = drawn.masked_fill(~free, -torch.inf).argmax(1)
         fits = scenes.simulator.room_index[state.room, moving] >= 0
         quarter = self._uniform(*fits.shape).masked_fill(~fits, -1.0).argmax(1)
@@ -130,4 +129,4 @@ class SceneEpisodes(Episodes):
         return scene, torch.where((near & scenes.is_legal(scene, beside))[:, None], beside, anywhere)
 
     def _uniform(self, *shape: int) -> Tensor:
-        return torch.rand(shape, generator=self._generator, device=self._scenes.device)
+        return torch.rand(shape, generator=self._generator, device=self._simulator.device)

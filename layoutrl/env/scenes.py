@@ -66,15 +66,15 @@ class Scenes:
 
     def starts(self, scene: Tensor, generator: torch.Generator) -> Tensor:
         """Positions (B, 2) drawn uniformly from all those at which the item lies in the envelope, as it is turned."""
-        return self.simulator.simulator.starts(self._room_index(scene), generator)
+        return self.simulator.one_item.starts(self._room_index(scene), generator)
 
     def starts_at(self, scene: Tensor, uniform: Tensor) -> Tensor:
         """Map random numbers from 0 to 1, float64 (3, B), to starts (B, 2): each is the same in any batch."""
-        return self.simulator.simulator.starts_at(self._room_index(scene), uniform)
+        return self.simulator.one_item.starts_at(self._room_index(scene), uniform)
 
     def is_legal(self, scene: Tensor, position: Tensor) -> Tensor:
         """Whether the item lies within the envelope, walls included: bool (B,)."""
-        return self.simulator.simulator.is_legal(self._room_index(scene), position)
+        return self.simulator.one_item.is_legal(self._room_index(scene), position)
 
     def reach(self, scene: Tensor, position: Tensor) -> tuple[Tensor, Tensor]:
         """How far every action leads, in metres, and whether it is legal: (B, A) each."""
@@ -85,7 +85,7 @@ class Scenes:
     def moved(self, scene: Tensor, position: Tensor, action: Tensor, length: Tensor) -> Tensor:
         """Return positions (B, 2) moved by `length` (B,) metres in the direction of each action (B,)."""
         action = self._turned[self.turns(scene), action]
-        return self.simulator.simulator.moved(scene, position, action, length)
+        return self.simulator.one_item.moved(scene, position, action, length)
 
     def reward(self, scene: Tensor, position: Tensor) -> RewardTerms[Tensor]:
         """The reward of standing at `position`: terms of shape (B,)."""
@@ -116,7 +116,6 @@ class ScenesObservation:
     """
 
     def __init__(self, scenes: Scenes, observe: RoomsObservation):
-        self.space = observe.space
         self._scenes, self._observe = scenes, observe
         turns = [Symmetry(-quarters % QUARTERS, False, scenes.moves, scenes.device).matrix for quarters in range(4)]
         self._back = torch.stack(turns)

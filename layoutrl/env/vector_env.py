@@ -91,6 +91,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin all episodes; return their first observations (num_envs, ...) and info. See the class for seeds."""
         refuse_options(options)
         self._streams = reseeded(self, seed, self._streams)
         generator = torch.Generator(self.simulator.device).manual_seed(int(self.np_random.integers(2**63)))
@@ -98,6 +99,7 @@ class LayoutVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return self._begun()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Make one action in each environment, int (num_envs,); return arrays of what one returns, and info."""
         step = self._running.step(
             checked_actions(actions, self.num_envs, self.simulator.moves.count, self.simulator.device)
         )

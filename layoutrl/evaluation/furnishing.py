@@ -94,7 +94,7 @@ class Furnisher:
         value = np.full((4, len(centers)), -np.inf)
         for quarter in np.flatnonzero(placing.rooms.room_index[0, n] >= 0):
             room_index = np.repeat(placing.rooms.room_index[0, n, quarter], len(centers))
-            fits = placing.rooms.simulator.is_legal(room_index, centers @ turn)
+            fits = placing.rooms.one_item.is_legal(room_index, centers @ turn)
             here = centers[fits] @ turn
             scene = placing.scenes_of(state, np.zeros(1, int), np.array([quarter])).expand(len(here), -1)
             value[quarter, fits] = placing.best_values(scene, here)

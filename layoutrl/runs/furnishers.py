@@ -64,9 +64,9 @@ def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
         return FurnisherInfo(furnisher, pretrained.known, pretrained.types_with)
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
-    network, categories, *_ = trained_network(folder, trained, device, config.checkpoint)
     if trained.method.every_move:
         raise InputError(f"run: {folder} learned what moves gain, not what places are worth; expected another method")
+    network, categories, *_ = trained_network(folder, trained, device, config.checkpoint)
     whole = trained.method.scope == "room"
     moved = "all" if whole else item_of(trained, config.item, categories)
     placed = categories if moved == "all" else [moved]

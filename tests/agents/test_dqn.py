@@ -231,7 +231,8 @@ def test_a_constant_reward_of_one_is_worth_1_over_1_less_the_discount(double, di
 def test_of_every_move_the_loss_is_the_absolute_error_of_those_that_are_legal():
     legal, target = torch.tensor([[True, True, False], [True, False, False]]), torch.tensor([[1.0, 2, 9], [3, 9, 9]])
     agent = agent_of([[2.0, 5.0, 7.0], [1.0, 7.0, 7.0]], learning_rate=0.0)
-    stats = agent.update_every_move(legal, target, torch.tensor([A, B]), lambda learned: learned[:, 1] - 1)
+    loss, learned = agent.update_every_move(legal, target, torch.tensor([A, B]))
+    stats = UpdateStats.of(loss, learned[:, 1] - 1)
     assert stats.loss.item() == pytest.approx((1 + 3 + 2) / 6)
     assert (stats.mean_q.item(), stats.max_q.item()) == (5.0, 6.0)
 
@@ -240,5 +241,5 @@ def test_of_every_move_values_of_illegal_ones_stay_and_the_others_are_found():
     legal, target = torch.tensor([[True, True, False]]), torch.tensor([[1.0, 2.0, 50.0]])
     agent = agent_of([[0.0, 0.0, 7.0]], learning_rate=0.1, total_updates=300)
     for _ in range(300):
-        agent.update_every_move(legal, target, torch.tensor([A]), lambda learned: learned[:, 0])
+        agent.update_every_move(legal, target, torch.tensor([A]))
     assert agent.network.q.tolist()[0] == pytest.approx([1.0, 2.0, 7.0], abs=0.02)

@@ -38,13 +38,15 @@ SETTINGS = {
 }  # fmt: skip
 
 
-def training(agent, simulator, observe, replay, epsilon, *, episodes, max_moves, goal_iou, **settings) -> Training:
+def training(
+    agent, simulator, observe, replay, epsilon, *, updates, episodes, max_moves, goal_iou, **settings
+) -> Training:
     ages = np.arange(episodes) * max_moves // episodes
 
     def begin(generator: torch.Generator) -> Episodes:
         return Episodes(simulator, ages, max_moves, generator, goal_iou)
 
-    return Training(agent, begin, observe, replay, epsilon, **settings)
+    return Training(agent, begin, observe, replay, epsilon, total_updates=updates, **settings)
 
 
 class RecordedReplay(Replay):
@@ -188,16 +190,20 @@ def test_in_every_view_the_values_of_every_move_are_those_of_the_moves_there():
     learned, told = [], []
 
     class Recorded(DQN):
-        def update_every_move(self, legal, target, observation, q_made):
+        def update_every_move(self, legal, target, observation):
             learned.append((legal, target, observation))
-            told.append(q_made(target))
-            return super().update_every_move(legal, target, observation, q_made)
+            return super().update_every_move(legal, target, observation)
+
+    class Told(EveryMove):
+        def q_made(self, output, legal, action, reward, updates):
+            told.append(super().q_made(learned[-1][1], legal, action, reward, updates))
+            return super().q_made(output, legal, action, reward, updates)
 
     def run(symmetries: list[Symmetry]) -> None:
         simulator, observe = BatchSimulator(Simulator(rooms, moves, Reward())), GeometryObservation(rooms, ["bed"])
         network = weights_of_one(observe.space.shape[1], moves.count)
         settings = SETTINGS | {"updates": 1, "report_every": 1, "symmetries": symmetries, "batch": 16}
-        learns = EveryMove(simulator, 1, (0.0, 0.0))  # discount 0: what a move gains at once
+        learns = Told(simulator, 1, (0.0, 0.0))  # discount 0: what a move gains at once
         schedule, seed = LinearSchedule(1.0, 1.0, 0), np.random.SeedSequence(0)
         agent, replay = Recorded(network, 1e-3, 1, 20, double=False), Replay(1000, moves.count)
         list(training(agent, simulator, observe, replay, schedule, **settings, seed=seed, every_move=learns))

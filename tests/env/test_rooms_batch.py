@@ -76,7 +76,7 @@ def test_items_start_where_and_as_they_fit_and_as_the_generator_says() -> None:
     for n in range(simulator.room_index.shape[1]):
         there = n < simulator.count[room]
         room_index = simulator.room_index[room, n, state.quarter[:, n]][there]
-        assert simulator.simulator.is_legal(room_index, state.center[:, n].numpy()[there]).all()
+        assert simulator.one_item.is_legal(room_index, state.center[:, n].numpy()[there]).all()
     assert len(state.quarter[:, 0].unique()) == 4
     assert all(torch.equal(one, other) for one, other in zip(begun(0), state, strict=True))
     assert not torch.equal(begun(1).center, state.center)

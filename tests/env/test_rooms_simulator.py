@@ -289,7 +289,7 @@ def test_items_of_one_size_that_are_given_other_rotations_lie_otherwise() -> Non
     lengthwise, across = (Item("desk", (0.6, 2.6), None, degrees) for degrees in (0.0, 90.0))
     brief = rectangular_room(4.0, 3.0, lengthwise, others=(across,), target=None)
     simulator = RoomsSimulator([brief], None, Moves(), Reward())
-    bounds = simulator.simulator.item_bounds[simulator.room_index[0, :, 0]]
+    bounds = simulator.one_item.item_bounds[simulator.room_index[0, :, 0]]
     np.testing.assert_allclose(bounds[:, 2:], [(0.3, 1.3), (1.3, 0.3)])
 
 

@@ -96,7 +96,7 @@ def test_items_are_taken_until_all_stand_and_then_again_until_another_room_begin
             began[which][0] += int((begins & rows).sum())
             began[which][1] += int(rows.sum())
         room_index = scenes.simulator.room_index[after.room, after.moving, scenes.quarter(running.room[step.ended])]
-        assert scenes.simulator.simulator.is_legal(room_index, running.position[step.ended]).all()
+        assert scenes.simulator.one_item.is_legal(room_index, running.position[step.ended]).all()
         went_on += int(goes_on.sum())
     assert went_on
     assert began[True][0] / began[True][1] == pytest.approx(LEAVE_SHARE_FURNISHED, abs=0.06)

@@ -164,7 +164,7 @@ def furnish(network: RoomsPointer, briefs: Sequence[Room]) -> list[Room]:
             told = State(*(torch.as_tensor(values, device=device) for values in now))
             ways, solid = (torch.as_tensor(table[room, item], device=device) for table in (can_face, stays_off))
             center, quarter = (t.cpu().numpy() for t in _pointed(network, observe, told, ways, solid, views))
-            center = _pushed(simulator.simulator.legal[simulator.room_index[room, item, quarter]], center)
+            center = _pushed(simulator.one_item.legal[simulator.room_index[room, item, quarter]], center)
             for values, new in zip(state, simulator.put(now, item, center, quarter), strict=True):
                 values[room] = new
     return [simulator.layout(state, b) for b in range(len(briefs))]
