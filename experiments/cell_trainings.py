@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import torch
 from cell_config import CellConfig, designer, folder_of, name_of, refuse_other_rooms
-from torch import nn
 
 from layoutrl import InputError
+from layoutrl.agents.learner import Agent
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.planit.placement import Placer
 from layoutrl.rooms.room import Room
@@ -26,13 +26,13 @@ from layoutrl.runs.config import Config, PlanitConfig, TrainConfig, narrowed
 from layoutrl.runs.files import locked, write_json
 from layoutrl.runs.folder import folders_of, load_config, wanted_folder
 from layoutrl.runs.machine import device_of, machine
-from layoutrl.runs.trained import trained_network as load_network
+from layoutrl.runs.trained import kept_agent
 
 
-def trained_network(
+def trained_agent(
     config: CellConfig, rooms: list[Room], held_out: list[Room], device: torch.device
-) -> tuple[nn.Module, list[str], dict[str, Any]]:
-    """Return the network that a cell trains on `rooms`, the categories it knows, and facts about its training.
+) -> tuple[Agent, dict[str, Any]]:
+    """Return the agent that a cell trains on `rooms`, and facts about its training.
 
     Raises KeyboardInterrupt if the training is stopped before its end.
     """
@@ -51,8 +51,7 @@ def trained_network(
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.dqn.updates}
 
     folder, about = trained_once(config, training, [what, how], train)
-    network, categories, *_ = load_network(folder, load_config(folder, TrainConfig), device)
-    return network, categories, about
+    return kept_agent(folder, load_config(folder, TrainConfig), device).agent, about
 
 
 def trained_once(

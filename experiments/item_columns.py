@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from cell_config import CellConfig, learned_from
-from cell_trainings import agent_seconds, clock_of, trained_network, trained_planit
+from cell_trainings import agent_seconds, clock_of, trained_agent, trained_planit
 
 from layoutrl import InputError
 from layoutrl.env.batch import BatchSimulator
@@ -80,17 +80,17 @@ def agent(config: CellConfig, setting: Setting) -> dict[str, Any]:
     move ends a test, if the method has it; and, in held-out designed rooms, from many random starts.
     """
     simulator = setting.simulator
-    network, categories, about = trained_network(config, setting.training, simulator.rooms, setting.device)
-    policy = greedy(network, config.method)
-    observe = observation_of(config.method.observation, simulator.rooms, setting.device, categories)
+    (network, method, categories), about = trained_agent(config, setting.training, simulator.rooms, setting.device)
+    policy = greedy(network, method)
+    observe = observation_of(method.observation, simulator.rooms, setting.device, categories)
     batch_simulator = BatchSimulator(simulator, setting.device)
     run = policy.rollout(batch_simulator, observe, setting.room, setting.starts)
     places = {
         "agent": (setting.room, run.final),
         "best of 3": (setting.room, best_of(run.choices(3), simulator, setting.room)),
     }
-    if config.method.on_illegal == "stop":
-        masking = greedy(network, replace(config.method, on_illegal="mask"))
+    if method.on_illegal == "stop":
+        masking = greedy(network, replace(method, on_illegal="mask"))
         masked = masking.rollout(batch_simulator, observe, setting.room, setting.starts)
         places["illegal moves masked"] = setting.room, masked.final
     if config.protocol == "unseen" and config.data.source == "designer":

@@ -47,7 +47,7 @@ from layoutrl.runs.files import write_json
 from layoutrl.runs.folder import differences, load_config
 from layoutrl.runs.pretrained import ABOUT, unpacked
 from layoutrl.runs.resume import stated
-from layoutrl.runs.trained import trained_network
+from layoutrl.runs.trained import kept_agent
 
 PROJECT = Path(__file__).resolve().parents[1]
 WEIGHTS, PAGE = PROJECT / "layoutrl/weights", PROJECT / "docs/agents.md"
@@ -121,11 +121,11 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
     """Write the network of a type and return its card, `before` if it is the same. Raises InputError if unfinished."""
     cell = finished(room_type, COLUMN, chosen)
     run = run_of(cell, Path(chosen.get("runs", "runs")))
-    network, categories, *_ = trained_network(run, trained := load_config(run, TrainConfig), torch.device("cpu"))
+    learned = kept_agent(run, load_config(run, TrainConfig), torch.device("cpu")).agent
     told = json.loads((run / "trained.json").read_text(encoding="utf-8"))
     release, commit = commit_of(told["trained_on_machine"])
     stream = io.BytesIO()
-    torch.save({part: values.half() for part, values in network.state_dict().items()}, stream)
+    torch.save({part: values.half() for part, values in learned.network.state_dict().items()}, stream)
     content, config = stream.getvalue(), cell["config"]
     card = {
         "file": f"{room_type}.pt",
@@ -139,13 +139,13 @@ def made(room_type: str, chosen: Mapping[str, str], folder: Path, before: dict[s
         "minutes": round(told["training_seconds"] / 60, 1),
         "layoutrl": release,
         "commit": commit,
-        "categories": categories,
-        "method": asdict(trained.method),
+        "categories": learned.categories,
+        "method": asdict(learned.method),
     } | scores_of(cell)
     if before and {name: before[name] for name in card if name in before} == card and (folder / card["file"]).exists():
         return before
-    card["items"], iou = items_of(Furnisher(*unpacked(content, card, torch.device("cpu"))), config)
-    _, exact = items_of(Furnisher(network, trained.method, categories), config)
+    card["items"], iou = items_of(Furnisher(unpacked(content, card, torch.device("cpu"))), config)
+    _, exact = items_of(Furnisher(learned), config)
     card["rounded"] = {"iou": float(iou.mean()), "iou_before": float(exact.mean())}
     (folder / card["file"]).write_bytes(content)
     return card
@@ -160,7 +160,7 @@ def scored(room_type: str, chosen: Mapping[str, str], before: dict[str, Any] | N
         raise InputError(f"room: the package has no network for a {room_type}; expected one of those that it has")
     cell = finished(room_type, PACKAGED, chosen)
     agent = unpacked((WEIGHTS / before["file"]).read_bytes(), before, torch.device("cpu"))
-    items, iou = items_of(Furnisher(*agent), cell["config"])
+    items, iou = items_of(Furnisher(agent), cell["config"])
     said = unpacked_iou(cell["rows"][LAYOUTS]["iou"])[: len(iou)]
     if np.abs(said - iou).mean() > SAME:
         raise InputError(

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import torch
 from cell_config import CellConfig, learned_from
-from cell_trainings import clock_of, trained_network, trained_planit
+from cell_trainings import clock_of, trained_agent, trained_planit
 
 from layoutrl.agents.learner import q_network
 from layoutrl.evaluation.furnishing import Furnisher
@@ -86,8 +86,8 @@ def by_planit(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 
 def by_agent(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    network, categories, _ = trained_network(config, rooms.training, rooms.designs, rooms.device)
-    return partial(best_layouts, Furnisher(network, config.method, categories), rooms.briefs)
+    learned, _ = trained_agent(config, rooms.training, rooms.designs, rooms.device)
+    return partial(best_layouts, Furnisher(learned), rooms.briefs)
 
 
 def by_package(config: CellConfig, rooms: WholeRooms) -> Furnish:
@@ -95,9 +95,9 @@ def by_package(config: CellConfig, rooms: WholeRooms) -> Furnish:
 
 
 def by_untrained(config: CellConfig, rooms: WholeRooms) -> Furnish:
-    _, method, categories = agent(config.room.type, rooms.device)
-    network = q_network(method, categories, np.random.SeedSequence(config.seed), rooms.device)
-    return partial(best_layouts, Furnisher(network, method, categories), rooms.briefs)
+    learned = agent(config.room.type, rooms.device)
+    network = q_network(learned.method, learned.categories, np.random.SeedSequence(config.seed), rooms.device)
+    return partial(best_layouts, Furnisher(learned._replace(network=network)), rooms.briefs)
 
 
 Furnish = Callable[[], list[Room]]  # makes the layouts; only this call is timed as furnishing

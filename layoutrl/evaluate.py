@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from layoutrl import InputError
 from layoutrl.rooms.files import check_new
@@ -33,11 +35,11 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     from layoutrl.runs.trained import trained_run
 
     shown = trained_run(config)
-    which, drawn = "", trained
+    seed, which = seeds(trained)[3], ""
     if config.seed is not None:
-        which, drawn = f"-seed{config.seed}", replace(trained, seed=config.seed)
+        seed, which = np.random.SeedSequence(config.seed), f"-seed{config.seed}"
     file = Path(config.out or Path(config.run) / f"evaluation-{shown.name}-{config.starts}{which}.json")
-    result, said = scored(shown.agent, shown.reward, shown.rooms, shown.training, seeds(drawn)[3], config.starts)
+    result, said = scored(shown.agent, shown.reward, shown.rooms, shown.training, seed, config.starts)
     print(said)
     about = {
         "run": config.run,

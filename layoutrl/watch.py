@@ -61,7 +61,7 @@ def run(config: WatchConfig) -> list[Path]:
     rooms = [shown.rooms[k] for k in rng.permutation(len(shown.rooms))[: config.rooms]]
     network, method, categories = shown.agent
     if method.scope == "room":
-        episodes = rooms_filling_up(Furnisher(*shown.agent), rooms)
+        episodes = rooms_filling_up(Furnisher(shown.agent), rooms)
     else:
         policy, simulator = greedy(network, method), Simulator(rooms, method.moves, shown.reward)
         observe = observation_of(method.observation, rooms, policy.q.device, categories)

@@ -31,7 +31,7 @@ from layoutrl.rooms.furnished import rng_of
 from layoutrl.runs.checkpoints import checkpoints
 from layoutrl.runs.config import TrainConfig, config_directory
 from layoutrl.runs.folder import load_config
-from layoutrl.runs.trained import trained_network
+from layoutrl.runs.trained import kept_agent
 from tests.commands import PROJECT, fresh, layoutrl
 
 CPU = torch.device("cpu")
@@ -202,7 +202,7 @@ def test_place_puts_what_has_no_center_where_the_agent_moves_it_and_nothing_else
     written = [json.loads(line) for line in (tmp_path / "mine-placed.jsonl").read_text().splitlines()]
     kept = load_config(bedroom_run, TrainConfig)
     method = kept.method
-    network, categories, *_ = trained_network(bedroom_run, kept, CPU)
+    network, _, categories = kept_agent(bedroom_run, kept, CPU).agent
     rooms = [replace(room_from_dict(d), target=bed) for d, bed in zip(written[:3], beds, strict=False)]
     simulator = Simulator(rooms, method.moves, Reward())  # whose starts are those in the rooms without an answer
     batch, index = BatchSimulator(simulator, CPU), torch.arange(3).repeat_interleave(STARTS_PER_FACING)

@@ -27,7 +27,7 @@ from layoutrl.runs import pretrained
 from layoutrl.runs.config import AS_IN_THE_RUN, EvaluateConfig, TrainConfig, WatchConfig, composed, narrowed
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.monitor import FINAL
-from layoutrl.runs.trained import trained_network, trained_run
+from layoutrl.runs.trained import kept_agent, trained_run
 from layoutrl.train import run as train
 from layoutrl.watch import run as watch
 
@@ -126,13 +126,13 @@ def test_it_begins_with_what_the_agent_in_the_package_knows_and_learns_what_else
 
     assert folder.name == "json-rooms-geometric-package-smoke-seed0"
     settings = load_config(folder, TrainConfig)
-    network, categories, *_ = trained_network(folder, settings, torch.device("cpu"))
-    assert categories == [*pretrained.known("tatami"), "piano"]
+    agent = kept_agent(folder, settings, torch.device("cpu")).agent
+    assert agent.categories == [*pretrained.known("tatami"), "piano"]
     briefs = [brief_of(room) for room in design_rooms("tatami", "test", 5, 2).rooms]
     layouts, of_the_package = (
         [best.layout for best, *_ in furnisher.furnish(briefs, 1)]
         for furnisher in (
-            Furnisher(network, settings.method, categories),
+            Furnisher(agent),
             pretrained.load("tatami", torch.device("cpu")),
         )
     )

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from torch import nn
 
-from layoutrl.agents.method import Method
+from layoutrl.agents.learner import Agent
 from layoutrl.env.geometry import snap
 from layoutrl.env.rooms_simulator import State, rows
 from layoutrl.env.scenes import QUARTERS
@@ -33,7 +32,7 @@ BLOCK = 128  # rooms furnished at once, for the sake of memory, not speed
 
 
 class Furnisher:
-    """Furnishes rooms with an agent of scope=room, which knows these furniture categories.
+    """Furnishes rooms with an agent of scope=room.
 
     Items are placed one after another, the largest first. For each, start places are spread over the room in every
     facing; from those that the agent values highest the item moves greedily, and it stays at the pose of highest value
@@ -49,9 +48,9 @@ class Furnisher:
     values of a brief are rounded differently, in the seventh digit.)
     """
 
-    def __init__(self, network: nn.Module, method: Method, categories: Sequence[str]):
-        self._policy = greedy(network, method)
-        self._moves, self._categories = method.moves, list(categories)
+    def __init__(self, agent: Agent):
+        self._policy = greedy(agent.network, agent.method)
+        self._moves, self._categories = agent.method.moves, list(agent.categories)
 
     @one_thread()
     @torch.inference_mode()

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 import torch
-from torch import nn
 
-from layoutrl.agents.method import Method
+from layoutrl.agents.learner import Agent
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import observation_of
 from layoutrl.env.reward import Reward
@@ -29,9 +28,8 @@ STARTS_PER_FACING = 4  # starts for each facing, spread evenly so that little de
 class Mover:
     """A trained agent that moves one item. Of several it moves the largest first, each among what stands by then."""
 
-    def __init__(self, network: nn.Module, method: Method, reward: Reward, categories: list[str], device: torch.device):
-        self.network, self.method, self.reward = network, method, reward
-        self.categories, self.device = categories, device
+    def __init__(self, agent: Agent, reward: Reward):
+        self.agent, self.reward = agent, reward
 
     @one_thread()
     @torch.inference_mode()
@@ -66,17 +64,17 @@ class Mover:
 
     def _moved(self, rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> tuple[np.ndarray, np.ndarray]:
         """Return where the agent moves the targets (B, 2) and the values of these places (B,): the best over starts."""
-        method, index = self.method, np.arange(len(rooms)).repeat(STARTS_PER_FACING)
-        simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), self.device)
+        network, method, categories = self.agent
+        policy, index = greedy(network, method), np.arange(len(rooms)).repeat(STARTS_PER_FACING)
+        device = policy.q.device
+        simulator = BatchSimulator(Simulator(rooms, method.moves, self.reward), device)
         moved_on = np.stack([rng.random(3) for rng in rngs], 1).repeat(STARTS_PER_FACING, 1)
-        numbers = torch.as_tensor(
-            (np.tile(spread(0, STARTS_PER_FACING), len(rooms)) + moved_on) % 1, device=self.device
-        )
-        run = greedy(self.network, method).rollout(
+        numbers = torch.as_tensor((np.tile(spread(0, STARTS_PER_FACING), len(rooms)) + moved_on) % 1, device=device)
+        run = policy.rollout(
             simulator,
-            observation_of(method.observation, rooms, self.device, self.categories),
+            observation_of(method.observation, rooms, device, categories),
             index,
-            simulator.starts_at(torch.as_tensor(index, device=self.device), numbers).cpu().numpy(),
+            simulator.starts_at(torch.as_tensor(index, device=device), numbers).cpu().numpy(),
         )
         value = run.promise.reshape(-1, STARTS_PER_FACING)
         best = np.arange(len(rooms)), value.argmax(1)

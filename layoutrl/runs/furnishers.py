@@ -29,7 +29,7 @@ from layoutrl.runs.config import PlaceConfig, TrainConfig
 from layoutrl.runs.folder import load_config
 from layoutrl.runs.machine import device_of
 from layoutrl.runs.pretrained import Agents
-from layoutrl.runs.trained import trained_network
+from layoutrl.runs.trained import kept_agent
 from layoutrl.runs.wording import any_of
 
 # Of the search that helps where an agent's layout has a shortcoming, and of the next, where each layout still has a
@@ -66,14 +66,12 @@ def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
     trained = load_config(folder, TrainConfig)
     if trained.method.every_move:
         raise InputError(f"run: {folder} learned what moves gain, not what places are worth; expected another method")
-    network, categories, *_ = trained_network(folder, trained, device, config.checkpoint)
+    agent = kept_agent(folder, trained, device, config.checkpoint).agent
     whole = trained.method.scope == "room"
-    moved = "all" if whole else item_of(trained, config.item, categories)
-    placed = categories if moved == "all" else [moved]
+    moved = "all" if whole else item_of(trained, config.item, agent.categories)
+    placed = agent.categories if moved == "all" else [moved]
     return FurnisherInfo(
-        Furnisher(network, trained.method, categories)
-        if whole
-        else Mover(network, trained.method, trained.reward, categories, device),
+        Furnisher(agent) if whole else Mover(agent, trained.reward),
         lambda room_type: placed if room_type == trained.room.type else (),
     )
 

@@ -40,7 +40,7 @@ def load(room_type: str, device: torch.device) -> Furnisher:
     """Return the furnisher of a room type: its agent in the package. Raises InputError as `agent` does."""
     from layoutrl.evaluation.furnishing import Furnisher
 
-    return Furnisher(*agent(room_type, device))
+    return Furnisher(agent(room_type, device))
 
 
 def agent(room_type: str, device: torch.device) -> Agent:

@@ -39,7 +39,7 @@ def scored(
     if method.scope == "room":
         # The nearest room is looked for in the views that the agent learned from.
         library = Library(training, mirrors_alike=method.symmetries)
-        result = evaluate_rooms(Furnisher(*agent), rooms, library, seed)
+        result = evaluate_rooms(Furnisher(agent), rooms, library, seed)
         return result, rooms_table(result)
     policy, simulator = greedy(network, method), Simulator(rooms, method.moves, reward)
     observe = observation_of(method.observation, rooms, policy.q.device, categories)

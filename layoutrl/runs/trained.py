@@ -8,7 +8,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
-from torch import nn
 
 from layoutrl import InputError
 from layoutrl.agents.learner import Agent, q_network
@@ -26,22 +25,21 @@ from layoutrl.runs.resume import digest, stated
 class Kept(NamedTuple):
     """An agent, as a checkpoint has it."""
 
-    network: nn.Module
-    categories: list[str]  # of furniture that it knows
+    agent: Agent
     rooms: str  # the digest of the rooms that it was trained on
     updates: int
 
 
-def trained_network(
+def kept_agent(
     folder: Path, config: TrainConfig, device: torch.device, which: Literal["last", "best"] = "last"
 ) -> Kept:
-    """Load the network of a run. Raises InputError if its checkpoint does not fit the configuration."""
+    """Load the agent of a run. Raises InputError if its checkpoint does not fit the configuration."""
     state = load_checkpoint(folder, device, which, stated(config))
     with misfit_explained(folder):
         network = q_network(config.method, state["categories"], np.random.SeedSequence(0), device)
         network.load_state_dict(state["training"]["agent"]["network"])
         updates = state["training"]["agent"]["updates"]
-    return Kept(network, state["categories"], state["rooms"], updates)
+    return Kept(Agent(network, config.method, state["categories"]), state["rooms"], updates)
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def trained_run(config: RunConfig) -> TrainedRun:
     method = replace(trained.method, on_illegal=config.on_illegal or trained.method.on_illegal)
     check_on_illegal("on_illegal", method)
     device = device_of(config.device)
-    kept = trained_network(folder, trained, device, config.checkpoint)
+    kept = kept_agent(folder, trained, device, config.checkpoint)
     learns = trained.method.scope, trained.room.type, trained.room.item
     data, same = asked_data(trained.data, given)
     # Other rooms are read first: that they are not there is told before the agent's own are made, which takes a while.
@@ -139,11 +137,11 @@ def trained_run(config: RunConfig) -> TrainedRun:
             )
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
-    unknown = [{item.category for item in room.furniture}.difference(kept.categories) for room in chosen]
+    unknown = [{item.category for item in room.furniture}.difference(kept.agent.categories) for room in chosen]
     if names := sorted(set().union(*unknown)):
         print(f"{sum(map(bool, unknown))} of them have furniture that the agent does not know: {', '.join(names)}")
     return TrainedRun(
-        Agent(kept.network, method, kept.categories),
+        kept.agent._replace(method=method),
         trained.reward,
         chosen,
         training,

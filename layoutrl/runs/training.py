@@ -25,7 +25,7 @@ from layoutrl.runs.resume import seeds, session
 
 
 @dataclass(frozen=True)
-class TrainedAgent:
+class Trained:
     """What a training leaves behind."""
 
     folder: Path
@@ -39,7 +39,7 @@ def train(
     held_out: Sequence[Room],
     device: torch.device,
     folder: Path | None = None,
-) -> TrainedAgent:
+) -> Trained:
     """Train on rooms and show progress, there and in held-out rooms; resume the run in `folder`, if given.
 
     An interrupt ends it early, with all that is needed to resume. Raises InputError if the folder cannot be written to,
@@ -55,7 +55,7 @@ def train(
     learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device, before)
     training = learner.training(max(1, updates // budget.reports))
     whole = method.scope == "room"
-    policy: Any = Furnisher(*learner.agent) if whole else greedy(learner.agent.network, method)
+    policy: Any = Furnisher(learner.agent) if whole else greedy(learner.agent.network, method)
     probes: dict[str, Any] = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
@@ -70,4 +70,4 @@ def train(
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
         for iou in watched(training, policy, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
-    return TrainedAgent(kept.folder, learner, kept.seconds)
+    return Trained(kept.folder, learner, kept.seconds)

@@ -11,7 +11,7 @@ import torch
 from shapely import union_all
 from shapely.geometry import MultiPoint
 
-from layoutrl.agents.learner import q_network
+from layoutrl.agents.learner import Agent, q_network
 from layoutrl.agents.method import Method
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
@@ -50,7 +50,7 @@ def designs() -> list[Room]:
 @pytest.fixture(scope="module")
 def furnisher(method: Method, designs: list[Room]) -> Furnisher:
     categories = categories_of(designs)
-    return Furnisher(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories)
+    return Furnisher(Agent(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories))
 
 
 @pytest.fixture(scope="module")
@@ -516,7 +516,7 @@ def test_values_of_places_are_those_of_the_best_way_to_face_there(furnisher: Fur
 def test_what_stands_is_thought_of_as_what_is_to_be_placed(method: Method) -> None:
     (design,) = design_rooms("study", "test", 0, 1).rooms
     categories = categories_of([design])
-    furnisher = Furnisher(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories)
+    furnisher = Furnisher(Agent(q_network(method, categories, np.random.SeedSequence(0), CPU), method, categories))
     k = next(k for k, item in enumerate(design.furniture) if item.category == "chair")
     thoughts = []
     for tucked in (False, True):  # whether it stands under something now is no matter
@@ -535,7 +535,7 @@ def test_what_stands_nowhere_has_no_moves(furnisher: Furnisher, designs: list[Ro
 def test_an_item_alone_in_a_room_without_walls_is_put_into_line(method: Method) -> None:
     room = rectangular_room(4, 3, Item("bed", (2.0, 1.5), (1.0, 1.0)), walls=(), target=None)
     snapping = replace(method, snap=0.015)
-    furnisher = Furnisher(q_network(snapping, ["bed"], np.random.SeedSequence(0), CPU), snapping, ["bed"])
+    furnisher = Furnisher(Agent(q_network(snapping, ["bed"], np.random.SeedSequence(0), CPU), snapping, ["bed"]))
     ((best,),) = furnisher.furnish([brief_of(room)], 1, 0)
     assert missing(best.layout) == []
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from layoutrl import InputError
-from layoutrl.agents.learner import q_network
+from layoutrl.agents.learner import Agent, q_network
 from layoutrl.evaluation.moving import Mover
 from layoutrl.rooms.brief import brief_of, categories_of
 from layoutrl.rooms.designer.generator import design_rooms
@@ -22,7 +22,7 @@ from layoutrl.runs.config import composed
 def mover() -> Mover:
     trained, categories, device = composed("train", "room=tatami"), categories_of([ROOM]), torch.device("cpu")
     network = q_network(trained.method, categories, np.random.SeedSequence(0), device)
-    return Mover(network, trained.method, trained.reward, categories, device)
+    return Mover(Agent(network, trained.method, categories), trained.reward)
 
 
 def test_a_room_with_nothing_to_place_stays_as_it_is(mover: Mover) -> None:

@@ -13,7 +13,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutrl.agents.learner import q_network
+from layoutrl.agents.learner import Agent, q_network
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.moving import Mover
 from layoutrl.evaluation.threads import one_thread
@@ -157,8 +157,8 @@ def test_who_furnishes_waits_for_no_other_core(scope: str) -> None:
     first, *stands = DESIGNS[0].furniture
     brief = replace(DESIGNS[0], furniture=(replace(first, center=None), *stands), target=None)
     agents = {
-        "item": Mover(network, trained.method, trained.reward, categories, device),
-        "room": Furnisher(network, trained.method, categories),
+        "item": Mover(Agent(network, trained.method, categories), trained.reward),
+        "room": Furnisher(Agent(network, trained.method, categories)),
     }
     torch.set_num_threads(2)
     try:
