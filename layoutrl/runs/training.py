@@ -25,7 +25,7 @@ from layoutrl.runs.resume import seeds, session
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainedAgent:
     """What a training leaves behind."""
 
     folder: Path
@@ -39,7 +39,7 @@ def train(
     held_out: Sequence[Room],
     device: torch.device,
     folder: Path | None = None,
-) -> Trained:
+) -> TrainedAgent:
     """Train on rooms and show progress, there and in held-out rooms; resume the run in `folder`, if given.
 
     An interrupt ends it early, with all that is needed to resume. Raises InputError if the folder cannot be written to,
@@ -70,4 +70,4 @@ def train(
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
         for iou in watched(training, policy, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
-    return Trained(kept.folder, learner, kept.seconds)
+    return TrainedAgent(kept.folder, learner, kept.seconds)
