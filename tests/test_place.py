@@ -347,6 +347,15 @@ class Middle:
         return with_poses(brief, dict.fromkeys(missing(brief), (center, 0.0)))
 
 
+class NoWardrobe(Middle):
+    """Finds no place for a wardrobe, and puts all else into the middle, or where a wardrobe stands, to its left."""
+
+    def layout(self, brief: Room) -> Room:
+        there = any(item.category == "wardrobe" and item.center for item in brief.furniture)
+        wanted = [k for k in missing(brief) if brief.furniture[k].category != "wardrobe"]
+        return with_poses(brief, dict.fromkeys(wanted, ((1.2 if there else 3.0, 2.5), 0.0)))
+
+
 @pytest.fixture
 def middle(monkeypatch: pytest.MonkeyPatch) -> Middle:
     furnisher = Middle()
@@ -562,7 +571,8 @@ def test_all_is_what_somebody_places_and_the_rest_stays_with_the_chairs_under_it
     assert middle.seen[0] == [k not in (0, 3) for k in range(6)]  # all else stands, and is in the way
     said = capsys.readouterr().out
     assert "flat: 2 of 2 placed; the plant at 0.5, 4.5 and the plant overlap by more than half" in said
-    assert "; nobody places these in a bedroom, and they stay: table, chair, plant (2)" in said
+    assert "; nobody places these in a bedroom, and they stay: table, plant (2); what is tucked under them" in said
+    assert "stays, too: chair" in said
     assert "placed 4 of 4 items in 2 rooms" in said
 
 
@@ -1124,6 +1134,27 @@ def test_of_the_only_room_it_is_said_why_it_cannot_be_read_and_of_others_no_lock
         run(PlaceConfig(by="search", rooms=str(broken), only="b", out=str(tmp_path / "x.jsonl")))
 
 
+@pytest.mark.parametrize("wardrobe", [3.0, 5.0])
+def test_what_finds_no_place_and_stays_is_furnished_around(
+    wardrobe: float, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    furnisher = NoWardrobe()
+    info = FurnisherInfo(furnisher, lambda room_type: ["bed", "wardrobe"])
+    monkeypatch.setattr(layoutrl.runs.furnishers, "furnisher_for", lambda config: info)
+    document = furnished_room()
+    bed, closet = {"category": "bed", "size": [2, 1.5]}, {"category": "wardrobe", "size": [0.6, 1.8]}
+    stood = [bed | {"center": [5, 4], "rotation": 0}, closet | {"center": [wardrobe, 2.5], "rotation": 0}]
+    file = written(tmp_path, [document | {"furniture": stood}])
+    (room,) = run(PlaceConfig(by="search", rooms=str(file), move="all"))
+    overlaps = wardrobe == 3.0  # with what comes into the middle
+    assert [item["center"] for item in room["furniture"]] == [[1.2 if overlaps else 3.0, 2.5], [wardrobe, 2.5]]
+    assert furnisher.seen == [[False, False], [False, True]][: 1 + overlaps]
+    said = capsys.readouterr().out
+    assert "flat: 1 of 2 placed" in said
+    assert "the wardrobe: not placed, as no room is left for it, and stays where it stood" in said
+    assert "overlaps" not in said
+
+
 @pytest.mark.parametrize("named", ["move=rug", "item=Teppich"])
 def test_nobody_places_a_rug(named: str, middle: Middle, tmp_path: Path) -> None:
     option, _, name = named.partition("=")
@@ -1139,6 +1170,19 @@ def test_of_a_home_one_room_is_furnished_by_its_name_alone(middle: Middle, tmp_p
     assert (tally.rooms, tally.items) == (1, 1)  # the cooker, which no room is for, was not asked about
     before, after = (opened(path, move="").collection.rooms for path in (home, tmp_path / "out.sh3d"))
     assert [one.furniture == other.furniture for one, other in zip(before, after, strict=True)] == [False, True]
+
+
+def test_a_room_of_a_home_that_is_left_out_is_asked_for_in_vain_and_no_matter_to_others(
+    middle: Middle, tmp_path: Path
+) -> None:
+    home = home_file(tmp_path / "flat.sh3d", FLAT + room_tag(0, 500, 300, 800, name="room 10"))
+    config = PlaceConfig(by="search", rooms=str(home), move="all", only="Bedroom", out=str(tmp_path / "out.sh3d"))
+    assert place(config).tally.unread == 0
+    assert place(replace(config, only=None, out=str(tmp_path / "all.sh3d"))).tally.unread == 1
+    with pytest.raises(
+        InputError, match=r"^rooms: flat/room 10 is left out: nothing tells its type.*; expected the id"
+    ):
+        place(replace(config, only="Room 10", out=str(tmp_path / "none.sh3d")))
 
 
 def test_what_falls_to_a_room_that_is_not_asked_for_is_not_said(

@@ -25,6 +25,7 @@ from layoutrl.rooms.brief import missing, without_poses
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
+from layoutrl.rooms.doors import with_a_free_door_first
 from layoutrl.rooms.faults import (
     BLOCKS,
     FRONT_NOT_FREE,
@@ -44,6 +45,7 @@ from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answer import numbered
 from layoutrl.runs.checked_brief import CheckedBrief, checked_brief
+from layoutrl.runs.pretrained import with_a_sofa
 from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
 from layoutrl.runs.wording import any_of
@@ -166,7 +168,7 @@ class Answers:
         placed = {k for k in movable if room.furniture[k].center is not None}  # others keep the rotation that they have
         entry = Entry(room.id, replace(room, furniture=without_poses(room.furniture, placed)), {}, stood=room.furniture)
         request = request_of(entry, movable, True, self.staff.known(room.room_type))
-        lines = [said_to_stay(room, request.stays)] if request.stays else []
+        lines = [said_to_stay(room, request)] if request.stays else []
         if not request.wanted:
             mend = "add other furniture" if request.stays else "unlock or add some furniture"
             raise InputError("; ".join(["There is nothing to furnish", *lines, mend]))
@@ -203,7 +205,7 @@ class Answers:
             raise InputError(
                 f"item: nobody places {any_of([category])} in a {room.room_type}; expected other furniture"
             )
-        return checked.brief, item - sum(k < item for k in checked.unseen)
+        return with_a_sofa(checked.brief), item - sum(k < item for k in checked.unseen)
 
     def svg(self, asked: Any) -> Answer:
         """Return a drawing of the room to scale, with faults and oddities hatched as on the page."""
@@ -411,7 +413,8 @@ def shown(room: Room) -> Answer:
 
 def wrong_with(room: Room) -> list[Fault]:
     """What is wrong with a room, and what is odd, item by item."""
-    return sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
+    entered, _ = with_a_free_door_first(room)  # as `request_of` has it
+    return sorted([*faults(entered), *oddities(room)], key=lambda entry: entry[0])
 
 
 def told(room: Room) -> list[list[Any]]:

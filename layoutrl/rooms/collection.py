@@ -38,10 +38,10 @@ class Collection:
     notes: list[str] = field(default_factory=list)
     homeless: list[str] = field(default_factory=list)
 
-    @property
-    def unread(self) -> int:
-        """How many rooms and files could not be read: all that are left out, but for NOBODYS."""
-        return sum(reason != NOBODYS for _, reason in self.left_out)
+    def unread(self, only: str | None = None) -> int:
+        """How many rooms and files could not be read: those left out, but for NOBODYS; of rooms in `only`, if given."""
+        reasons = [why for label, why in self.left_out if not only or naming(only, label)]
+        return sum(why != NOBODYS for why in reasons)
 
     @contextmanager
     def or_left_out(self, label: str) -> Iterator[None]:
@@ -70,6 +70,23 @@ class Collection:
 def taken_for(room: Room) -> str:
     """Return the note on a room whose type nothing tells: which type it is taken for."""
     return f"{room.id}: {UNTOLD}; it is taken for a {room.room_type.replace('_', ' ')}"
+
+
+def naming(names: str | None, room_id: str) -> set[str]:
+    """Return those of the comma-separated names that mean a room: its id, or what follows a slash in it.
+
+    Case does not matter, and a dash may stand for a slash. A name may contain commas: then all of its parts are
+    returned.
+    """
+
+    def folded(names: Sequence[str]) -> str:
+        return ",".join(name.strip() for name in names).casefold().replace("/", "-")
+
+    parts = room_id.split("/")
+    calls = {folded("/".join(parts[first:]).split(",")) for first in range(len(parts))}
+    said = [name.strip() for name in names.split(",")] if names else []
+    runs = [said[k:n] for k in range(len(said)) for n in range(k + 1, len(said) + 1)]
+    return {name for run in runs if folded(run) in calls for name in run}
 
 
 def choose_item(collection: Collection, category: str) -> Collection:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import compress
 from operator import itemgetter
 
 import numpy as np
@@ -53,6 +54,27 @@ def entrance(room: Room) -> Opening | None:
 def way_width(room: Room) -> float:
     """How wide the way to each item is, in metres: the `passage`, or less where no door is as wide."""
     return min(passage(room.room_type), max(door_widths(room), default=np.inf))
+
+
+def with_a_free_door_first(room: Room) -> tuple[Room, list[Item]]:
+    """Return the room with the first door that what stands leaves free before the others, as one enters by the first.
+
+    A door is free if somebody as wide as the `way_width` can stand at it. If none is, the room stays as it is, and what
+    stands before its doors is returned, too.
+    """
+    radius = (way_width(room) - TOLERANCE) / 2
+    stands = [item for item in room.furniture if item.center and bars(item)]
+    around = [item.footprint.buffer(radius) for item in stands]
+    floor = empty_floor(room, radius) - shapely.union_all(around)
+    wide = [door for door, width in zip(room.doors, door_widths(room), strict=True) if width >= 2 * radius]
+    if not wide:
+        return room, []
+    first = next((door for door in wide if door.shape.dwithin(floor, TOLERANCE)), None)
+    if first is None:
+        before = [any(shape.intersects(door.shape) for door in wide) for shape in around]
+        return room, list(compress(stands, before))
+    others = (opening for opening in room.openings if opening is not first)
+    return (room if first is room.doors[0] else replace(room, openings=(first, *others))), []
 
 
 def empty_floor(room: Room, radius: float) -> shapely.Geometry:

@@ -181,7 +181,7 @@ def format_of(path: Path) -> str:
         return "procthor"  # its reader says what is wrong
     if packed and told in ("json", "front3d"):
         what = "rooms in JSON" if told == "json" else "a house of 3D-FRONT"
-        raise InputError(f"{file}: {what} cannot be read from a packed file; unpack it, as with gunzip {file.name}")
+        raise InputError(f"{file}: {what} cannot be read from a packed file; unpack it, as with gunzip -k {file.name}")
     return told or ("procthor" if packed else "json")
 
 

@@ -55,10 +55,14 @@ def doubt(item: Item) -> str | None:
         return f"{size} is more than twice as large as others are: is the unit right?"
     if max(item.size[0] / depth[0], item.size[1] / width[0]) < 1 / OUTSIZE:
         return f"{size} is less than half as large as others are: is the unit right?"
+    swapped = f"{size}: is its depth given as its width? a size is depth, then width"
+    deeper = depth[0] > width[1]  # all of the designer's are deeper than wide, as beds are
+    if deeper and item.size[0] < item.size[1] - ALIKE / 2 and _within(item.size[1], depth):
+        return swapped
     if item.category not in FRONT_DEPTH or abs(item.size[0] - item.size[1]) < ALIKE:
         return None
     if not _within(item.size[0], depth) and _within(item.size[1], depth) and _within(item.size[0], width):
-        return f"{size}: is its depth given as its width? a size is depth, then width"
+        return swapped
     return None
 
 

@@ -9,12 +9,10 @@ from operator import itemgetter
 from typing import Any
 
 from layoutrl.rooms.documents import with_layout
-from layoutrl.rooms.faults import MISSING, Fault
+from layoutrl.rooms.faults import MISSING, OVERLAPS, Fault
 from layoutrl.rooms.room import Room
-from layoutrl.runs.request import Request, said_to_stay
+from layoutrl.runs.request import CROWDED_OUT, Request, said_to_stay
 from layoutrl.runs.streams import Entry
-
-CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
 
 
 @dataclass(frozen=True)
@@ -31,6 +29,17 @@ class Answer:
     unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
     wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity) of what was not so before
     still: list[set[Fault]]  # for each layout, all of its faults and oddities
+
+    @property
+    def crowded(self) -> frozenset[int]:
+        """The items that find no place in the best layout and stay, if something overlaps in it."""
+        return self.request.stood.intersection(self.unplaced[0]) if self.shortcomings[0] else frozenset()
+
+    @property
+    def shortcomings(self) -> tuple[int, int]:
+        """How many items of the best layout overlap; and its faults and oddities, with what is not placed."""
+        names = [fault for _, fault in self.wrong[0]]
+        return names.count(OVERLAPS), len(names) + len(self.request.left)
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
@@ -76,7 +85,7 @@ class Answer:
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"
-            stays = f"; {said_to_stay(layout, self.request.stays)}" if self.request.stays else ""
+            stays = f"; {said_to_stay(layout, self.request)}" if self.request.stays else ""
             yield f"{name}: {placed}; {found}{stays}"
 
     def _words(self, item: int, faults: Sequence[str]) -> str:

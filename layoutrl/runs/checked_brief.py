@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -64,11 +65,14 @@ def checked_brief(
     Lines also name doubtful sizes, items that stand stacked, and doors that are missing or too narrow. `types_placing`
     returns the room types whose agents place a category.
     """
-    unseen, lines = set(), []
+    unseen, lines = set(), list[str]()
+    unknown = Counter(category for k in missing(room) if (category := room.furniture[k].category) not in known)
     for k in missing(room):
         item = room.furniture[k]
         if item.category not in known:
-            lines.append(f"the {item.category} is not placed: {_why(room, item.category, known, types_placing)}")
+            which = f"{item.category} ({n})" if (n := unknown.pop(item.category, 0)) > 1 else item.category
+            if n:  # the first of them
+                lines.append(f"the {which} is not placed: {_why(room, item.category, known, types_placing)}")
             unseen.add(k)
         elif not fits(room, item):
             size = " by ".join(f"{side:g}" for side in item.size)
@@ -90,6 +94,12 @@ def checked_brief(
     elif width < passage(room.room_type) - TOLERANCE:
         lines.append(f"its widest door is {width:.2f} m wide: what can be reached is told of who fits through")
     return CheckedBrief(room, frozenset(unseen), lines)
+
+
+def barred(items: Collection[Item]) -> str:
+    """Return the line about a room that nobody enters, for the items that stand before its doors."""
+    names = " and ".join(f"the {name}" for name in sorted({item.category for item in items}))
+    return f"nobody gets in past {names}: no door is free, and so nothing is within reach"
 
 
 def _why(room: Room, category: str, known: Collection[str], types_placing: Callable[[str], Sequence[str]]) -> str:

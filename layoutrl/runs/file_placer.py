@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.categories import ALL, names_in
-from layoutrl.rooms.collection import taken_for
+from layoutrl.rooms.collection import naming, taken_for
 from layoutrl.rooms.faults import MISSING
 from layoutrl.rooms.files import FORMATS, files_below
 from layoutrl.rooms.formats import Source, other_formats
@@ -27,7 +27,7 @@ from layoutrl.rooms.units import unit_line
 from layoutrl.runs.answer import Answer
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.files import check_writable
-from layoutrl.runs.room_placer import RoomPlacer, matched
+from layoutrl.runs.room_placer import RoomPlacer
 from layoutrl.runs.streams import (
     STANDARD,
     Entry,
@@ -84,6 +84,9 @@ class FilePlacer:
         if not self.tally.entries:
             return f"{rooms} is empty; expected one room or more"
         if self._none_meant:
+            left_out = self.source.collection.left_out if self.source else []
+            if those := [f"{label} is left out: {why}" for label, why in left_out if naming(self.config.only, label)]:
+                return f"{'; '.join(those)}; expected the id of a room that could be read"
             known = ", ".join(self._ids) + ", ..." * (len(self._ids) == LISTED)
             return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one: {known}"
         named = item or move or ALL
@@ -156,7 +159,7 @@ class FilePlacer:
             if shard == 0 and not done:
                 homeless = [] if self.config.only else self.source.collection.homeless
                 self.tally.items += sum(self.config.item in (None, c) for c in homeless)
-                self.tally.unread = self.source.collection.unread
+                self.tally.unread = self.source.collection.unread(self.config.only)
             entries = islice(source_entries(self.source), first, None, shards)
         else:
             for line in other_formats(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
@@ -197,7 +200,7 @@ class FilePlacer:
     def _met(self, entry: Entry, room: Room) -> None:
         """Note what the messages at the end need to know of a room, and report its unit if that is new."""
         named = names_in(self.config.move)
-        self._unmet -= matched(self.config.only, room)
+        self._unmet -= naming(self.config.only, room.id)
         self._ids += [room.id] if len(self._ids) < LISTED else []
         if self.placer.means(room):
             for name in (item.category for item in entry.stood if item.locked):

@@ -9,6 +9,7 @@ import hashlib
 import io
 import json
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -74,13 +75,34 @@ class Agents:
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Raises InputError as `load` does."""
+        briefs, asked = [with_a_sofa(brief) for brief in briefs], briefs
         found: list[list[Furnished]] = [[] for _ in briefs]
         for room_type in sorted({brief.room_type for brief in briefs}):
             which = [k for k, brief in enumerate(briefs) if brief.room_type == room_type]
             answers = self.of(room_type).furnish([briefs[k] for k in which], choices, seed)
             for k, answer in zip(which, answers, strict=True):
-                found[k] = answer
+                found[k] = [replace(each, layout=_named_as(asked[k], each.layout)) for each in answer]
         return found
+
+
+def with_a_sofa(brief: Room) -> Room:
+    """Return the brief of a living room with its widest loveseat as a sofa, if it has loveseats and no sofa.
+
+    All of the designer's living rooms have a sofa: what the agent does not know as one does not face the television.
+    """
+    loveseats = [k for k, item in enumerate(brief.furniture) if item.category == "loveseat"]
+    has_sofa = any(item.category == "sofa" for item in brief.furniture)
+    if brief.room_type != "living_room" or has_sofa or not loveseats:
+        return brief
+    widest = max(loveseats, key=lambda k: brief.furniture[k].size[1])
+    items = (replace(i, category="sofa") if k == widest else i for k, i in enumerate(brief.furniture))
+    return replace(brief, furniture=tuple(items))
+
+
+def _named_as(brief: Room, layout: Room) -> Room:
+    """Return the layout with the categories of the brief."""
+    items = zip(layout.furniture, brief.furniture, strict=True)
+    return replace(layout, furniture=tuple(replace(item, category=asked.category) for item, asked in items))
 
 
 def known(room_type: str) -> Collection[str]:

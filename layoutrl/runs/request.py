@@ -11,9 +11,12 @@ import shapely
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import OBSTACLE
 from layoutrl.rooms.clearances import HOSTS
+from layoutrl.rooms.doors import with_a_free_door_first
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.checked_brief import CheckedBrief, checked_brief, in_no_type
+from layoutrl.runs.checked_brief import CheckedBrief, barred, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
+
+CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class Request:
     wanted: list[int]  # items that are to be placed
     left: frozenset[int]  # of these, those that nobody can place, and that stay where the file has them
     stays: frozenset[int]  # items that `move=all` leaves where they are: unknown ones, and chairs under such
+    under: frozenset[int]  # of these, the chairs: somebody places them, but not here
     stood: frozenset[int]  # those of `wanted` that the file has in the room: without a new place they stay there
 
 
@@ -57,8 +61,11 @@ def request_of(
     places = [k for k in range(len(room.furniture)) if k not in others]
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
-    checked = CheckedBrief(put_back(room, entry, left), others | unseen - left, found.lines)
-    return Request(checked, wanted, left, stays, frozenset(stood.intersection(wanted)))
+    room, barring = with_a_free_door_first(put_back(room, entry, left))
+    lines = [*found.lines, *([barred(barring)] if barring and wanted else [])]
+    checked = CheckedBrief(room, others | unseen - left, lines)
+    under = frozenset(k for k in stays if entry.stood[k].category in known)
+    return Request(checked, wanted, left, stays, under, frozenset(stood.intersection(wanted)))
 
 
 def staying(items: Sequence[Item], those: Collection[int], known: Collection[str]) -> frozenset[int]:
@@ -72,11 +79,23 @@ def staying(items: Sequence[Item], those: Collection[int], known: Collection[str
     return frozenset(stays | under)
 
 
-def said_to_stay(room: Room, stays: Collection[int]) -> str:
-    """Return the message about items that nobody places in such a room, and that stay."""
-    counts = Counter(room.furniture[k].category for k in sorted(stays))
-    names = ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
-    return f"nobody places these in a {room.room_type}, and they stay: {names}"
+def staying_put(request: Request, entry: Entry, those: frozenset[int]) -> Request:
+    """Return the request with some of the items that are wanted back where they stood, to be furnished around."""
+    room = put_back(request.checked.room, entry, those)
+    names = [room.furniture[k].category for k in sorted(those)]
+    lines = [*request.checked.lines, *(f"the {name}: {CROWDED_OUT}, and stays where it stood" for name in names)]
+    return replace(request, checked=replace(request.checked, room=room, lines=lines), left=request.left | those)
+
+
+def said_to_stay(room: Room, request: Request) -> str:
+    """Return the message about items that stay with move=all."""
+
+    def counted(those: Collection[int]) -> str:
+        counts = Counter(room.furniture[k].category for k in sorted(those))
+        return ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
+
+    said = f"nobody places these in a {room.room_type}, and they stay: {counted(request.stays - request.under)}"
+    return f"{said}; what is tucked under them stays, too: {counted(request.under)}" if request.under else said
 
 
 def put_back(room: Room, entry: Entry, those: Collection[int]) -> Room:

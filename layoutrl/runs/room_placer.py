@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in
+from layoutrl.rooms.collection import naming
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
 from layoutrl.runs.answer import Answer
 from layoutrl.runs.config import PlaceConfig
-from layoutrl.runs.request import Request, put_back, request_of
+from layoutrl.runs.request import Request, put_back, request_of, staying_put
 from layoutrl.runs.streams import Entry
 
 if TYPE_CHECKING:
@@ -35,8 +36,24 @@ class RoomPlacer:
         return furnisher_for(self.config)
 
     def place(self, entries: Sequence[Entry]) -> list[Answer]:
-        """Furnish the rooms of entries, all of which have one, in one batch; return an answer for each."""
-        requests = [self._request_of(entry) for entry in entries]
+        """Furnish the rooms of entries, all of which have one, in one batch; return an answer for each.
+
+        An item that finds no place stays where it stood, where others may stand by now. Such a room is furnished again,
+        around what stayed, as long as that is better.
+        """
+        answers = self._answers(entries, [self._request_of(entry) for entry in entries])
+        crowded = [n for n, answer in enumerate(answers) if answer.crowded]
+        while crowded:
+            around = [staying_put(answers[n].request, entries[n], answers[n].crowded) for n in crowded]
+            found = dict(zip(crowded, self._answers([entries[n] for n in crowded], around), strict=True))
+            better = {n: answer for n, answer in found.items() if answer.shortcomings < answers[n].shortcomings}
+            for n, answer in better.items():
+                answers[n] = answer
+            crowded = [n for n, answer in better.items() if answer.crowded]
+        return answers
+
+    def _answers(self, entries: Sequence[Entry], requests: Sequence[Request]) -> list[Answer]:
+        """Place what is requested of each entry, all in one batch."""
         briefs = [request.checked.brief for request in requests if missing(request.checked.brief)]
         layouts = iter(self.info.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
         answers, before = [], list[Room]()
@@ -61,7 +78,7 @@ class RoomPlacer:
 
     def means(self, room: Room) -> bool:
         """Whether a room is to be furnished: all are, or the `only` ones."""
-        return not self.config.only or bool(matched(self.config.only, room))
+        return not self.config.only or bool(naming(self.config.only, room.id))
 
     def _request_of(self, entry: Entry) -> Request:
         """Return what is asked of a room. `info` is not loaded if there is nothing to place."""
@@ -73,20 +90,3 @@ class RoomPlacer:
             return request_of(entry, meant, moves_all, ())
         info = self.info
         return request_of(entry, meant, moves_all, info.known(entry.room.room_type), info.types_placing)
-
-
-def matched(only: str | None, room: Room) -> set[str]:
-    """Return those of the comma-separated names in `only` that mean a room: its id, or what follows a slash in it.
-
-    Case does not matter, and a dash may stand for a slash. A name may contain commas: then all of its parts are
-    returned.
-    """
-
-    def folded(names: Sequence[str]) -> str:
-        return ",".join(name.strip() for name in names).casefold().replace("/", "-")
-
-    parts = room.id.split("/")
-    calls = {folded("/".join(parts[first:]).split(",")) for first in range(len(parts))}
-    said = [name.strip() for name in only.split(",")] if only else []
-    runs = [said[k:n] for k in range(len(said)) for n in range(k + 1, len(said) + 1)]
-    return {name for run in runs if folded(run) in calls for name in run}

@@ -235,7 +235,8 @@ def test_a_chair_under_what_nobody_knows_stays_and_goes_from_what_is_only_locked
     assert {k for k, _, _ in said["choices"][0]["path"]} == {2}
     monkeypatch.setattr(answers, "staff", replace(answers.staff, known=lambda _: {*known} - {"desk"}))
     said = answers.answer("furnish", body(room, movable=[0, 1, 2]))
-    assert said["lines"] == ["nobody places these in a bedroom, and they stay: desk, chair"]
+    stays = "nobody places these in a bedroom, and they stay: desk; what is tucked under them stays, too: chair"
+    assert said["lines"] == [stays]
     kept = [room_to_dict(room)["furniture"][k] for k in (0, 2)]
     assert all([choice["furniture"][k] for k in (0, 2)] == kept for choice in said["choices"])
 

@@ -142,7 +142,7 @@ def test_formats_are_told_by_their_fields(document: dict[str, Any], name: str, t
 def test_packed_rooms_are_answered_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "rooms.jsonl.gz"
     path.write_bytes(gzip.compress(json.dumps(room_to_dict(rectangular_room())).encode()))
-    said = r"rooms\.jsonl\.gz: rooms in JSON cannot be read from a packed file; unpack it, as with gunzip rooms"
+    said = r"rooms\.jsonl\.gz: rooms in JSON cannot be read from a packed file; unpack it, as with gunzip -k rooms"
     with pytest.raises(InputError, match=said):
         opened(path)
     path.write_bytes(gzip.compress(b'{"furniture": [{"jid": "a"}], "mesh": []}'))

@@ -27,6 +27,9 @@ def test_nothing_is_asked_of_what_the_designer_has_and_the_unit_of_what_is_in_fe
 @pytest.mark.parametrize(("category", "depth", "width"), [
     ("bed", 2.0, 1.4),
     ("bed", 2.2, 1.0),  # narrower than the designer's
+    ("bed", 2.0, 0.9),
+    ("bed", 2.0, 1.6),
+    ("bed", 2.0, 1.8),
     ("wardrobe", 0.6, 1.8),
     ("sofa", 0.9, 2.2),
     ("bookcase", 0.25, 0.8),

@@ -56,6 +56,13 @@ def test_what_cannot_be_placed_is_named_and_the_rest_is_furnished(furniture: tup
     assert found.merge(replace(found.brief, furniture=(placed,))).furniture == (placed, furniture[1])
 
 
+def test_what_nobody_places_is_told_once_with_its_number() -> None:
+    lamp = Item("lamp", (0.3, 0.3), None, None)
+    found = checked_brief(room_with(lamp, BED, lamp, Item("harp", (0.8, 0.8), None, None)), KNOWN)
+    assert [line.partition(":")[0] for line in found.lines] == ["the lamp (2) is not placed", "the harp is not placed"]
+    assert found.unseen == {0, 2, 3}
+
+
 @pytest.mark.parametrize("name", ["sink", "Double sink"])
 def test_a_sink_in_a_bathroom_is_said_to_be_a_vanity(name: str) -> None:
     room = replace(room_with(Item(name, (0.5, 0.6), None, None)), room_type="bathroom")

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import make_weights
+import numpy as np
 import pytest
 import torch
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import brief_of
+from layoutrl.rooms.clearances import angle_off
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import MISSING, faults
+from layoutrl.rooms.room import Item
 from layoutrl.runs import pretrained
+from tests.builders import opening, rectangular_room
 from tests.commands import PROJECT
 
 CPU = torch.device("cpu")
@@ -31,6 +36,31 @@ def test_every_agent_is_what_is_said_of_it_and_places_all_items_the_same_again(r
     assert {item.category for brief in briefs for item in brief.furniture} <= {*pretrained.known(room_type)}
     card = pretrained.cards()[room_type]
     assert {"licence", "command", "seed", "data", "updates", "commit", "layoutrl", "measures"} <= card.keys()
+
+
+def test_a_loveseat_that_is_alone_looks_at_the_television_as_a_sofa_does() -> None:
+    sizes = {"loveseat": (0.85, 1.5), "coffee_table": (0.6, 1.1), "tv_unit": (0.4, 1.6)}
+    items = tuple(Item(category, size, None, None) for category, size in sizes.items())
+    as_living_room = {"others": items[1:], "room_type": "living_room", "target": None}
+    briefs = []
+    for width, depth in ((3.4, 3.8), (4.5, 3.6)):
+        openings = opening("door", 0.3, -0.15, 1.2, 0.0), opening("window", 1.0, depth, 2.6, depth + 0.15)
+        briefs.append(rectangular_room(width, depth, items[0], openings=openings, **as_living_room))
+    for brief, (found, *_) in zip(briefs, pretrained.Agents(CPU).furnish(briefs, 1, 0), strict=True):
+        seat, _, television = found.layout.furniture
+        assert [item.kind for item in found.layout.furniture] == [item.kind for item in brief.furniture]
+        x, y = np.subtract(television.center, seat.center)
+        assert angle_off(np.degrees(np.arctan2(y, x)) - seat.degrees, 360) < 20
+
+
+def test_what_is_a_sofa_already_stays_one() -> None:
+    for room_type in TYPES:
+        for room in design_rooms(room_type, "test", 1, 5).rooms:
+            assert pretrained.with_a_sofa(brief_of(room)) == brief_of(room)
+    two = (Item("loveseat", (0.85, 1.5)), Item("armchair", (0.8, 0.8)), Item("loveseat", (0.85, 1.6)))
+    brief = rectangular_room(4, 4, two[0], others=two[1:], room_type="living_room", target=None)
+    assert [item.category for item in pretrained.with_a_sofa(brief).furniture] == ["loveseat", "armchair", "sofa"]
+    assert pretrained.with_a_sofa(replace(brief, room_type="study")).furniture == two
 
 
 def test_all_files_are_named_and_small() -> None:

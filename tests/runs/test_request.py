@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.doors import entrance
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.request import Request, request_of
+from layoutrl.runs.request import Request, request_of, said_to_stay
 from layoutrl.runs.streams import Entry
-from tests.builders import rectangular_room
+from tests.builders import opening, rectangular_room
 
 TABLE, DESK = "table", "desk"
 CHAIR = Item("chair", (0.45, 0.45), (2.0, 2.0), 0.0, tucked=True)
@@ -48,6 +49,31 @@ def test_a_chair_stays_under_a_table_that_nobody_knows_and_goes_from_one_that_is
         assert not found.stays
         assert 1 in found.wanted
     assert request(room, {0, 1, 2}, {TABLE, "chair", "bed"}, "chair").checked.room.furniture[0] == room.furniture[0]
+
+
+def test_the_chairs_that_stay_under_what_nobody_knows_are_known_by_themselves() -> None:
+    found = request(under(TABLE), {0, 1, 2}, {"chair", "bed"})
+    assert found.under == {1}
+    said = "nobody places these in a bedroom, and they stay: table; what is tucked under them stays, too: chair"
+    assert said_to_stay(under(TABLE), found) == said
+    found = request(under("harp"), {0, 1, 2}, {"bed"})
+    assert said_to_stay(under("harp"), found) == "nobody places these in a bedroom, and they stay: harp, chair"
+
+
+def test_one_enters_by_a_door_that_what_stands_leaves_free_and_is_told_if_there_is_none() -> None:
+    piano = Item("piano", (1.5, 0.6), (0.4, 1.5), 90.0)
+    left, right = opening("door", -0.2, 1.0, 0.0, 2.0), opening("door", 4.0, 1.0, 4.2, 2.0)
+    bed = Item("bed", (1.0, 1.0), (2.0, 2.4), 0.0)
+    for openings in ((left, right), (right, left)):
+        room = rectangular_room(4.0, 3.0, bed, others=(piano,), openings=openings, target=None)
+        found = request(room, {0}, {"bed"})
+        assert entrance(found.checked.room) == right
+        assert {*found.checked.room.openings} == {*openings}
+        assert found.checked.lines == []
+    room = rectangular_room(4.0, 3.0, bed, others=(piano,), openings=(left,), target=None)
+    (said,) = request(room, {0}, {"bed"}).checked.lines
+    assert said == "nobody gets in past the piano: no door is free, and so nothing is within reach"
+    assert request(room, set(), {"bed"}).checked.lines == []  # where nothing is to be placed
 
 
 @given(

@@ -21,7 +21,7 @@ from shapely.geometry import Polygon
 from layoutrl import InputError
 from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.categories import ALL, DESIGNED, HOLDS, Names, names_in, names_of
-from layoutrl.rooms.collection import Collection
+from layoutrl.rooms.collection import Collection, naming
 from layoutrl.rooms.files import HOMES, check_new, files_below, name_of
 from layoutrl.rooms.room import Item, Room, RoomError
 from layoutrl.rooms.sources.drawn import Storey, unused
@@ -332,9 +332,13 @@ def _park(
     Raises InputError where `into` is no room of the home.
     """
     if into is not None and into not in home.pieces:
-        why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
-        said = f"expected one of {', '.join(home.pieces)}" if home.pieces else f"none could be read: {why}"
-        raise InputError(f"into: {home.path} has no room {into!r} to furnish; {said}")
+        meant = [room_id for room_id in home.pieces if naming(into, room_id)]
+        if len(meant) != 1:
+            why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
+            said = f"expected one of {', '.join(meant or home.pieces)}" if home.pieces else f"none could be read: {why}"
+            has = "several rooms" if meant else "no room"
+            raise InputError(f"into: {home.path} has {has} {into!r} to furnish; {said}")
+        (into,) = meant
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}

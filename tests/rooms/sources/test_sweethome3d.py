@@ -547,6 +547,7 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
     assert any("the cooktop outside all rooms stays there" in note for note in home.collection.notes)
     _, bathroom = flat(tmp_path, FLAT + parked, into="flat/room 2").rooms
     assert len(bathroom.furniture) == 4
+    assert flat(tmp_path, FLAT + parked, into="Room 2").rooms[1] == bathroom
     with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
         flat(tmp_path, FLAT + parked, into="kitchen")
     nothing = "no room is drawn in it, and walls enclose none"
