@@ -11,8 +11,10 @@ from typing import Any
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, OVERLAPS, Fault
 from layoutrl.rooms.room import Room
-from layoutrl.runs.request import CROWDED_OUT, Request, said_to_stay
+from layoutrl.runs.request import Request, said_to_stay
 from layoutrl.runs.streams import Entry
+
+CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
 
 
 @dataclass(frozen=True)
@@ -33,13 +35,14 @@ class Answer:
     @property
     def crowded(self) -> frozenset[int]:
         """The items that find no place in the best layout and stay, if something overlaps in it."""
-        return self.request.stood.intersection(self.unplaced[0]) if self.shortcomings[0] else frozenset()
+        stays = self.request.stood.intersection(self.unplaced[0]) - self.request.stuck
+        return stays if self.shortcomings[0] else frozenset()
 
     @property
     def shortcomings(self) -> tuple[int, int]:
-        """How many items of the best layout overlap; and its faults and oddities, with what is not placed."""
+        """How many items of the best layout overlap, and how many faults and oddities it has."""
         names = [fault for _, fault in self.wrong[0]]
-        return names.count(OVERLAPS), len(names) + len(self.request.left)
+        return names.count(OVERLAPS), len(names)
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
@@ -47,7 +50,8 @@ class Answer:
 
     def found(self, choice: int) -> Room:
         """Return a layout for writing: items that found no place have no center, and so stay as the file has them."""
-        layout, room = self.layouts[choice], self.request.checked.room
+        layout, room = self.layouts[choice], self.entry.room
+        assert room is not None
         items = enumerate(layout.furniture)
         furniture = (room.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
         return replace(layout, furniture=tuple(furniture))

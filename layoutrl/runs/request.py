@@ -16,8 +16,6 @@ from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.checked_brief import CheckedBrief, barred, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
 
-CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
-
 
 @dataclass(frozen=True)
 class Request:
@@ -29,6 +27,7 @@ class Request:
     stays: frozenset[int]  # items that `move=all` leaves where they are: unknown ones, and chairs under such
     under: frozenset[int]  # of these, the chairs: somebody places them, but not here
     stood: frozenset[int]  # those of `wanted` that the file has in the room: without a new place they stay there
+    stuck: frozenset[int] = frozenset()  # of these, those that found no place, and are furnished around (`staying_put`)
 
 
 def request_of(
@@ -81,10 +80,8 @@ def staying(items: Sequence[Item], those: Collection[int], known: Collection[str
 
 def staying_put(request: Request, entry: Entry, those: frozenset[int]) -> Request:
     """Return the request with some of the items that are wanted back where they stood, to be furnished around."""
-    room = put_back(request.checked.room, entry, those)
-    names = [room.furniture[k].category for k in sorted(those)]
-    lines = [*request.checked.lines, *(f"the {name}: {CROWDED_OUT}, and stays where it stood" for name in names)]
-    return replace(request, checked=replace(request.checked, room=room, lines=lines), left=request.left | those)
+    checked = replace(request.checked, room=put_back(request.checked.room, entry, those))
+    return replace(request, checked=checked, stuck=request.stuck | those)
 
 
 def said_to_stay(room: Room, request: Request) -> str:

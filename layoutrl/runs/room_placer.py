@@ -60,7 +60,8 @@ class RoomPlacer:
         for entry, request in zip(entries, requests, strict=True):
             found = next(layouts) if missing(request.checked.brief) else []
             rooms = [request.checked.merge(each.layout) for each in found] or [request.checked.room]
-            unplaced = [[k for k in request.wanted if room.furniture[k].center is None] for room in rooms]
+            stuck = request.stuck
+            unplaced = [[k for k in request.wanted if k in stuck or room.furniture[k].center is None] for room in rooms]
             stays = [request.stood.intersection(those) for those in unplaced]
             written = [put_back(room, entry, those) for room, those in zip(rooms, stays, strict=True)]
             before += [put_back(request.checked.room, entry, those) for those in stays]
