@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -1132,6 +1133,26 @@ def test_of_the_only_room_it_is_said_why_it_cannot_be_read_and_of_others_no_lock
     broken = written(tmp_path, [furnished_room(id="b", outline=[])])
     with pytest.raises(InputError, match=r"no room of .* could be read, as is said above"):
         run(PlaceConfig(by="search", rooms=str(broken), only="b", out=str(tmp_path / "x.jsonl")))
+
+
+def test_that_less_was_wrong_where_all_stood_is_said(
+    middle: Middle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bed, desk = (
+        {"category": name, "size": [d, w], "rotation": 0} for name, d, w in (("bed", 2, 1), ("desk", 0.6, 1.2))
+    )
+    rooms = [
+        furnished_room(id=name, furniture=[bed | {"center": here}, desk | {"center": there}])
+        for name, here, there in (("sound", [1, 1], [0.3, 4]), ("no better", [3, 2.5], [3, 2.5]))
+    ]
+    run(PlaceConfig(by="search", rooms=str(written(tmp_path, rooms)), move="all"))
+    sound, other, _, _ = capsys.readouterr().out.splitlines()
+    assert sound.startswith("sound: 2 of 2 placed; the bed: overlaps")
+    assert re.search(r"; less was wrong where all stood \(0 instead of [34]\)$", sound)
+    assert "less was wrong" not in other
+    del rooms[0]["furniture"][0]["center"]
+    run(PlaceConfig(by="search", rooms=str(written(tmp_path, rooms)), out=str(tmp_path / "some.jsonl")))
+    assert "less was wrong" not in capsys.readouterr().out  # the bed did not stand
 
 
 @pytest.mark.parametrize("wardrobe", [3.0, 5.0])

@@ -31,6 +31,7 @@ class Answer:
     unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
     wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity) of what was not so before
     still: list[set[Fault]]  # for each layout, all of its faults and oddities
+    stood: list[Fault] | None = None  # what was wrong with the wanted items where all stood; None if they did not
 
     @property
     def crowded(self) -> frozenset[int]:
@@ -86,6 +87,8 @@ class Answer:
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.request.checked.lines
+            if n == 1 and self.stood is not None and len(self.stood) < len(wrong):
+                said.append(f"less was wrong where all stood ({len(self.stood)} instead of {len(wrong)})")
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"

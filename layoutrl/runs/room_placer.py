@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -50,7 +51,7 @@ class RoomPlacer:
             for n, answer in better.items():
                 answers[n] = answer
             crowded = [n for n, answer in better.items() if answer.crowded]
-        return answers
+        return with_what_was_wrong(answers)
 
     def _answers(self, entries: Sequence[Entry], requests: Sequence[Request]) -> list[Answer]:
         """Place what is requested of each entry, all in one batch."""
@@ -91,3 +92,16 @@ class RoomPlacer:
             return request_of(entry, meant, moves_all, ())
         info = self.info
         return request_of(entry, meant, moves_all, info.known(entry.room.room_type), info.types_placing)
+
+
+def with_what_was_wrong(answers: Sequence[Answer]) -> list[Answer]:
+    """Return the answers, those to rooms in which all that is wanted stood with what was wrong with it there."""
+    requests = [answer.request for answer in answers]
+    whole = [n for n, each in enumerate(requests) if each.wanted and each.stood.issuperset(each.wanted)]
+    lifted = [answers[n].request.checked.room for n in whole]
+    stood = [put_back(room, answers[n].entry, answers[n].request.stood) for n, room in zip(whole, lifted, strict=True)]
+    told = list(answers)
+    for n, room, wrong, before in zip(whole, stood, faults_of_all(stood), faults_of_all(lifted), strict=True):
+        odd = oddities(room, answers[n].request.wanted)
+        told[n] = replace(answers[n], stood=new_faults(wrong, before) + odd)
+    return told
