@@ -349,12 +349,17 @@ class Middle:
 
 
 class NoWardrobe(Middle):
-    """Finds no place for a wardrobe, and puts all else into the middle, or where a wardrobe stands, to its left."""
+    """Finds no place for a wardrobe, and puts all else into the middle, or where a wardrobe stands, `beside` it."""
+
+    def __init__(self, beside: tuple[float, float] | None = (1.2, 2.5)) -> None:
+        super().__init__()
+        self.beside = beside
 
     def layout(self, brief: Room) -> Room:
         there = any(item.category == "wardrobe" and item.center for item in brief.furniture)
+        center = self.beside if there else (3.0, 2.5)
         wanted = [k for k in missing(brief) if brief.furniture[k].category != "wardrobe"]
-        return with_poses(brief, dict.fromkeys(wanted, ((1.2 if there else 3.0, 2.5), 0.0)))
+        return with_poses(brief, dict.fromkeys(wanted, (center, 0.0))) if center else brief
 
 
 @pytest.fixture
@@ -438,7 +443,7 @@ def test_where_nothing_finds_room_what_was_wrong_before_is_not_told_as_new(
         lambda config: FurnisherInfo(PlacesNothing(), lambda room_type: ["desk"]),
     )
     (room,) = run(PlaceConfig(rooms=str(written(tmp_path, [document])), move="desk"))
-    assert room["furniture"][1]["faults"] == ["not placed"]
+    assert [item.get("faults") for item in room["furniture"]] == [None, ["not placed"]]
     assert room["furniture"][1]["center"] == bed["center"]
     said = capsys.readouterr().out
     assert "0 of 1 placed; the desk: not placed, as no room is left for it, and stays where it stood\n" in said
@@ -1177,6 +1182,25 @@ def test_what_finds_no_place_and_stays_is_furnished_around(
     assert room["furniture"][1]["faults"] == ["not placed"]
 
 
+def test_of_what_is_found_around_what_stays_the_best_is_taken_and_no_choice_is_lost(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    bed, closet = {"category": "bed", "size": [2, 1.5]}, {"category": "wardrobe", "size": [0.6, 1.8]}
+    stood = [bed | {"center": [5, 4], "rotation": 0}, closet | {"center": [3, 2.5], "rotation": 0}]
+    stood += [bed | {"center": [1, 4], "rotation": 0, "locked": True}]
+    file = written(tmp_path, [furnished_room(furniture=stood)])
+
+    def beds(beside: tuple[float, float] | None, out: str) -> list[list[float]]:
+        info = FurnisherInfo(NoWardrobe(beside), lambda room_type: ["bed", "wardrobe"])
+        monkeypatch.setattr(layoutrl.runs.furnishers, "furnisher_for", lambda config: info)
+        rooms = run(PlaceConfig(by="search", rooms=str(file), move="all", choices=2, out=str(tmp_path / out)))
+        return [room["furniture"][0]["center"] for room in rooms]
+
+    assert beds((1.2, 2.5), "better.jsonl") == [[1.2, 2.5], [3.0, 2.5]]  # and the first, in the wardrobe, is kept
+    assert beds((1.0, 4.0), "as_bad.jsonl") == [[3.0, 2.5], [1.0, 4.0]]  # in the other bed
+    assert beds(None, "nothing.jsonl") == [[5, 4], [3.0, 2.5]]  # it has no place, and so stays, but overlaps nothing
+
+
 @pytest.mark.parametrize("named", ["move=rug", "item=Teppich"])
 def test_nobody_places_a_rug(named: str, middle: Middle, tmp_path: Path) -> None:
     option, _, name = named.partition("=")
@@ -1201,6 +1225,10 @@ def test_a_room_of_a_home_that_is_left_out_is_asked_for_in_vain_and_no_matter_to
     config = PlaceConfig(by="search", rooms=str(home), move="all", only="Bedroom", out=str(tmp_path / "out.sh3d"))
     assert place(config).tally.unread == 0
     assert place(replace(config, only=None, out=str(tmp_path / "all.sh3d"))).tally.unread == 1
+    (folder := tmp_path / "homes").mkdir()
+    home_file(folder / "flat.sh3d")
+    (folder / "broken.sh3d").write_bytes(b"may hold a bedroom, too")
+    assert place(replace(config, rooms=str(folder), out=str(tmp_path / "homes.jsonl"))).tally.unread == 1
     with pytest.raises(
         InputError, match=r"^rooms: flat/room 10 is left out: nothing tells its type.*; expected the id"
     ):

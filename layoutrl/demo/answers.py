@@ -25,7 +25,6 @@ from layoutrl.rooms.brief import missing, without_poses
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
-from layoutrl.rooms.doors import with_a_free_door_first
 from layoutrl.rooms.faults import (
     BLOCKS,
     FRONT_NOT_FREE,
@@ -413,8 +412,7 @@ def shown(room: Room) -> Answer:
 
 def wrong_with(room: Room) -> list[Fault]:
     """What is wrong with a room, and what is odd, item by item."""
-    entered, _ = with_a_free_door_first(room)  # as `request_of` has it
-    return sorted([*faults(entered), *oddities(room)], key=lambda entry: entry[0])
+    return sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
 
 
 def told(room: Room) -> list[list[Any]]:

@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from layoutrl import InputError
 from layoutrl.rooms.brief import LEVEL, distinct_rotations, facings
@@ -39,8 +40,11 @@ class Collection:
     homeless: list[str] = field(default_factory=list)
 
     def unread(self, only: str | None = None) -> int:
-        """How many rooms and files could not be read: those left out, but for NOBODYS; of rooms in `only`, if given."""
-        reasons = [why for label, why in self.left_out if not only or naming(only, label)]
+        """How many rooms and files could not be read: all that are left out, but for NOBODYS.
+
+        If `only` is given, rooms that it does not name do not count. Files do: they may hold one that it names.
+        """
+        reasons = [why for label, why in self.left_out if not only or naming(only, label) or Path(label).is_file()]
         return sum(why != NOBODYS for why in reasons)
 
     @contextmanager

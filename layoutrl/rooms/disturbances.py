@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry import Polygon, box
 from shapely.geometry.polygon import orient
 
-from layoutrl.rooms.faults import faults_of_all
+from layoutrl.rooms.faults import faults_from_entrance
 from layoutrl.rooms.room import TOLERANCE, Opening, Ring, Room, wall_band, wall_thickness
 
 MOST = 2  # disturbances of a room
@@ -43,7 +43,7 @@ def disturbed(rooms: Sequence[Room], rngs: Sequence[np.random.Generator]) -> lis
                 disturb = DISTURBANCES[kinds[n][k]]
                 if len(names) < wanted[n] and disturb.__name__ not in names and (found := disturb(room, rngs[n])):
                     tried[n] = found, disturb.__name__
-            wrong = faults_of_all([room for room, _ in tried.values()]) if tried else []
+            wrong = faults_from_entrance([room for room, _ in tried.values()]) if tried else []
             for (n, (room, name)), faults in zip(tried.items(), wrong, strict=True):
                 if not faults:
                     result[n] = _walled(room, wall_thickness(rooms[n])), [*result[n][1], name]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import compress
-from operator import itemgetter
 
 import numpy as np
 import shapely
@@ -44,11 +42,8 @@ def kept_free(room: Room) -> shapely.Geometry:
 
 
 def entrance(room: Room) -> Opening | None:
-    """Return the door by which one enters: the first as wide as the `passage` less 1 cm, else the widest, or None."""
-    wide = passage(room.room_type) - TOLERANCE
-    doors = list(zip(room.doors, door_widths(room), strict=True))
-    first = next((door for door, width in doors if width >= wide), None)
-    return first or max(doors, key=itemgetter(1), default=(None, 0.0))[0]
+    """Return the door by which one enters: the first as wide as the `way_width`, less 1 cm; None if there is none."""
+    return next(iter(_wide_doors(room)), None)
 
 
 def way_width(room: Room) -> float:
@@ -56,25 +51,31 @@ def way_width(room: Room) -> float:
     return min(passage(room.room_type), max(door_widths(room), default=np.inf))
 
 
-def with_a_free_door_first(room: Room) -> tuple[Room, list[Item]]:
-    """Return the room with the first door that what stands leaves free before the others, as one enters by the first.
-
-    A door is free if somebody as wide as the `way_width` can stand at it. If none is, the room stays as it is, and what
-    stands before its doors is returned, too.
-    """
+def free_doors(room: Room) -> list[Opening]:
+    """Return the doors by which one could enter that have floor to stand on for somebody as wide as the `way_width`."""
     radius = (way_width(room) - TOLERANCE) / 2
-    stands = [item for item in room.furniture if item.center and bars(item)]
-    around = [item.footprint.buffer(radius) for item in stands]
-    floor = empty_floor(room, radius) - shapely.union_all(around)
-    wide = [door for door, width in zip(room.doors, door_widths(room), strict=True) if width >= 2 * radius]
-    if not wide:
-        return room, []
-    first = next((door for door in wide if door.shape.dwithin(floor, TOLERANCE)), None)
-    if first is None:
-        before = [any(shape.intersects(door.shape) for door in wide) for shape in around]
-        return room, list(compress(stands, before))
-    others = (opening for opening in room.openings if opening is not first)
-    return (room if first is room.doors[0] else replace(room, openings=(first, *others))), []
+    solid = shapely.union_all([item.footprint for item in in_the_way(room)])
+    floor = empty_floor(room, radius) - solid.buffer(radius)
+    return [door for door in _wide_doors(room) if door.shape.dwithin(floor, TOLERANCE)]
+
+
+def with_a_free_door_first(room: Room) -> Room:
+    """Return the room with the first of its `free_doors` before its other openings, so that one enters there."""
+    if len(room.doors) < 2 or not (free := free_doors(room)) or free[0] is entrance(room):
+        return room
+    return replace(room, openings=(free[0], *(opening for opening in room.openings if opening is not free[0])))
+
+
+def before_doors(room: Room) -> list[Item]:
+    """Return what stands so near to a door by which one could enter that nobody can stand there."""
+    radius = (way_width(room) - TOLERANCE) / 2
+    doors = shapely.union_all([door.shape for door in _wide_doors(room)])
+    return [item for item in in_the_way(room) if item.footprint.dwithin(doors, radius)]
+
+
+def in_the_way(room: Room) -> list[Item]:
+    """Return the items that stand and stop who walks, or a door that meets them."""
+    return [i for i in room.furniture if i.center and (i.form == "circle" or i.rotation is not None) and bars(i)]
 
 
 def empty_floor(room: Room, radius: float) -> shapely.Geometry:
@@ -98,8 +99,7 @@ def drawn_leaves(room: Room) -> list[Leaf | None]:
     It is hung at the end at which no furniture stops it; if that holds of both or none, at the one nearer to a corner.
     """
     corners = shapely.multipoints(room.outline)
-    stands = shapely.union_all([i.footprint for i in room.furniture if i.center and i.rotation is not None and bars(i)])
-    solid = stands.buffer(-TOLERANCE)
+    solid = shapely.union_all([item.footprint for item in in_the_way(room)]).buffer(-TOLERANCE)
 
     def worse(leaf: Leaf) -> tuple[bool, float]:
         return leaf.swept.intersects(solid), corners.distance(shapely.Point(leaf.hinge))
@@ -110,6 +110,12 @@ def drawn_leaves(room: Room) -> list[Leaf | None]:
 def bars(item: Item) -> bool:
     """Whether an item stops a door that meets it: tucked items are moved aside, and RAISED ones are floor."""
     return not item.tucked and item.category not in RAISED
+
+
+def _wide_doors(room: Room) -> list[Opening]:
+    """Return the doors as wide as the `way_width`, less 1 cm."""
+    wide = way_width(room) - TOLERANCE
+    return [door for door, width in zip(room.doors, door_widths(room), strict=True) if width >= wide]
 
 
 def _bare(room: Room) -> Room:

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from layoutrl.rooms.clearances import HOSTS, RAISED, RUGS, front_depth, may_stand_before, period
-from layoutrl.rooms.doors import bars, empty_floor, entrance, kept_free, way_width
+from layoutrl.rooms.doors import bars, empty_floor, entrance, kept_free, way_width, with_a_free_door_first
 from layoutrl.rooms.room import CIRCLE_SEGMENTS, TOLERANCE, Room
 
 ROUNDING = 1e-9  # square metres: smaller areas are rounding
@@ -37,7 +37,15 @@ def faults(layout: Room) -> list[Fault]:
 
 
 def faults_of_all(layouts: Sequence[Room]) -> list[list[Fault]]:
-    """The `faults` of each layout, in a tenth of the time that they take one by one."""
+    """The `faults` of each layout, in a tenth of the time that they take one by one.
+
+    Where furniture stands before the `entrance` of a layout, one enters by the first door that is free.
+    """
+    return faults_from_entrance([with_a_free_door_first(layout) for layout in layouts])
+
+
+def faults_from_entrance(layouts: Sequence[Room]) -> list[list[Fault]]:
+    """The `faults` of each layout, entered by its `entrance` whatever stands before it, as in the measures."""
     items = Items.of(layouts)
     found = item_faults(layouts, items)
     first = np.searchsorted(items.room, np.arange(len(layouts)))

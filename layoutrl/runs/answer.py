@@ -10,6 +10,7 @@ from typing import Any
 
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, OVERLAPS, Fault
+from layoutrl.rooms.furnished import same
 from layoutrl.rooms.room import Room
 from layoutrl.runs.request import Request, said_to_stay
 from layoutrl.runs.streams import Entry
@@ -31,19 +32,40 @@ class Answer:
     unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
     wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity) of what was not so before
     still: list[set[Fault]]  # for each layout, all of its faults and oddities
-    stood: list[Fault] | None = None  # what was wrong with the wanted items where all stood; None if they did not
+    wrong_where_stood: list[Fault] | None = None  # of the wanted items, where they all stood; None if they did not
 
     @property
-    def crowded(self) -> frozenset[int]:
-        """The items that find no place in the best layout and stay, if something overlaps in it."""
-        stays = self.request.stood.intersection(self.unplaced[0]) - self.request.stuck
-        return stays if self.shortcomings[0] else frozenset()
+    def to_furnish_around(self) -> frozenset[int]:
+        """The items that find no place in the best layout and stay where they stood, if something overlaps in it."""
+        overlaps = any(fault == OVERLAPS for _, fault in self.wrong[0])
+        return self.request.stood.intersection(self.unplaced[0]) if overlaps else frozenset()
 
-    @property
-    def shortcomings(self) -> tuple[int, int]:
-        """How many items of the best layout overlap, and how many faults and oddities it has."""
-        names = [fault for _, fault in self.wrong[0]]
-        return names.count(OVERLAPS), len(names)
+    def joined(self, other: Answer, choices: int) -> Answer:
+        """Return the answer with the best layouts of both, up to `choices`; of equals this answer's come first.
+
+        Best are those with the fewest items that have no place or overlap another, then those with the least wrong. The
+        other answer is to the same room, furnished around what stays.
+        """
+
+        def shortcomings(which: tuple[Answer, int]) -> tuple[int, int]:
+            answer, n = which
+            overlap = (k for k, fault in answer.wrong[n] if fault == OVERLAPS)
+            return len({*answer.unplaced[n], *overlap}), len(answer.wrong[n])
+
+        best: list[tuple[Answer, int]] = []
+        every = [(each, n) for each in (self, other) for n in range(len(each.layouts))]
+        for answer, n in sorted(every, key=shortcomings):
+            if not any(same(answer.layouts[n], known.layouts[m]) for known, m in best):
+                best.append((answer, n))
+        best = best[:choices]
+        return replace(
+            self,
+            layouts=[answer.layouts[n] for answer, n in best],
+            by=[answer.by[n] for answer, n in best],
+            unplaced=[answer.unplaced[n] for answer, n in best],
+            wrong=[answer.wrong[n] for answer, n in best],
+            still=[answer.still[n] for answer, n in best],
+        )
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
@@ -87,8 +109,9 @@ class Answer:
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.request.checked.lines
-            if n == 1 and self.stood is not None and len(self.stood) < len(wrong):
-                said.append(f"less was wrong where all stood ({len(self.stood)} instead of {len(wrong)})")
+            before = self.wrong_where_stood
+            if n == 1 and before is not None and len(before) < len(wrong):
+                said.append(f"less was wrong where all stood ({len(before)} instead of {len(wrong)})")
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"

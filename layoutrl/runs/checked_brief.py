@@ -11,7 +11,7 @@ from layoutrl.rooms import fitting
 from layoutrl.rooms.brief import distinct_rotations, missing, standing
 from layoutrl.rooms.categories import own_names
 from layoutrl.rooms.clearances import RAISED, RUGS, passage
-from layoutrl.rooms.doors import door_widths
+from layoutrl.rooms.doors import door_widths, with_a_free_door_first
 from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 
@@ -34,9 +34,9 @@ class CheckedBrief:
 
     @property
     def brief(self) -> Room:
-        """The room without what is `unseen`."""
+        """The room without what is `unseen`. Of its doors, one that what stands leaves free comes first."""
         kept = tuple(item for k, item in enumerate(self.room.furniture) if k not in self.unseen)
-        return replace(self.room, furniture=kept, target=None)
+        return with_a_free_door_first(replace(self.room, furniture=kept, target=None))
 
     def merge(self, layout: Room) -> Room:
         """Return the room as it was asked, with the poses of a layout of `brief`; other items stay as they were.

@@ -11,7 +11,7 @@ import shapely
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import OBSTACLE
 from layoutrl.rooms.clearances import HOSTS
-from layoutrl.rooms.doors import with_a_free_door_first
+from layoutrl.rooms.doors import before_doors, free_doors
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.checked_brief import CheckedBrief, barred, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
@@ -60,8 +60,10 @@ def request_of(
     places = [k for k in range(len(room.furniture)) if k not in others]
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
-    room, barring = with_a_free_door_first(put_back(room, entry, left))
-    lines = [*found.lines, *([barred(barring)] if barring and wanted else [])]
+    room = put_back(room, entry, left)
+    lines = list(found.lines)
+    if wanted and not free_doors(room) and (those := before_doors(room)):
+        lines.append(barred(those))
     checked = CheckedBrief(room, others | unseen - left, lines)
     under = frozenset(k for k in stays if entry.stood[k].category in known)
     return Request(checked, wanted, left, stays, under, frozenset(stood.intersection(wanted)))

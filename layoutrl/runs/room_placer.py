@@ -40,17 +40,18 @@ class RoomPlacer:
         """Furnish the rooms of entries, all of which have one, in one batch; return an answer for each.
 
         An item that finds no place stays where it stood, where others may stand by now. Such a room is furnished again,
-        around what stayed, as long as that is better.
+        around what stayed, and its best layouts are kept.
         """
-        answers = self._answers(entries, [self._request_of(entry) for entry in entries])
-        crowded = [n for n, answer in enumerate(answers) if answer.crowded]
-        while crowded:
-            around = [staying_put(answers[n].request, entries[n], answers[n].crowded) for n in crowded]
-            found = dict(zip(crowded, self._answers([entries[n] for n in crowded], around), strict=True))
-            better = {n: answer for n, answer in found.items() if answer.shortcomings < answers[n].shortcomings}
-            for n, answer in better.items():
-                answers[n] = answer
-            crowded = [n for n, answer in better.items() if answer.crowded]
+        requests = [self._request_of(entry) for entry in entries]
+        answers = self._answers(entries, requests)
+        stay = {n: answer.to_furnish_around for n, answer in enumerate(answers) if answer.to_furnish_around}
+        while stay:
+            for n, those in stay.items():
+                requests[n] = staying_put(requests[n], entries[n], those)
+            again = dict(zip(stay, self._answers([entries[n] for n in stay], [requests[n] for n in stay]), strict=True))
+            for n, answer in again.items():
+                answers[n] = answers[n].joined(answer, self.config.choices)
+            stay = {n: more for n, answer in again.items() if (more := answer.to_furnish_around - requests[n].stuck)}
         return with_what_was_wrong(answers)
 
     def _answers(self, entries: Sequence[Entry], requests: Sequence[Request]) -> list[Answer]:
@@ -103,5 +104,5 @@ def with_what_was_wrong(answers: Sequence[Answer]) -> list[Answer]:
     told = list(answers)
     for n, room, wrong, before in zip(whole, stood, faults_of_all(stood), faults_of_all(lifted), strict=True):
         odd = oddities(room, answers[n].request.wanted)
-        told[n] = replace(answers[n], stood=new_faults(wrong, before) + odd)
+        told[n] = replace(answers[n], wrong_where_stood=new_faults(wrong, before) + odd)
     return told

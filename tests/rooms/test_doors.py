@@ -11,8 +11,18 @@ from shapely.geometry import box
 
 from layoutrl.rivals.rooms.scene import scene_of
 from layoutrl.rooms.designer.generator import design_rooms
-from layoutrl.rooms.doors import WIDEST_LEAF, door_widths, drawn_leaves, kept_free, leaves
-from layoutrl.rooms.faults import BLOCKS, faults
+from layoutrl.rooms.doors import (
+    WIDEST_LEAF,
+    before_doors,
+    door_widths,
+    drawn_leaves,
+    entrance,
+    free_doors,
+    kept_free,
+    leaves,
+    with_a_free_door_first,
+)
+from layoutrl.rooms.faults import BLOCKS, OUT_OF_REACH, faults, faults_from_entrance, faults_of_all
 from layoutrl.rooms.room import MAIN_ITEM, TOLERANCE, Item, along_and_through, wall_band
 from tests.builders import L_OUTLINE, opening, rectangular_room
 
@@ -44,6 +54,30 @@ def test_a_door_in_a_thick_wall_is_as_wide_as_its_side_along_the_wall(width: flo
     assert shapely.symmetric_difference(kept_free(room), expected.doors[0].shape).area < 1e-6
     (gate,) = scene_of(room).doors
     assert gate.width == pytest.approx(width)
+
+
+@pytest.mark.parametrize("degrees", range(0, 90, 10))
+@pytest.mark.parametrize("widths", [(0.8, 0.8), (0.55, 0.55), (0.55, 0.545)])
+def test_one_enters_by_the_door_that_is_free_however_narrow_and_turned(
+    degrees: int, widths: tuple[float, float]
+) -> None:
+    left, right = (opening("door", x, 1.0, x + 0.2, 1.0 + width) for x, width in zip((-0.2, 4.0), widths, strict=True))
+    piano, bed = Item("piano", (1.5, 0.6), (0.3, 1.5), 90.0), Item("bed", (1.0, 1.0), (2.0, 2.4), 0.0)
+    for openings in ((left, right), (right, left)):
+        room = rectangular_room(4.0, 3.0, bed, others=(piano,), openings=openings).rotated(degrees)
+        free = with_a_free_door_first(room)
+        assert [entrance(free)] == free_doors(room) == [room.openings[openings.index(right)]]
+        assert {*free.openings} == {*room.openings}
+        assert before_doors(room) == [room.furniture[1]]
+        assert OUT_OF_REACH not in {fault for _, fault in faults(room)}
+
+
+@pytest.mark.parametrize("room_type", MAIN_ITEM)
+def test_one_enters_the_designers_rooms_by_the_first_wide_door(room_type: str) -> None:
+    """So that measures, which leave it at that, and faults agree."""
+    rooms = design_rooms(room_type, "test", 2, 10).rooms
+    assert all(with_a_free_door_first(room) is room for room in rooms)
+    assert faults_of_all(rooms) == faults_from_entrance(rooms)
 
 
 def test_what_stands_right_before_a_door_in_a_thick_wall_blocks_it() -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from layoutrl.rooms.brief import without_poses
 from layoutrl.rooms.documents import room_to_dict
 from layoutrl.rooms.doors import entrance
+from layoutrl.rooms.faults import OUT_OF_REACH, faults
 from layoutrl.rooms.room import Item, Room
 from layoutrl.runs.request import Request, request_of, said_to_stay
 from layoutrl.runs.streams import Entry
@@ -67,13 +68,16 @@ def test_one_enters_by_a_door_that_what_stands_leaves_free_and_is_told_if_there_
     for openings in ((left, right), (right, left)):
         room = rectangular_room(4.0, 3.0, bed, others=(piano,), openings=openings, target=None)
         found = request(room, {0}, {"bed"})
-        assert entrance(found.checked.room) == right
-        assert {*found.checked.room.openings} == {*openings}
+        assert entrance(found.checked.brief) == right
+        assert found.checked.room.openings == openings
         assert found.checked.lines == []
+        assert OUT_OF_REACH not in {fault for _, fault in faults(room)}
     room = rectangular_room(4.0, 3.0, bed, others=(piano,), openings=(left,), target=None)
     (said,) = request(room, {0}, {"bed"}).checked.lines
     assert said == "nobody gets in past the piano: no door is free, and so nothing is within reach"
     assert request(room, set(), {"bed"}).checked.lines == []  # where nothing is to be placed
+    to_be_turned = replace(room, furniture=(bed, Item("wardrobe", (0.6, 2.0), (3.0, 1.5), None)))
+    assert request(to_be_turned, {0}, {"bed"}).checked.lines == []
 
 
 @given(

@@ -332,12 +332,13 @@ def _park(
     Raises InputError where `into` is no room of the home.
     """
     if into is not None and into not in home.pieces:
-        meant = [room_id for room_id in home.pieces if naming(into, room_id)]
+        whole = names_in(into)  # an id may have commas
+        meant = [room_id for room_id in home.pieces if naming(into, room_id) == whole]
         if len(meant) != 1:
             why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
-            said = f"expected one of {', '.join(meant or home.pieces)}" if home.pieces else f"none could be read: {why}"
+            mend = f"expected one of {', '.join(meant or home.pieces)}" if home.pieces else f"none could be read: {why}"
             has = "several rooms" if meant else "no room"
-            raise InputError(f"into: {home.path} has {has} {into!r} to furnish; {said}")
+            raise InputError(f"into: {home.path} has {has} {into!r} to furnish; {mend}")
         (into,) = meant
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}

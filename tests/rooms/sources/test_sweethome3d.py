@@ -548,8 +548,9 @@ def test_what_stands_outside_all_rooms_goes_to_rooms_that_know_it(tmp_path: Path
     _, bathroom = flat(tmp_path, FLAT + parked, into="flat/room 2").rooms
     assert len(bathroom.furniture) == 4
     assert flat(tmp_path, FLAT + parked, into="Room 2").rooms[1] == bathroom
-    with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
-        flat(tmp_path, FLAT + parked, into="kitchen")
+    for unknown in ("kitchen", "Bedroom, Kicthen"):
+        with pytest.raises(InputError, match="expected one of flat/Bedroom, flat/room 2"):
+            flat(tmp_path, FLAT + parked, into=unknown)
     nothing = "no room is drawn in it, and walls enclose none"
     for body, why in ((BED, nothing), (room_tag(0, 0, 400, 300, name="Hall"), "nobody furnishes")):
         with pytest.raises(InputError, match=f"'kitchen' to furnish; none could be read: {why}"):
