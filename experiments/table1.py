@@ -121,7 +121,7 @@ PLANIT_COST = {
 }
 WITHOUT_GPU = ("bedroom", "tatami")  # types in which method=paper is trained on a CPU
 # Of paper_every_move, where they are more than 8,000.
-UPDATES = dict.fromkeys(("study", "living_room", "dining_room", "kitchen", "balcony"), "12000")
+UPDATES = dict.fromkeys(("bedroom", "study", "living_room", "dining_room", "kitchen", "balcony"), "12000")
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before the agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),
@@ -138,7 +138,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     seeds, types = ("0,1,2", tuple(PAPER)) if has_gpu_or_cluster(chosen) else ("0", WITHOUT_GPU)
     sweeps = [*SWEEPS, ("paper", seeds, types), ("paper_every_move", seeds, tuple(PAPER))]
     if seeds == "0":
-        sweeps.append(("paper_every_move", "1,2", ("bedroom",)))  # how much seeds differ
+        sweeps.append(("paper_every_move", "1", ("bedroom",)))  # how much seeds differ
     if "column" in chosen:
         sweeps = [(group, "0,1,2", tuple(PAPER)) for group in in_turn(chosen["column"])]
     made = []
