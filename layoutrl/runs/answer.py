@@ -47,14 +47,14 @@ class Answer:
         other answer is to the same room, furnished around what stays.
         """
 
-        def shortcomings(which: tuple[Answer, int]) -> tuple[int, int]:
+        def ill_placed_and_wrong(which: tuple[Answer, int]) -> tuple[int, int]:
             answer, n = which
             overlap = (k for k, fault in answer.wrong[n] if fault == OVERLAPS)
             return len({*answer.unplaced[n], *overlap}), len(answer.wrong[n])
 
         best: list[tuple[Answer, int]] = []
         every = [(each, n) for each in (self, other) for n in range(len(each.layouts))]
-        for answer, n in sorted(every, key=shortcomings):
+        for answer, n in sorted(every, key=ill_placed_and_wrong):
             if not any(same(answer.layouts[n], known.layouts[m]) for known, m in best):
                 best.append((answer, n))
         best = best[:choices]

@@ -96,12 +96,6 @@ def checked_brief(
     return CheckedBrief(room, frozenset(unseen), lines)
 
 
-def barred(items: Collection[Item]) -> str:
-    """Return the line about a room that nobody enters, for the items that stand before its doors."""
-    names = " and ".join(f"the {name}" for name in sorted({item.category for item in items}))
-    return f"nobody gets in past {names}: no door is free, and so nothing is within reach"
-
-
 def _why(room: Room, category: str, known: Collection[str], types_placing: Callable[[str], Sequence[str]]) -> str:
     """Return the reason why a category that is not `known` is not placed in a room."""
     if not known:

@@ -13,7 +13,7 @@ from layoutrl.rooms.categories import OBSTACLE
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.doors import before_doors, free_doors
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.checked_brief import CheckedBrief, barred, checked_brief, in_no_type
+from layoutrl.runs.checked_brief import CheckedBrief, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
 
 
@@ -61,10 +61,7 @@ def request_of(
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
     room = put_back(room, entry, left)
-    lines = list(found.lines)
-    if wanted and not free_doors(room) and (those := before_doors(room)):
-        lines.append(barred(those))
-    checked = CheckedBrief(room, others | unseen - left, lines)
+    checked = CheckedBrief(room, others | unseen - left, [*found.lines, *(said_to_bar(room) if wanted else [])])
     under = frozenset(k for k in stays if entry.stood[k].category in known)
     return Request(checked, wanted, left, stays, under, frozenset(stood.intersection(wanted)))
 
@@ -84,6 +81,15 @@ def staying_put(request: Request, entry: Entry, those: frozenset[int]) -> Reques
     """Return the request with some of the items that are wanted back where they stood, to be furnished around."""
     checked = replace(request.checked, room=put_back(request.checked.room, entry, those))
     return replace(request, checked=checked, stuck=request.stuck | those)
+
+
+def said_to_bar(room: Room) -> list[str]:
+    """Return the message about what stands before the doors of a room, if none is free."""
+    names = sorted({item.category for item in before_doors(room)})
+    if not names or free_doors(room):
+        return []
+    past = " and ".join(f"the {name}" for name in names)
+    return [f"nobody gets in past {past}: no door is free, and so nothing is within reach"]
 
 
 def said_to_stay(room: Room, request: Request) -> str:

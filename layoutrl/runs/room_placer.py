@@ -99,10 +99,10 @@ def with_what_was_wrong(answers: Sequence[Answer]) -> list[Answer]:
     """Return the answers, those to rooms in which all that is wanted stood with what was wrong with it there."""
     requests = [answer.request for answer in answers]
     whole = [n for n, each in enumerate(requests) if each.wanted and each.stood.issuperset(each.wanted)]
-    lifted = [answers[n].request.checked.room for n in whole]
-    stood = [put_back(room, answers[n].entry, answers[n].request.stood) for n, room in zip(whole, lifted, strict=True)]
+    lifted = [requests[n].checked.room for n in whole]
+    stood = [put_back(room, answers[n].entry, requests[n].stood) for n, room in zip(whole, lifted, strict=True)]
     told = list(answers)
     for n, room, wrong, before in zip(whole, stood, faults_of_all(stood), faults_of_all(lifted), strict=True):
-        odd = oddities(room, answers[n].request.wanted)
+        odd = oddities(room, requests[n].wanted)
         told[n] = replace(answers[n], wrong_where_stood=new_faults(wrong, before) + odd)
     return told
