@@ -7,13 +7,14 @@ from collections.abc import Collection, Sequence
 import numpy as np
 import shapely
 
+from layoutrl.rooms.clearances import RAISED, RUGS
 from layoutrl.rooms.doors import leaves
 from layoutrl.rooms.faults import Fault, Items, pairs, unions
 from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
-IN_SWING = "in a door's swing"
-ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING)
+IN_SWING, ON_PLATFORM = "in a door's swing", "on a platform"
+ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM)
 NEAR = 0.05  # metres: an item no farther from its wall, table or window is at it
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners
@@ -26,6 +27,7 @@ AT_A_WALL = frozenset({
     "washing_machine",
 })  # fmt: skip
 TALL = frozenset({"bookcase", "fridge", "wardrobe"})
+BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
 def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
@@ -42,6 +44,7 @@ def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray
         ASTRAY: astray(layouts, items),
         BEFORE_WINDOW: before_windows(layouts, items),
         IN_SWING: in_swings(layouts, items),
+        ON_PLATFORM: on_platforms(items),
     }
 
 
@@ -114,4 +117,20 @@ def in_swings(layouts: Sequence[Room], items: Items) -> np.ndarray:
     np.logical_or.at(shut, door, cut)
     result = np.zeros(len(items.room), dtype=bool)
     result[stands[a[np.any(cut, 1) & np.all(shut, 1)[door]]]] = True
+    return result
+
+
+def on_platforms(items: Items) -> np.ndarray:
+    """Whether an item is half on a platform, or at all on one though it belongs BESIDE_PLATFORMS: (N,).
+
+    A centimetre does not count.
+    """
+    stands = np.flatnonzero(items.placed & ~np.isin(items.category, list(RAISED)))
+    platforms = np.flatnonzero(items.placed & np.isin(items.category, list(RAISED - RUGS)))
+    a, b = pairs(items.room[stands], items.room[platforms])
+    a, b = stands[a], platforms[b]
+    core, platform = items.grown(-TOLERANCE)[a], items.footprint[b]
+    whole = shapely.covers(platform, core) & ~np.isin(items.category[a], list(BESIDE_PLATFORMS))
+    result = np.zeros(len(items.room), dtype=bool)
+    result[a[shapely.intersects(platform, core) & ~whole]] = True
     return result

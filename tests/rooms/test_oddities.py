@@ -9,7 +9,16 @@ import pytest
 
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.faults import Items, faults
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, NEAR, OFF_ITS_WALL, item_oddities, oddities
+from layoutrl.rooms.oddities import (
+    ASTRAY,
+    BEFORE_WINDOW,
+    IN_SWING,
+    NEAR,
+    OFF_ITS_WALL,
+    ON_PLATFORM,
+    item_oddities,
+    oddities,
+)
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 from tests.builders import rectangular_room
 
@@ -143,6 +152,36 @@ def test_two_items_may_keep_a_door_shut_that_one_alone_does_not() -> None:
     assert not item_oddities(elsewhere, Items.of(elsewhere))[IN_SWING].any()
     wide = replace(DOOR, polygon=((0.5, -0.2), (2.3, -0.2), (2.3, 0.0), (0.5, 0.0)))
     assert not oddities(furnished(left, right, openings=(wide,)))  # it slides
+
+
+PLATFORM = Item("platform", (2.0, 3.0), (1.0, 1.5), 0)  # it ends at x = 2 m
+
+
+@pytest.mark.parametrize(("x", "odd"), [
+    (1.0, False),  # all of it is on the platform
+    (1.8, False),
+    (1.805, False),  # but for half a centimetre
+    (1.83, True),
+    (2.0, True),
+    (2.17, True),
+    (2.195, False),
+    (2.2, False),  # beside it
+])  # fmt: skip
+@pytest.mark.parametrize("form", ["rectangle", "circle"])
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+def test_what_stands_half_on_a_platform_is_odd(x: float, odd: bool, form: str, turned: int) -> None:
+    table = Item("side_table", (0.4, 0.4), (x, 1.5), 0, form=form)
+    assert oddities(furnished(PLATFORM, table).turned(turned, False)) == [(1, ON_PLATFORM)] * odd
+    assert not oddities(furnished(replace(PLATFORM, category="rug"), table).turned(turned, False))
+    assert not oddities(furnished(PLATFORM, replace(table, category="rug")).turned(turned, False))
+    assert not oddities(furnished(replace(PLATFORM, center=None), table).turned(turned, False))
+
+
+@pytest.mark.parametrize(("x", "odd"), [(1.0, True), (1.83, True), (2.17, True), (2.195, False), (2.2, False)])
+@pytest.mark.parametrize("category", ["desk", "stool"])
+def test_a_desk_and_what_stands_at_it_is_odd_on_a_platform(x: float, odd: bool, category: str) -> None:
+    room = furnished(PLATFORM, Item(category, (0.4, 0.4), (x, 1.5), 0))
+    assert oddities(room) == [(1, ON_PLATFORM)] * odd
 
 
 def test_what_is_not_placed_is_not_odd() -> None:
