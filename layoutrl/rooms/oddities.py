@@ -15,7 +15,7 @@ from layoutrl.rooms.room import TOLERANCE, Room
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 IN_SWING, ON_PLATFORM = "in a door's swing", "on a platform"
 ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM)
-NEAR = 0.05  # metres: an item no farther from its wall, table or window is at it
+NEAR = 0.05  # metres: an item no farther from its wall, table, window or the edge of a platform is at it
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners
 
@@ -123,13 +123,13 @@ def in_swings(layouts: Sequence[Room], items: Items) -> np.ndarray:
 def on_platforms(items: Items) -> np.ndarray:
     """Whether an item is half on a platform, or at all on one though it belongs BESIDE_PLATFORMS: (N,).
 
-    A centimetre does not count.
+    What is no more than NEAR does not count.
     """
     stands = np.flatnonzero(items.placed & ~np.isin(items.category, list(RAISED)))
     platforms = np.flatnonzero(items.placed & np.isin(items.category, list(RAISED - RUGS)))
     a, b = pairs(items.room[stands], items.room[platforms])
     a, b = stands[a], platforms[b]
-    core, platform = items.grown(-TOLERANCE)[a], items.footprint[b]
+    core, platform = items.grown(-NEAR)[a], items.footprint[b]
     whole = shapely.covers(platform, core) & ~np.isin(items.category[a], list(BESIDE_PLATFORMS))
     result = np.zeros(len(items.room), dtype=bool)
     result[a[shapely.intersects(platform, core) & ~whole]] = True

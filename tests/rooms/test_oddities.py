@@ -160,11 +160,11 @@ PLATFORM = Item("platform", (2.0, 3.0), (1.0, 1.5), 0)  # it ends at x = 2 m
 @pytest.mark.parametrize(("x", "odd"), [
     (1.0, False),  # all of it is on the platform
     (1.8, False),
-    (1.805, False),  # but for half a centimetre
-    (1.83, True),
+    (1.8 + 0.9 * NEAR, False),  # but for less than that
+    (1.8 + 1.1 * NEAR, True),
     (2.0, True),
-    (2.17, True),
-    (2.195, False),
+    (2.2 - 1.1 * NEAR, True),
+    (2.2 - 0.9 * NEAR, False),
     (2.2, False),  # beside it
 ])  # fmt: skip
 @pytest.mark.parametrize("form", ["rectangle", "circle"])
@@ -177,7 +177,7 @@ def test_what_stands_half_on_a_platform_is_odd(x: float, odd: bool, form: str, t
     assert not oddities(furnished(replace(PLATFORM, center=None), table).turned(turned, False))
 
 
-@pytest.mark.parametrize(("x", "odd"), [(1.0, True), (1.83, True), (2.17, True), (2.195, False), (2.2, False)])
+@pytest.mark.parametrize(("x", "odd"), [(1.0, True), (2.0, True), (2.2 - 1.1 * NEAR, True), (2.2 - 0.9 * NEAR, False)])
 @pytest.mark.parametrize("category", ["desk", "stool"])
 def test_a_desk_and_what_stands_at_it_is_odd_on_a_platform(x: float, odd: bool, category: str) -> None:
     room = furnished(PLATFORM, Item(category, (0.4, 0.4), (x, 1.5), 0))
