@@ -104,11 +104,12 @@ class RoomsSimulator:
             self.ahead[r, n] = ahead(item, floor) * np.stack([np.cos(turn), np.sin(turn)], -1)
             self.welcome[r, n, : self.count[r]] = [not _takes_floor(floor, other) for other in self.items[r]]
         self.targets: list[list[list[Item]]] = [[[] for _ in range(shape[1])] for _ in briefs]
-        for targets, design, items in zip(self.targets, designs or [None] * len(briefs), self.items, strict=True):
-            for n, item in enumerate(items):
-                targets[n] = [
-                    there for there in (design.furniture if design else ()) if there.center and there.kind == item.kind
-                ]
+        for r, design in enumerate(designs or ()):
+            taken = {(item.kind, item.center) for item in briefs[r].furniture}
+            designed = [item for item in (design.furniture if design else ()) if item.center]
+            free = [item for item in designed if (item.kind, item.center) not in taken]
+            for n, item in enumerate(self.items[r]):
+                self.targets[r][n] = [there for there in free if there.kind == item.kind]
 
     @property
     def actions(self) -> int:

@@ -40,8 +40,9 @@ class Moves:
     the item touches the outline, or its bounding box that of another item.
     Steps are in metres, or in pixels of the room's picture (1/120 of the envelope's longest side).
 
-    Raises InputError for another unit, and for steps that are no list, or not finite lengths above zero (in metres
-    above GRID; pixels are held against it in `lengths`), or not multiples of the shortest.
+    Raises InputError for another unit, for a slide that is no bool, and for steps that are no list, or not finite
+    lengths above zero (in metres above GRID; pixels are held against it in `lengths`), or not multiples of the
+    shortest.
     """
 
     steps: tuple[float, ...] = (0.32, 0.08, 0.02, 0.005)
@@ -51,6 +52,8 @@ class Moves:
     def __post_init__(self) -> None:
         if self.unit not in ("metre", "pixel"):
             raise InputError(f"unit: expected one of metre, pixel; got {self.unit}")
+        if not isinstance(self.slide, bool):
+            raise InputError(f"slide: expected true or false; got {self.slide!r:.60}")
         least = GRID if self.unit == "metre" else 0.0  # shorter ones would lead nowhere
         listed = isinstance(self.steps, Sequence) and len(self.steps) > 0
         if not (listed and all(isinstance(step, Real) and least < step < math.inf for step in self.steps)):
@@ -62,6 +65,7 @@ class Moves:
             raise InputError(
                 f"steps: expected multiples of the shortest step, so that moves stay on a lattice; got {self.steps}"
             )
+        object.__setattr__(self, "steps", tuple(self.steps))  # a list has no hash
 
     @property
     def count(self) -> int:

@@ -167,6 +167,7 @@ def reseeded(
         return streams if seed is None else None
     if len(seed) != env.num_envs:
         raise ValueError(f"seed: expected {env.num_envs} seeds, one an environment; got {len(seed)}")
+    seed = [int(one) if isinstance(one, np.integer) else one for one in seed]
     drawn = [None if one is None else np_random(one)[0] for one in seed]
     streams = streams or env.np_random.spawn(env.num_envs)
     return [old if new is None else new for new, old in zip(drawn, streams, strict=True)]

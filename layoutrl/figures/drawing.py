@@ -40,7 +40,7 @@ from layoutrl.figures import (
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
 
-Wrong = Iterable[tuple[int, str]]
+Wrong = Iterable[tuple[int, str]]  # (index of the item, its fault or oddity), as `faults` returns them
 
 MARGIN = 0.1  # metres around the walls
 LINE = 0.2  # metres: the height of a line of text
@@ -61,6 +61,7 @@ ACI = {"A-WALL": 7, "A-DOOR": 3, "A-GLAZ": 5, "A-FURN": 8}  # layers of a DXF, a
 def draw(room: Room, wrong: Wrong, path: Path | str) -> None:
     """Write a drawing in the format of the suffix: .svg, .png, or .dxf, which needs ezdxf.
 
+    Items that are `wrong` are hatched, as of `faults(room)` or `Answer.wrong[n]`; [] for none.
     A file that is there is overwritten. Raises InputError for any other suffix.
     """
     path = Path(path)

@@ -28,5 +28,6 @@ def test_what_is_named_holds_tensors_or_is_answered_in_a_line(name: str) -> None
         said = f"device: expected auto, cpu or a GPU of this machine, as cuda:0; got {name} ("
         assert str(answer.value).startswith(said)
         assert len(str(answer.value).splitlines()) == 1
+        assert len(str(answer.value)) < len(said) + 100  # a GPU that torch lacks is told in a paragraph
     else:
         assert torch.arange(3, device=usable_device(name)).tolist() == [0, 1, 2]

@@ -15,7 +15,7 @@ from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_simulator import RoomsSimulator, State, faces_alike
 from layoutrl.env.simulator import Moves, Simulator
-from layoutrl.rooms.brief import brief_of, facings
+from layoutrl.rooms.brief import brief_of, facings, without_poses
 from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room
 from tests.builders import random_brief, random_room, rectangular_room
@@ -198,6 +198,20 @@ def test_equal_items_have_a_place_each_and_one_turn_though_one_alone_may_stand_u
     center, _ = simulator.designed()
     assert center.tolist() == [[[1.0, 1.0], [3.0, 1.0]]]
     assert simulator.size_rank().tolist() == [[0, 0]]
+
+
+@pytest.mark.parametrize("lifted", [0, 1])
+def test_the_place_of_an_equal_item_that_stands_is_taken(lifted: int) -> None:
+    design = rectangular_room(
+        4, 3, Item("nightstand", (0.5, 0.5), (0.25, 1.0), 0.0),
+        others=(Item("nightstand", (0.5, 0.5), (0.25, 2.0), 0.0),), target=None,
+    )  # fmt: skip
+    brief = replace(design, furniture=without_poses(design.furniture, {lifted}))
+    simulator = RoomsSimulator([brief], [design], Moves(), Reward())
+    center, quarter = simulator.designed()
+    assert center.tolist() == [[list(design.furniture[lifted].center)]]
+    state = simulator.begin(np.array([0]), np.random.default_rng(0))
+    assert simulator.reward(simulator.put(state, np.array([0]), center[:, 0], quarter[:, 0])).iou == pytest.approx(1)
 
 
 def test_an_item_may_stand_where_the_designer_has_locked_it() -> None:

@@ -287,6 +287,16 @@ def test_steps_that_are_no_list_of_numbers_are_refused(steps: Any) -> None:
         Moves(steps)
 
 
+def test_a_list_of_steps_is_the_same_as_a_tuple() -> None:
+    assert Moves([0.2, 0.1]) == Moves((0.2, 0.1))
+    assert hash(Moves([0.2, 0.1])) == hash(Moves((0.2, 0.1)))
+
+
+def test_a_slide_that_is_neither_true_nor_false_is_refused() -> None:
+    with pytest.raises(InputError, match=r"^slide: expected true or false; got 'no'$"):
+        Moves(slide="no")
+
+
 def test_another_unit_than_metres_and_pixels_is_refused() -> None:
     with pytest.raises(InputError, match=r"^unit: expected one of metre, pixel; got inch$"):
         Moves(unit="inch")

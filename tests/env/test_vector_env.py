@@ -222,6 +222,7 @@ def test_actions_are_whole_numbers_of_any_kind(kind: type) -> None:
 def test_seeds_may_be_an_array() -> None:
     env = LayoutVectorEnv(2, some_rooms())
     assert_same(env.reset(seed=np.array([3, 4])), env.reset(seed=[3, 4]))
+    assert_same(env.reset(seed=[np.int64(3), 4]), env.reset(seed=[3, 4]))
 
 
 @pytest.mark.parametrize(
