@@ -43,7 +43,7 @@ from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answer import numbered
-from layoutrl.runs.checked_brief import CheckedBrief, checked_brief
+from layoutrl.runs.checked_brief import CheckedBrief, by_any_name, checked_brief
 from layoutrl.runs.pretrained import with_a_sofa
 from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
@@ -166,9 +166,10 @@ class Answers:
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
         movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
         placed = {k for k in movable if room.furniture[k].center is not None}  # others keep the rotation that they have
-        entry = Entry(room.id, replace(room, furniture=without_poses(room.furniture, placed)), {}, stood=room.furniture)
+        lifted = replace(room, furniture=without_poses(room.furniture, placed))
+        entry = Entry(room.id, lifted, room_to_dict(room), stood=room.furniture)
         request = request_of(entry, movable, True, self.staff.known(room.room_type))
-        lines = [said_to_stay(room, request)] if request.stays else []
+        lines = [said_to_stay(room, request, entry.words)] if request.stays else []
         if not request.wanted:
             mend = "add other furniture" if request.stays else "unlock or add some furniture"
             raise InputError("; ".join(["There is nothing to furnish", *lines, mend]))
@@ -201,7 +202,7 @@ class Answers:
         known = self.staff.known(room.room_type)
         checked = checked_brief(room, known)
         category = room.furniture[item].category
-        if category not in known or item in checked.unseen:  # rugs: agents do not see them
+        if category not in by_any_name(room.room_type, known) or item in checked.unseen:  # rugs: agents do not see them
             raise InputError(
                 f"item: nobody places {any_of([category])} in a {room.room_type}; expected other furniture"
             )

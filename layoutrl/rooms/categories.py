@@ -30,6 +30,7 @@ SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between
 WITH = re.compile(r"\b(?:with|without|mit|ohne|avec|sans|con|sin|senza|com|sem|met|zonder|w(?! d\b))\b")
 AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture, one of which counts
 SEATS = {"bench", "chair", "stool"}  # in a name with a desk or table, that one counts instead
+PLURAL = re.compile(r"((?:ch|sh|ss|x)(?=es$)|[^\Ws](?=s$))e?s$")  # the end of an English plural: \1 is of the singular
 UNSPACED = re.compile("[\u3040-\u9fff]")  # characters of languages without spaces between words
 FAINT = {  # tell a room's type only where no other word of its name does
     *("ensuite", "en suite", "master", "kids", "guest", "bed", "family", "suite", "deck", "patio", "porch"),
@@ -168,14 +169,17 @@ class Names:
 
         It is the first that the table has of: the whole names; the longest words that one ends with; the longest end
         of a word of a language without spaces; the longest words that one begins with, where these count (`_begins`).
-        In English the last words tell what a thing is: a blue loft bed is a bed, and a bed lamp is none.
+        In English the last words tell what a thing is: a blue loft bed is a bed, and a bed lamp is none. If there is
+        none, English plurals are taken for what they are several of.
         """
         words = [part.split() for part in parts]
         ends = (" ".join(each[first:]) for each in words for first in range(1, len(each)))
         unspaced = (word for each in words for word in reversed(each) if UNSPACED.search(word))
         ends_of_word = (word[first:] for word in unspaced for first in range(1, len(word)))
         begins = chain.from_iterable(map(self._begins, words))
-        return next((p for p in chain(parts, ends, ends_of_word, begins) if p in self._furniture), None)
+        found = next((p for p in chain(parts, ends, ends_of_word, begins) if p in self._furniture), None)
+        single = [PLURAL.sub(r"\1", part) for part in parts]
+        return found if found or single == parts else self._saying(single)
 
     def _leading(self, part: str) -> str:
         """Return the part of a plain name that tells what it is: "bed" in "bed with nightstands".

@@ -29,6 +29,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -193,6 +194,13 @@ def check_room_type(name: str) -> None:
         raise RoomError("room_type", f"expected one of {', '.join(MAIN_ITEM)}; got {name!r}{hint}")
 
 
+def _room_type(said: str) -> str:
+    """Return the room type that is written so: "Living room" is living_room. Raises RoomError for another name."""
+    name = re.sub(r"[\s-]+", "_", said.strip().lower())
+    check_room_type(name if name in MAIN_ITEM else said)
+    return name
+
+
 def room_from_dict(document: Any) -> Room:
     """Return the room of a document of plain lists and numbers, as `room_to_dict` makes it.
 
@@ -205,8 +213,7 @@ def room_from_dict(document: Any) -> Room:
     _check_fields(document, "room", REQUIRED, OPTIONAL)
     document = _without_nulls(document, OPTIONAL)
     room_id = _text(document["id"], "id")
-    room_type = _text(document["room_type"], "room_type")
-    check_room_type(room_type)
+    room_type = _room_type(_text(document["room_type"], "room_type"))
 
     outline = _ring(document["outline"], "outline")
     holes = tuple(_ring(h, f"holes[{k}]")[::-1] for k, h in enumerate(_list(document.get("holes", []), "holes")))

@@ -113,8 +113,8 @@ def opened(
     Raises InputError where none can be read, for an unknown `room_type`, and for an option that does not apply to
     their format.
 
-    The format is detected from the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D (.sh3d, .sh3x),
-    houses of ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
+    The format is detected from the suffix and the content: rooms in JSON (.json, .jsonl), a home of Sweet Home 3D
+    (.sh3d, .sh3x), houses of ProcTHOR (.json, .jsonl, .jsonl.gz) and of 3D-FRONT (.json).
 
     - `move`: what is to be placed anew, `all` or categories with commas between them. By default what the file marks:
       items without a center; in a home, what stands outside all rooms.

@@ -45,12 +45,15 @@ ALIKE = 0.2  # metres: if the sides differ by less, it does not matter which is 
 OUTSIZE = 2.0  # times as large or as small as any of the designer's, in depth and in width: too large, or too small
 
 
-def doubt(item: Item) -> str | None:
-    """Return a question about the size of an item, on its unit or on which side is its depth; None if there is none."""
+def doubt(item: Item, word: str | None = None) -> str | None:
+    """Return a question about the size of an item, on its unit or on which side is its depth; None if there is none.
+
+    It calls the item by the `word`, or else by its category.
+    """
     if item.category not in SIZES:
         return None
     depth, width = SIZES[item.category]
-    size = f"the {item.category} of {item.size[0]:g} by {item.size[1]:g} m"
+    size = f"the {word or item.category} of {item.size[0]:g} by {item.size[1]:g} m"
     if min(item.size[0] / depth[1], item.size[1] / width[1]) > OUTSIZE:
         return f"{size} is more than twice as large as others are: is the unit right?"
     if max(item.size[0] / depth[0], item.size[1] / width[0]) < 1 / OUTSIZE:

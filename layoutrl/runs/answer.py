@@ -99,13 +99,12 @@ class Answer:
         """
         if not self.request.wanted:
             return
-        categories = [item.category for item in self.request.checked.room.furniture]
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             # Of what is unseen, the lines of the checked brief name all that was to be placed.
             told = [(k, fault) for k, fault in wrong if k not in self.request.checked.unseen]
             said = [
-                f"the {numbered(categories, k)}: {self._words(k, [fault for _, fault in some])}"
+                f"the {numbered(self.entry.words, k)}: {self._words(k, [fault for _, fault in some])}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.request.checked.lines
@@ -115,7 +114,7 @@ class Answer:
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"
-            stays = f"; {said_to_stay(layout, self.request)}" if self.request.stays else ""
+            stays = f"; {said_to_stay(layout, self.request, self.entry.words)}" if self.request.stays else ""
             yield f"{name}: {placed}; {found}{stays}"
 
     def _words(self, item: int, faults: Sequence[str]) -> str:
@@ -126,8 +125,8 @@ class Answer:
         return CROWDED_OUT + stays * (item in self.request.stood)
 
 
-def numbered(categories: Sequence[str], item: int) -> str:
-    """Return the category of an item and, if there are several of it, its number: `wardrobe (2 of 2)`."""
-    alike = [k for k, other in enumerate(categories) if other == categories[item]]
+def numbered(words: Sequence[str], item: int) -> str:
+    """Return the word for an item and, if there are several of it, its number: `wardrobe (2 of 2)`."""
+    alike = [k for k, other in enumerate(words) if other == words[item]]
     which = f" ({alike.index(item) + 1} of {len(alike)})" if len(alike) > 1 else ""
-    return f"{categories[item]}{which}"
+    return f"{words[item]}{which}"

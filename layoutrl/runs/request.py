@@ -13,7 +13,7 @@ from layoutrl.rooms.categories import OBSTACLE
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.doors import before_doors, free_doors
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.checked_brief import CheckedBrief, checked_brief, in_no_type
+from layoutrl.runs.checked_brief import CheckedBrief, by_any_name, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
 
 
@@ -50,19 +50,21 @@ def request_of(
     # What reaches beyond the walls is in nobody's way.
     stood = {k for k in inside.intersection(missing(room)) if room.holds(entry.stood[k])}
     wanted = [k for k in missing(room) if k in meant]
-    stays = staying(entry.stood, inside, known).intersection(wanted) if moves_all else frozenset[int]()
+    placed = by_any_name(room.room_type, known)
+    stays = staying(entry.stood, inside, placed).intersection(wanted) if moves_all else frozenset[int]()
     wanted = [k for k in wanted if k not in stays]
     others = frozenset(missing(room)) - {*wanted}
     room = put_back(room, entry, others & stood)
     others -= stood
-    kept = replace(room, furniture=tuple(item for k, item in enumerate(room.furniture) if k not in others))
-    found = checked_brief(kept, known, types_placing) if wanted else CheckedBrief(kept, frozenset(), [])
     places = [k for k in range(len(room.furniture)) if k not in others]
+    kept, words = replace(room, furniture=tuple(room.furniture[k] for k in places)), [entry.words[k] for k in places]
+    found = checked_brief(kept, known, types_placing, words) if wanted else CheckedBrief(kept, frozenset(), [])
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
     room = put_back(room, entry, left)
-    checked = CheckedBrief(room, others | unseen - left, [*found.lines, *(said_to_bar(room) if wanted else [])])
-    under = frozenset(k for k in stays if entry.stood[k].category in known)
+    lines = [*found.lines, *(said_to_bar(room, entry.words) if wanted else [])]
+    checked = CheckedBrief(room, others | unseen - left, lines, {places[k]: ours for k, ours in found.called.items()})
+    under = frozenset(k for k in stays if entry.stood[k].category in placed)
     return Request(checked, wanted, left, stays, under, frozenset(stood.intersection(wanted)))
 
 
@@ -83,20 +85,21 @@ def staying_put(request: Request, entry: Entry, those: frozenset[int]) -> Reques
     return replace(request, checked=checked, stuck=request.stuck | those)
 
 
-def said_to_bar(room: Room) -> list[str]:
-    """Return the message about what stands before the doors of a room, if none is free."""
-    names = sorted({item.category for item in before_doors(room)})
+def said_to_bar(room: Room, words: Sequence[str]) -> list[str]:
+    """Return the message about what stands before the doors of a room, if none is free; `words` are of its items."""
+    bars = before_doors(room)
+    names = sorted({word for item, word in zip(room.furniture, words, strict=True) if item in bars})
     if not names or free_doors(room):
         return []
     past = " and ".join(f"the {name}" for name in names)
     return [f"nobody gets in past {past}: no door is free, and so nothing is within reach"]
 
 
-def said_to_stay(room: Room, request: Request) -> str:
-    """Return the message about items that stay with move=all."""
+def said_to_stay(room: Room, request: Request, words: Sequence[str]) -> str:
+    """Return the message about items that stay with move=all; `words` are what the file calls all of them."""
 
     def counted(those: Collection[int]) -> str:
-        counts = Counter(room.furniture[k].category for k in sorted(those))
+        counts = Counter(words[k] for k in sorted(those))
         return ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
 
     said = f"nobody places these in a {room.room_type}, and they stay: {counted(request.stays - request.under)}"

@@ -48,6 +48,11 @@ class Entry:
     told: bool = True  # whether the document tells the type of the room
     stood: tuple[Item, ...] = ()  # its furniture as the file has it, before `move` took any pose
 
+    @property
+    def words(self) -> list[str]:
+        """What the file calls each item of the room."""
+        return [each["category"] for each in self.document["furniture"]]
+
 
 def json_entries(config: PlaceConfig, first: int, step: int) -> Iterator[Entry | None]:
     """Yield the rooms in JSON of a file, a folder, or standard input (STANDARD): from `first` on, each `step`-th.

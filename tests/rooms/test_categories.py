@@ -90,7 +90,7 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
         ("bookcase", "Schrankwand, Librero alto, Oak shelving, Billy wall unit"),
         ("bed", "Divan base, Double divan base, Divan bed base"),
         ("counter", "Base cupboard, Sink cupboard"),
-        ("counter", "Kitchen drawers, Kochinsel, Îlot de cuisine, Bancada de granito, Keukenblok"),
+        ("counter", "Kitchen drawers, Bancada de granito, Keukenblok, Base unit"),
         ("dresser", "Drawers, Changing table, Truhe, Gaveteiro branco"),
         ("lounge_chair", "Sun lounger, Liegestuhl, Tumbona plegable"),
         ("nightstand", "Bedside, Nachtkommode, Chevet 1 tiroir, Criado-mudo, Nachttafel"),
@@ -208,6 +208,33 @@ def test_only_a_shape_is_what_its_user_calls_it() -> None:
     assert names.category("Litter box", "Bed") == ("litter_box", False)
     assert names.category("Bed", "Toy box") == names.category("Blue bed", "Toy box") == ("bed", True)
     assert names.category("eTeks#box", "Toy box") == ("box", False)
+
+
+@pytest.mark.parametrize(
+    ("category", "called"),
+    [
+        ("wardrobe", "wardrobes, Oak wardrobes, Closets"),
+        ("sofa", "Sofas, couches"),
+        ("bench", "Benches"),
+        ("coffee_table", "coffee_tables, Coffee Tables with lamps"),
+        ("bed", "Beds, Twin beds, loft beds 90x200"),
+        ("table", "Tables and chairs, tables"),
+    ],
+)
+def test_an_english_plural_is_what_it_is_several_of(category: str, called: str) -> None:
+    names = names_of()
+    for name in called.split(", "):
+        assert (name, names.category(name)) == (name, (category, True))
+    for name in ("lamps", "dressing tables", "glass", "Towel dryers"):
+        assert names.category(name) is not None
+        assert not names.knows(name)
+    assert names.category("books") is None  # decor
+
+
+def test_an_island_does_not_go_to_a_wall_as_counters_do() -> None:
+    names = names_of()
+    for name in ("Kitchen island", "Kücheninsel", "Îlot de cuisine", "Isla de cocina", "Breakfast bar"):
+        assert names.category(name) == (plain(name).replace(" ", "_"), False)
 
 
 @pytest.mark.parametrize("name", ["Rug", "Carpet", "area rug", "Teppich 200x300", "Tapis rond", "alfombra", "地毯"])

@@ -41,6 +41,12 @@ def test_a_tucked_chair_survives() -> None:
     assert room_from_dict(json.loads(json.dumps(room_to_dict(rectangular_room(4, 3, chair))))).furniture == (chair,)
 
 
+@pytest.mark.parametrize("name", ["living_room", "Living room", "LIVING-ROOM", " living  room "])
+def test_a_room_type_may_be_written_as_people_write_it(name: str) -> None:
+    room = room_from_dict(document(room_type=name, furniture=[], target=None))
+    assert room.room_type == "living_room"
+
+
 @pytest.mark.parametrize(
     ("name", "said"), [("office", "got 'office', which is a study here"), ("crypt", "got 'crypt'")]
 )

@@ -23,6 +23,7 @@ HUNG = 1.2  # metres, instead of HIGHEST, for furniture of bathrooms: it hangs o
 FLAT = ("bathtub", "shower")  # count as furniture however low they are
 STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins below STEP and is at least HEADROOM high is walked through
 TOP = 0.02  # metres by which what stands on a piece may be off its top
+THIN = 0.1  # metres: what is no deeper and hangs within the height of a piece, as a mirror or a socket, is on the wall
 ARC_STEP = math.radians(15)  # at most, between corners of round walls
 WINDOWS = (  # words for it in the languages of furniture names, anywhere in a name
     "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
@@ -139,7 +140,8 @@ def find_supports(elements: list[Element], carried: set[int], standing_on: dict[
 
     Both know pieces by `Element.start`. A piece is carried if its centre is over another that begins lower and reaches
     up to it. It stands on that one if it begins no lower than its top, or than its `dropOnTopElevation`: of several, on
-    the largest, and only if the home lets it move.
+    the largest. If there is none, it lies in the smallest that it begins within, as a cushion does in a sofa, unless it
+    is THIN. It moves with that piece only if the home lets it move.
     """
 
     def all_of(name: str, otherwise: float | None = None) -> np.ndarray:
@@ -151,12 +153,16 @@ def find_supports(elements: list[Element], carried: set[int], standing_on: dict[
     high, share = low + all_of("height", 100.0) / 100, all_of("dropOnTopElevation", 1.0)
     top = np.where((share > 0) & (share < 1), low + share * (high - low), high)
     host, hung = np.full(len(elements), -1), np.zeros(len(elements), bool)
+    within = host.copy()
     for k in np.argsort(width * depth, kind="stable"):  # the largest last, which wins: a piece stands on one alone
         off = (middle - middle[k]) * turn[k]
         over = (abs(off.real) <= width[k] / 2) & (abs(off.imag) <= depth[k] / 2)
         reached = over & (low > low[k]) & (low < high[k] + TOP)
         hung |= reached
         host[reached & (low > max(top[k] - TOP, FLATTEST))] = k
+        within[reached & (within < 0)] = k
+    lies = (host < 0) & (low > FLATTEST) & (np.minimum(width, depth) > 100 * THIN)
+    host[lies] = within[lies]
     carried |= {elements[k].start for k in np.flatnonzero(hung)}
     for element, k in zip(elements, host, strict=True):
         if k >= 0 and element.flag("movable", True):
@@ -171,8 +177,8 @@ def all_standing_on(start: int, standing_on: Mapping[int, list[Element]]) -> lis
     return found
 
 
-def piece_of(element: Element, names: Names, carried: bool) -> HomePiece | None:
-    """Return a piece that stands on the floor, or None.
+def piece_of(element: Element, names: Names, carried: bool, resting: bool) -> HomePiece | None:
+    """Return a piece that stands on the floor, or None. One that is `resting` on another counts if it is furniture.
 
     A group is one piece, its bounding box, called by its own name or, if that is unknown, as its largest known part.
     What hangs over the floor of bathrooms is in the way there, unless it is `carried` by another piece. Bathtubs and
@@ -190,7 +196,7 @@ def piece_of(element: Element, names: Names, carried: bool) -> HomePiece | None:
     called = next((part for part in (element, *parts) if names.knows(*part.names)), element)
     kind = names.kind(*called.names)
     highest = HUNG if kind in DESIGNED["bathroom"] and height >= FLATTEST and not carried else HIGHEST
-    if elevation > highest or (height < FLATTEST and kind not in FLAT):
+    if elevation > highest or (height < FLATTEST and kind not in FLAT) or (resting and kind is None):
         return None
     found = names.category(*called.names)
     if found is None:

@@ -254,8 +254,8 @@ def _storeys(
     for level in storeys:
         find_supports([element for element in furniture if level_of[element.start] == level], carried, standing_on)
     resting = {each.start for those in standing_on.values() for each in those}
-    seen = {e.start: piece for e in furniture if (piece := piece_of(e, names, e.start in carried))}
-    pieces = {k: piece for k, piece in seen.items() if piece.known or k not in resting}  # a bed may rest on a platform
+    seen = ((e.start, piece_of(e, names, e.start in carried, e.start in resting)) for e in furniture)
+    pieces = {start: piece for start, piece in seen if piece}  # a bed may rest on a platform
     outside, walled = [], []
     for start, piece in pieces.items():
         level = level_of[start]

@@ -785,6 +785,25 @@ def test_what_stands_on_a_piece_moves_with_it(tmp_path: Path) -> None:
     assert found["tv"] == found["lamp"] == pytest.approx([200, 230, math.pi / 2], abs=1e-3)
 
 
+def test_what_lies_in_a_piece_moves_with_the_smallest_that_it_begins_within(tmp_path: Path) -> None:
+    """A cushion in a sofa under a loft, but no mirror behind it; that a cushion is unknown does not matter."""
+    body = (
+        piece("loftBed", 150, 100, 290, 190, id="loft", height=200)
+        + piece("sofa", 100, 50, 200, 90, id="sofa", height=85)
+        + piece("cushion", 120, 50, 40, 15, id="cushion", elevation=45, height=40)
+        + piece("cushion", 120, 15, 40, 5, id="mirror", elevation=45, height=40)
+        + piece("cushion", 120, 160, 40, 15, id="pillow", elevation=150, height=20)
+    )
+    home = flat(tmp_path, body + WALLS + room_tag(0, 0, 400, 300, name="Salon"), move="sofa")
+    room = home.rooms[0]
+    placed = [i if i.center else replace(i, center=(2, -2), rotation=180) for i in room.furniture]
+    home.write([replace(room, furniture=tuple(placed))], tmp_path / "out.sh3d")
+    assert_only_moved(home.path, tmp_path / "out.sh3d", ["sofa", "cushion"])
+    found = {e.get("id"): [float(e.get(key, 0)) for key in ("x", "y", "angle")] for e in xml_of(tmp_path / "out.sh3d")}
+    assert found["cushion"] == pytest.approx([200, 220, math.pi / 2], abs=1e-3)
+    assert not [note for note in home.collection.notes if "ushion" in note]
+
+
 @pytest.mark.parametrize("angle", [None, math.pi / 2])
 def test_a_group_that_does_not_say_where_it_is_is_where_its_parts_are(angle: float | None, tmp_path: Path) -> None:
     inside = piece("bed", 100, 100, 90, 200, id="a", angle=angle or 0)
