@@ -12,6 +12,7 @@ from typing import Any
 import ablation
 import pytest
 
+from layoutrl.rooms.files import read_rooms
 from layoutrl.runs.config import composed
 from layoutrl.runs.pretrained import cards
 from tests.commands import layoutrl
@@ -44,6 +45,16 @@ def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
             assert re.findall(r"^b-17, choice (\d): 1 of 1 placed", capsys.readouterr().out, re.M) == ["1", "2", "3"]
         elif "my_rooms.json" in code:
             assert [room.id for room in names["env"].unwrapped.simulator.rooms] == ["b-17"]
+
+
+def test_the_python_of_the_list_of_names_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = (block for block in blocks(PAGES[PROJECT / "docs/python.md"]) if "import " in block)
+    names = dict[str, Any]()
+    exec(compile(code, "a page", "exec"), names)
+    read, layouts = read_rooms("bedrooms.json").rooms, names["layouts"]
+    assert [room.furniture for room in read] == [layout.furniture for layout in layouts]
+    assert (tmp_path / "bedroom.svg").read_text(encoding="utf-8").startswith("<svg")
 
 
 def test_the_rooms_commands_work_one_after_the_other(tmp_path: Path) -> None:
