@@ -37,7 +37,18 @@ from layoutrl.rooms.faults import (
 )
 from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.oddities import ASTRAY, BEFORE_WINDOW, IN_SWING, ODDITIES, OFF_ITS_WALL, ON_PLATFORM, oddities
+from layoutrl.rooms.oddities import (
+    ASTRAY,
+    BEFORE_WINDOW,
+    CROWDED,
+    IN_SWING,
+    ODDITIES,
+    OFF_ITS_BED,
+    OFF_ITS_WALL,
+    ON_PLATFORM,
+    WITHOUT_SEAT,
+    oddities,
+)
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
@@ -86,6 +97,9 @@ WORDS = {
     BEFORE_WINDOW: "stands before a window",
     IN_SWING: "stands where a door opens",
     ON_PLATFORM: "stands on a platform, where it does not belong, or half on it",
+    CROWDED: "has a wall or furniture right before it",
+    WITHOUT_SEAT: "stands before no sofa or armchair",
+    OFF_ITS_BED: "does not stand beside a bed",
 }
 
 CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls

@@ -148,7 +148,7 @@ def item_faults(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray]:
         standing_outside(layouts, items),
         blocking(layouts, items.room, items.category, items.footprint),
         ~within_reach(layouts, items),
-        ~free_fronts(layouts, items),
+        ~free_fronts(layouts, items, items.front),
     )
     return dict(zip(FAULTS, found, strict=True))
 
@@ -193,18 +193,14 @@ def blocking(
     return in_the_way & ~np.isin(category, list(RAISED))
 
 
-def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether the floor of FRONT_DEPTH before each item is indoors and free of others, but for 1 cm all round: (N,).
+def free_fronts(layouts: Sequence[Room], items: Items, depth: np.ndarray) -> np.ndarray:
+    """Whether so many metres of floor, `depth` (N,), before each item are indoors and free of others: (N,).
 
     Others that are RAISED or lie `along_walls`, or MAY_STAND_BEFORE it, do not count. True for an item that keeps no
     floor free, False for one that does and is not placed.
     """
-    keeps = np.flatnonzero(items.front > 0)
-    depth, width = items.front[keeps], items.size[keeps]
-    angle = np.radians(items.degrees[keeps])
-    ahead = np.stack([np.cos(angle), np.sin(angle)], -1) * (width[:, :1] + depth[:, None]) / 2
-    size = np.stack([depth, width[:, 1]], -1) - 2 * TOLERANCE
-    floor = rectangles(items.center[keeps] + ahead, size, items.degrees[keeps])
+    keeps = np.flatnonzero(depth > 0)
+    floor = floor_ahead(items, keeps, depth[keeps])
     free = shapely.covers(np.array([layout.indoor for layout in layouts])[items.room[keeps]], floor)
     a, b = pairs(items.room[keeps], items.room)
     welcome = [
@@ -216,6 +212,14 @@ def free_fronts(layouts: Sequence[Room], items: Items) -> np.ndarray:
     result = np.ones(len(items.room), dtype=bool)
     result[keeps] = free
     return result
+
+
+def floor_ahead(items: Items, those: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Return the floor, `depth` (n,) metres deep, before `those` items (n,), without 1 cm all round: polygons (n,)."""
+    size, angle = items.size[those], np.radians(items.degrees[those])
+    ahead = np.stack([np.cos(angle), np.sin(angle)], -1) * (size[:, :1] + depth[:, None]) / 2
+    floor = np.stack([depth, size[:, 1]], -1) - 2 * TOLERANCE
+    return rectangles(items.center[those] + ahead, floor, items.degrees[those])
 
 
 def along_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:

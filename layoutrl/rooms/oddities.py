@@ -9,12 +9,13 @@ import shapely
 
 from layoutrl.rooms.clearances import RAISED, RUGS
 from layoutrl.rooms.doors import leaves
-from layoutrl.rooms.faults import Fault, Items, pairs, unions
+from layoutrl.rooms.faults import Fault, Items, floor_ahead, free_fronts, pairs, unions
 from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 IN_SWING, ON_PLATFORM = "in a door's swing", "on a platform"
-ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM)
+CROWDED, WITHOUT_SEAT, OFF_ITS_BED = "crowded", "not before a seat", "not at its bed"
+ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM, CROWDED, WITHOUT_SEAT, OFF_ITS_BED)
 NEAR = 0.05  # metres: an item no farther from its wall, table, window or the edge of a platform is at it
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners
@@ -27,6 +28,10 @@ AT_A_WALL = frozenset({
     "washing_machine",
 })  # fmt: skip
 TALL = frozenset({"bookcase", "fridge", "wardrobe"})
+ROOM_BEFORE = {"dresser": 0.6, "tv_unit": 0.6}  # metres that no design takes before these, though no template asks
+SEATS = frozenset({"armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed"})  # before which a coffee table stands
+BEDSIDE = 0.3  # metres; in designs a nightstand touches its bed
+AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
@@ -45,6 +50,9 @@ def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray
         BEFORE_WINDOW: before_windows(layouts, items),
         IN_SWING: in_swings(layouts, items),
         ON_PLATFORM: on_platforms(items),
+        CROWDED: crowded(layouts, items),
+        WITHOUT_SEAT: without_seats(items),
+        OFF_ITS_BED: off_their_beds(items),
     }
 
 
@@ -133,4 +141,36 @@ def on_platforms(items: Items) -> np.ndarray:
     whole = shapely.covers(platform, core) & ~np.isin(items.category[a], list(BESIDE_PLATFORMS))
     result = np.zeros(len(items.room), dtype=bool)
     result[a[shapely.intersects(platform, core) & ~whole]] = True
+    return result
+
+
+def crowded(layouts: Sequence[Room], items: Items) -> np.ndarray:
+    """Whether a wall, or another item, takes some of the ROOM_BEFORE an item: (N,)."""
+    depth = np.array([ROOM_BEFORE.get(category, 0.0) for category in items.category])
+    return items.placed & ~items.round & ~free_fronts(layouts, items, depth)
+
+
+def without_seats(items: Items) -> np.ndarray:
+    """Whether an item is a coffee table in a room with SEATS, and none of it is AT_HAND before one: (N,)."""
+    seats = np.flatnonzero(items.placed & ~items.round & np.isin(items.category, list(SEATS)))
+    floor = floor_ahead(items, seats, np.full(len(seats), AT_HAND))
+    return off_all(items, "coffee_table", seats, floor, 0.0)
+
+
+def off_their_beds(items: Items) -> np.ndarray:
+    """Whether an item is a nightstand in a room with beds, and farther than BEDSIDE from these: (N,)."""
+    beds = np.flatnonzero(items.placed & (items.category == "bed"))
+    return off_all(items, "nightstand", beds, items.footprint[beds], BEDSIDE)
+
+
+def off_all(items: Items, category: str, others: np.ndarray, shapes: np.ndarray, near: float) -> np.ndarray:
+    """Whether an item is of a category, and farther than `near` from the shapes (n,) of all `others` of its room: (N,).
+
+    False where there are none; `others` (n,) are indices.
+    """
+    those = np.flatnonzero(items.placed & (items.category == category))
+    a, b = pairs(items.room[those], items.room[others])
+    result = np.zeros(len(items.room), dtype=bool)
+    result[those[a]] = True
+    result[those[a[shapely.dwithin(items.footprint[those[a]], shapes[b], near)]]] = False
     return result

@@ -154,7 +154,7 @@ DESK = Item("desk", (0.6, 1.0), (0.3, 1.5), 0.0)
 def test_the_floor_before_an_item_is_free(item: Item, other: Item | None, free: bool | None) -> None:
     room = room_with(item, *([other] if other else []))
     items = Items.of([room])
-    assert free_fronts([room], items)[0] == (free is not False)
+    assert free_fronts([room], items, items.front)[0] == (free is not False)
     assert (0 in named(room, "front not free")) == (free is False)
     counted = items.front > 0  # a bed or a wardrobe beside it has a front of its own
     assert counted[0] == (free is not None)

@@ -12,10 +12,13 @@ from layoutrl.rooms.faults import Items, faults
 from layoutrl.rooms.oddities import (
     ASTRAY,
     BEFORE_WINDOW,
+    CROWDED,
     IN_SWING,
     NEAR,
+    OFF_ITS_BED,
     OFF_ITS_WALL,
     ON_PLATFORM,
+    WITHOUT_SEAT,
     item_oddities,
     oddities,
 )
@@ -182,6 +185,54 @@ def test_what_stands_half_on_a_platform_is_odd(x: float, odd: bool, form: str, t
 def test_a_desk_and_what_stands_at_it_is_odd_on_a_platform(x: float, odd: bool, category: str) -> None:
     room = furnished(PLATFORM, Item(category, (0.4, 0.4), (x, 1.5), 0))
     assert oddities(room) == [(1, ON_PLATFORM)] * odd
+
+
+@pytest.mark.parametrize("category", ["tv_unit", "dresser"])
+@pytest.mark.parametrize(("gap", "odd"), [(0.1, True), (0.57, True), (0.6, False), (1.5, False)])
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+def test_nothing_stands_right_before_a_television_or_drawers(category: str, gap: float, odd: bool, turned: int) -> None:
+    unit = Item(category, (0.4, 1.6), (0.2, 1.5), 0)
+    other = Item("side_table", (0.4, 0.4), (0.4 + gap + 0.2, 2.2), 0)
+    assert oddities(furnished(unit, other).turned(turned, False)) == [(0, CROWDED)] * odd
+    assert not oddities(furnished(unit, replace(other, category="rug")).turned(turned, False))
+    aside = replace(other, center=(0.4 + gap + 0.2, 0.45))
+    assert not oddities(furnished(unit, aside).turned(turned, False))
+
+
+def test_a_dresser_that_faces_a_wall_is_crowded() -> None:
+    assert (0, CROWDED) in oddities(furnished(Item("dresser", (0.4, 1.0), (3.6, 1.5), 0)))
+
+
+@pytest.mark.parametrize(
+    ("center", "odd"),
+    [
+        ((1.6, 1.5), False),  # 40 cm before the sofa
+        ((1.75, 1.5), False),
+        ((1.9, 1.5), True),  # 70 cm
+        ((1.6, 2.6), False),  # before an end of it
+        ((1.6, 2.8), True),  # beside that
+        ((3.0, 1.5), True),  # across the room
+    ],
+)
+@pytest.mark.parametrize("seat", ["sofa", "armchair"])
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+def test_a_coffee_table_stands_before_a_seat(center: tuple[float, float], odd: bool, seat: str, turned: int) -> None:
+    table = Item("coffee_table", (0.6, 0.6), center, 0)
+    sofa = Item(seat, (0.9, 2.0), (0.45, 1.5), 0)
+    assert oddities(furnished(table, sofa).turned(turned, False)) == [(0, WITHOUT_SEAT)] * odd
+    if not odd:
+        assert oddities(furnished(table, replace(sofa, rotation=180)).turned(turned, False)) == [(0, WITHOUT_SEAT)]
+    assert not oddities(furnished(table).turned(turned, False))  # in a room without seats
+    assert not oddities(furnished(replace(table, category="side_table"), sofa).turned(turned, False))
+
+
+@pytest.mark.parametrize(("off", "odd"), [(0.0, False), (0.29, False), (0.31, True), (1.0, True)])
+def test_a_nightstand_stands_beside_a_bed(off: float, odd: bool) -> None:
+    bed, stand = Item("bed", (2.0, 1.4), (1.0, 0.7), 0), Item("nightstand", (0.4, 0.4), (0.2, 1.6 + off), 0)
+    assert oddities(furnished(bed, stand)) == [(1, OFF_ITS_BED)] * odd
+    assert not oddities(furnished(stand))
+    other = replace(bed, center=(1.0, 2.3))
+    assert not oddities(furnished(bed, other, replace(stand, center=(0.2, 1.4))))  # beside one of two
 
 
 def test_what_is_not_placed_is_not_odd() -> None:
