@@ -54,8 +54,13 @@ RAISED = frozenset({"platform"}) | RUGS  # floor: people walk on it, and furnitu
 HOSTS = frozenset({"desk", "table"})
 
 # What may stand on the floor before a category: seats before a desk; wardrobes round a corner, one before the end of
-# the other.
-MAY_STAND_BEFORE = {"desk": frozenset({"chair", "stool"}), "wardrobe": frozenset({"wardrobe"})}
+# the other; a coffee table before what unfolds, since it is moved aside.
+MAY_STAND_BEFORE = {
+    "desk": frozenset({"chair", "stool"}),
+    "lounge_chair": frozenset({"coffee_table"}),
+    "sofa_bed": frozenset({"coffee_table"}),
+    "wardrobe": frozenset({"wardrobe"}),
+}
 
 PASSAGE = 0.6  # width of the way to every item,
 NARROW = {"bathroom": 0.5, "kitchen": 0.5}  # except in these room types

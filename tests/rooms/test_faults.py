@@ -129,6 +129,7 @@ def test_the_first_door_is_the_entrance_and_without_one_the_largest_part_of_the_
 
 WARDROBE = Item("wardrobe", (0.6, 2.0), (0.3, 1.5), 0.0)  # its front, of 0.6 m, ends at x = 1.2
 DESK = Item("desk", (0.6, 1.0), (0.3, 1.5), 0.0)
+SOFA_BED = Item("sofa_bed", (0.9, 2.0), (0.45, 1.5), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -146,6 +147,8 @@ DESK = Item("desk", (0.6, 1.0), (0.3, 1.5), 0.0)
         (DESK, Item("chair", (0.5, 0.5), (0.7, 1.5), tucked=True), True),
         (DESK, Item("stool", (0.5, 0.5), (0.9, 1.5)), True),
         (DESK, Item("bed", (0.5, 0.5), (0.9, 1.5)), False),
+        (SOFA_BED, Item("coffee_table", (0.6, 1), (1.4, 1.5)), True),  # one moves it aside
+        (SOFA_BED, Item("side_table", (0.6, 1), (1.4, 1.5)), False),
         (Item("bench", (0.5, 1), (0.3, 1.5)), Item("bed", (1, 1), (1, 1.5)), None),  # it keeps nothing free
         (Item("shower", (1, 1), (0.5, 1.5), form="circle"), Item("bed", (1, 1), (1.5, 1.5)), None),
         (Item("table", (1, 1), (0.5, 1.5)), Item("stool", (1, 1), (1.5, 1.5)), None),
