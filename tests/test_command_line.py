@@ -353,7 +353,6 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["reward.inside=foo"], ["reward.inside", "share or iou"]),
         ("train", ["reward.faces_away=0.1"], ["reward.faces_away", "0.5 with scope=item", "got 0.1"]),
         ("train", ["method.own_share=0"], ["method.own_share", "0.5 with scope=item", "got 0"]),
-        ("train", ["room.disturbed=0.9"], ["room.disturbed", "0.5 with scope=item", "got 0.9"]),
         ("train", ["method.discount_start=0.4"], ["method.discount_start", "0.5 without method.every_move"]),
         ("train", ["method.name=../elsewhere"], ["method.name", "the name of a folder, without /"]),
         ("train", ["method.max_moves=100000000000000000000"], ["method.max_moves", "at most 2147483647"]),

@@ -22,6 +22,7 @@ from layoutrl.demo.home import NAME, TAKEN_FOR, fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing, without_poses
+from layoutrl.rooms.called import as_called_here
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
@@ -54,7 +55,7 @@ from layoutrl.rooms.sources import designer_cache
 from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answer import numbered
-from layoutrl.runs.checked_brief import CheckedBrief, by_any_name, checked_brief
+from layoutrl.runs.checked_brief import CheckedBrief, checked_brief
 from layoutrl.runs.pretrained import with_a_sofa
 from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
@@ -216,11 +217,11 @@ class Answers:
         known = self.staff.known(room.room_type)
         checked = checked_brief(room, known)
         category = room.furniture[item].category
-        if category not in by_any_name(room.room_type, known) or item in checked.unseen:  # rugs: agents do not see them
+        if category not in known or item in checked.unseen:  # rugs: agents do not see them
             raise InputError(
                 f"item: nobody places {any_of([category])} in a {room.room_type}; expected other furniture"
             )
-        return with_a_sofa(checked.brief), item - sum(k < item for k in checked.unseen)
+        return with_a_sofa(as_called_here(checked.brief)), item - sum(k < item for k in checked.unseen)
 
     def svg(self, asked: Any) -> Answer:
         """Return a drawing of the room to scale, with faults and oddities hatched as on the page."""

@@ -7,6 +7,7 @@ nothing else can move.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import compress
@@ -22,7 +23,7 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.brief import distinct_rotations, missing
 from layoutrl.rooms.clearances import ahead, angle_off, floor_before, may_stand_before, period
 from layoutrl.rooms.fitting import fitting_positions
-from layoutrl.rooms.room import Item, Room, envelopes
+from layoutrl.rooms.room import TOLERANCE, Item, Room, envelopes
 
 TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions that turn
 
@@ -40,12 +41,19 @@ class State(NamedTuple, Generic[Array]):
     moving: Array  # int64 (B,): the item that was taken last, which moves if it stands
 
 
+def _in_place_of(designed: Item, other: Item) -> bool:
+    """Whether another item is the same as one of the designer's, and stands where that one does."""
+    assert designed.center
+    there = other.center is not None and math.dist(designed.center, other.center) < TOLERANCE
+    return there and designed.kind == other.kind
+
+
 class RoomsSimulator:
     """Legality, moves and rewards in B states at once, by shapely.
 
     `briefs` are rooms with items to place. `designs` are the same rooms as the designer furnished them, None where that
     is unknown: r1 is 0 there. An item may take the place of any of the designer's items that is the same (category,
-    size, form); the highest IoU counts.
+    size, form) and does not stand in the brief; the highest IoU counts.
 
     N is `most`, by default the number of items to place in the room with most. Tables of the items:
     - `count` (rooms,): how many each room has to place
@@ -104,12 +112,13 @@ class RoomsSimulator:
             self.ahead[r, n] = ahead(item, floor) * np.stack([np.cos(turn), np.sin(turn)], -1)
             self.welcome[r, n, : self.count[r]] = [not _takes_floor(floor, other) for other in self.items[r]]
         self.targets: list[list[list[Item]]] = [[[] for _ in range(shape[1])] for _ in briefs]
-        for r, design in enumerate(designs or ()):
-            taken = {(item.kind, item.center) for item in briefs[r].furniture}
+        for targets, design, brief, items in zip(
+            self.targets, designs or [None] * len(briefs), briefs, self.items, strict=True
+        ):
             designed = [item for item in (design.furniture if design else ()) if item.center]
-            free = [item for item in designed if (item.kind, item.center) not in taken]
-            for n, item in enumerate(self.items[r]):
-                self.targets[r][n] = [there for there in free if there.kind == item.kind]
+            free = [item for item in designed if not any(_in_place_of(item, other) for other in brief.furniture)]
+            for n, item in enumerate(items):
+                targets[n] = [there for there in free if there.kind == item.kind]
 
     @property
     def actions(self) -> int:

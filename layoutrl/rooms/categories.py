@@ -30,7 +30,8 @@ SIGNS = re.compile(r"[/&+,;|]|\b(?:and|und|et|y|e)\b", re.IGNORECASE)  # between
 WITH = re.compile(r"\b(?:with|without|mit|ohne|avec|sans|con|sin|senza|com|sem|met|zonder|w(?! d\b))\b")
 AND = re.compile(r"\b(?:and|und|et|y|e|en)\b")  # between names of furniture, one of which counts
 SEATS = {"bench", "chair", "stool"}  # in a name with a desk or table, that one counts instead
-PLURAL = re.compile(r"((?:ch|sh|ss|x)(?=es$)|[^\Ws](?=s$))e?s$")  # the end of an English plural: \1 is of the singular
+# Ends of English plurals, and what singulars have in their place.
+PLURALS = (r"ies$", "y"), (r"(ch|sh|ss|x)es$", r"\1"), (r"([^\Ws])s$", r"\1")
 UNSPACED = re.compile("[\u3040-\u9fff]")  # characters of languages without spaces between words
 FAINT = {  # tell a room's type only where no other word of its name does
     *("ensuite", "en suite", "master", "kids", "guest", "bed", "family", "suite", "deck", "patio", "porch"),
@@ -178,7 +179,7 @@ class Names:
         ends_of_word = (word[first:] for word in unspaced for first in range(1, len(word)))
         begins = chain.from_iterable(map(self._begins, words))
         found = next((p for p in chain(parts, ends, ends_of_word, begins) if p in self._furniture), None)
-        single = [PLURAL.sub(r"\1", part) for part in parts]
+        single = [*map(_single, parts)]
         return found if found or single == parts else self._saying(single)
 
     def _leading(self, part: str) -> str:
@@ -286,6 +287,11 @@ def plain(name: str) -> str:
     decomposed = unicodedata.normalize("NFKD", name).casefold()
     letters = "".join(c for c in decomposed if not unicodedata.combining(c))
     return " ".join(re.findall(r"[^\W\d_]+", re.sub(r"\d+(x\d+)*", " ", letters)))
+
+
+def _single(part: str) -> str:
+    """Return a plain name with an English plural at its end as a singular; else the name."""
+    return next((re.sub(plural, single, part) for plural, single in PLURALS if re.search(plural, part)), part)
 
 
 def _holds(part: str, named: str) -> bool:

@@ -54,7 +54,7 @@ RAISED = frozenset({"platform"}) | RUGS  # floor: people walk on it, and furnitu
 HOSTS = frozenset({"desk", "table"})
 
 # What may stand on the floor before a category: seats before a desk; wardrobes round a corner, one before the end of
-# the other; a coffee table before what unfolds, since it is moved aside.
+# the other; a coffee table before seats that keep floor free, since it is moved aside.
 MAY_STAND_BEFORE = {
     "desk": frozenset({"chair", "stool"}),
     "lounge_chair": frozenset({"coffee_table"}),

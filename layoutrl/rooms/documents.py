@@ -197,7 +197,8 @@ def check_room_type(name: str) -> None:
 def _room_type(said: str) -> str:
     """Return the room type that is written so: "Living room" is living_room. Raises RoomError for another name."""
     name = re.sub(r"[\s-]+", "_", said.strip().lower())
-    check_room_type(name if name in MAIN_ITEM else said)
+    if name not in MAIN_ITEM:
+        check_room_type(said)
     return name
 
 

@@ -28,8 +28,9 @@ AT_A_WALL = frozenset({
     "washing_machine",
 })  # fmt: skip
 TALL = frozenset({"bookcase", "fridge", "wardrobe"})
-ROOM_BEFORE = {"dresser": 0.6, "tv_unit": 0.6}  # metres that no design takes before these, though no template asks
-SEATS = frozenset({"armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed"})  # before which a coffee table stands
+ROOMY = frozenset({"dresser", "tv_unit"})  # though some template keeps nothing free before them, no design takes of
+ROOM_BEFORE = 0.6  # metres of floor there
+LOUNGING = frozenset({"armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed"})  # before which a coffee table stands
 BEDSIDE = 0.3  # metres; in designs a nightstand touches its bed
 AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
@@ -133,26 +134,23 @@ def on_platforms(items: Items) -> np.ndarray:
 
     What is no more than NEAR does not count.
     """
-    stands = np.flatnonzero(items.placed & ~np.isin(items.category, list(RAISED)))
-    platforms = np.flatnonzero(items.placed & np.isin(items.category, list(RAISED - RUGS)))
-    a, b = pairs(items.room[stands], items.room[platforms])
-    a, b = stands[a], platforms[b]
-    core, platform = items.grown(-NEAR)[a], items.footprint[b]
-    whole = shapely.covers(platform, core) & ~np.isin(items.category[a], list(BESIDE_PLATFORMS))
-    result = np.zeros(len(items.room), dtype=bool)
-    result[a[shapely.intersects(platform, core) & ~whole]] = True
-    return result
+    platforms = items.placed & np.isin(items.category, list(RAISED - RUGS))
+    floor = unions(items.footprint[platforms], items.room[platforms], int(items.room.max(initial=-1)) + 1)[items.room]
+    stands = items.placed & ~np.isin(items.category, list(RAISED))
+    core = items.grown(-NEAR)
+    whole = shapely.covers(floor, core) & ~np.isin(items.category, list(BESIDE_PLATFORMS))
+    return stands & shapely.intersects(floor, core) & ~whole
 
 
 def crowded(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether a wall, or another item, takes some of the ROOM_BEFORE an item: (N,)."""
-    depth = np.array([ROOM_BEFORE.get(category, 0.0) for category in items.category])
+    """Whether a wall, or another item, takes some of the ROOM_BEFORE an item that is ROOMY: (N,)."""
+    depth = np.where(np.isin(items.category, list(ROOMY)), ROOM_BEFORE, 0.0)
     return items.placed & ~items.round & ~free_fronts(layouts, items, depth)
 
 
 def without_seats(items: Items) -> np.ndarray:
-    """Whether an item is a coffee table in a room with SEATS, and none of it is AT_HAND before one: (N,)."""
-    seats = np.flatnonzero(items.placed & ~items.round & np.isin(items.category, list(SEATS)))
+    """Whether an item is a coffee table in a room with LOUNGING seats, and none of it is AT_HAND before one: (N,)."""
+    seats = np.flatnonzero(items.placed & ~items.round & np.isin(items.category, list(LOUNGING)))
     floor = floor_ahead(items, seats, np.full(len(seats), AT_HAND))
     return off_all(items, "coffee_table", seats, floor, 0.0)
 

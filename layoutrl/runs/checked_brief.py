@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 from layoutrl.rooms import fitting
@@ -17,19 +17,7 @@ from layoutrl.rooms.room import TOLERANCE, Item, Room
 from layoutrl.rooms.sizes import doubt
 
 SAME_PLACE = 0.5  # share of the smaller of two footprints: items that overlap by more count as stacked
-# What agents of a room type call a category that they do not know: a thing of the same use, size and front.
-CALLED = {
-    ("balcony", "armchair"): "lounge_chair",
-    ("balcony", "washing_machine"): "washer",
-    ("bathroom", "sink"): "vanity",
-    ("bathroom", "washer"): "washing_machine",
-    ("living_room", "lounge_chair"): "armchair",
-    ("living_room", "sofa_bed"): "sofa",
-    ("study", "lounge_chair"): "armchair",
-    ("study", "sofa"): "sofa_bed",
-    ("tatami", "chair"): "stool",
-}
-SAME_TURN = 0.001  # share of a quarter turn by which a rotation in radians may be off one
+SAME_TURN = 0.005  # share of a quarter turn by which a rotation in radians, often rounded, may be off one
 NARROWEST = 0.5  # metres: doors are below it where inches were taken for centimetres
 
 
@@ -44,16 +32,11 @@ class CheckedBrief:
     # Indices of items of `room` that are not in `brief`: rugs, what nobody can place, and what is not to be placed.
     unseen: frozenset[int]
     lines: list[str]
-    called: Mapping[int, str] = field(default_factory=dict)  # by index: the categories of what is CALLED otherwise
 
     @property
     def brief(self) -> Room:
-        """The room without what is `unseen`, its items `called` as who furnishes it does.
-
-        Of its doors, one that what stands leaves free comes first.
-        """
-        items = (replace(i, category=self.called.get(k, i.category)) for k, i in enumerate(self.room.furniture))
-        kept = tuple(item for k, item in enumerate(items) if k not in self.unseen)
+        """The room without what is `unseen`. Of its doors, one that what stands leaves free comes first."""
+        kept = tuple(item for k, item in enumerate(self.room.furniture) if k not in self.unseen)
         return with_a_free_door_first(replace(self.room, furniture=kept, target=None))
 
     def merge(self, layout: Room) -> Room:
@@ -63,10 +46,7 @@ class CheckedBrief:
         again.
         """
         items = iter(layout.furniture)
-        furniture = [
-            i if k in self.unseen else replace(next(items), category=i.category)
-            for k, i in enumerate(self.room.furniture)
-        ]
+        furniture = [i if k in self.unseen else next(items) for k, i in enumerate(self.room.furniture)]
         for k in missing(self.room):
             if furniture[k].center is not None and not self.room.holds(furniture[k]):
                 furniture[k] = self.room.furniture[k]
@@ -78,18 +58,13 @@ def in_no_type(category: str) -> Sequence[str]:  # noqa: ARG001
     return ()
 
 
-def by_any_name(room_type: str, known: Collection[str]) -> Collection[str]:
-    """The `known` categories of those who furnish rooms of a type, and those that they know as CALLED otherwise."""
-    return {*known, *(name for (where, name), ours in CALLED.items() if where == room_type and ours in known)}
-
-
 def checked_brief(
     room: Room,
     known: Collection[str],
     types_placing: Callable[[str], Sequence[str]] = in_no_type,
     words: Sequence[str] | None = None,
 ) -> CheckedBrief:
-    """Find out which items of a room can be placed: those of `known` categories, `by_any_name`, that fit into it.
+    """Find out which items of a room can be placed: those of `known` categories that fit into it.
 
     Lines also name doubtful sizes, items that stand stacked, and doors that are missing or too narrow. `types_placing`
     returns the room types whose agents place a category. `words` are what lines call the items: their categories, if
@@ -97,20 +72,19 @@ def checked_brief(
     """
     unseen, lines = set(), list[str]()
     words = [item.category for item in room.furniture] if words is None else words
-    placed = by_any_name(room.room_type, known)
-    unknown = Counter(words[k] for k in missing(room) if room.furniture[k].category not in placed)
+    unknown = Counter(words[k] for k in missing(room) if room.furniture[k].category not in known)
     for k in missing(room):
         item, word = room.furniture[k], words[k]
-        if item.category not in placed:
+        if item.category not in known:
             which = f"{word} ({n})" if (n := unknown.pop(word, 0)) > 1 else word
             if n:  # the first of them
-                lines.append(f"the {which} is not placed: {_why(room, item.category, word, placed, types_placing)}")
+                lines.append(f"the {which} is not placed: {_why(room, item.category, word, known, types_placing)}")
             unseen.add(k)
         elif not fits(room, item):
             size = " by ".join(f"{side:g}" for side in item.size)
             lines.append(f"the {word} of {size} m is not placed: it fits into the room in no way")
             unseen.add(k)
-        if item.category in placed and (asks := doubt(item, word)) and asks not in lines:
+        if item.category in known and (asks := doubt(item, word)) and asks not in lines:
             lines.append(asks)
     unseen |= {k for k, item in enumerate(room.furniture) if item.category in RUGS and item.center is not None}
     stands = [(item, word) for item, word in zip(room.furniture, words, strict=True) if item.center is not None]
@@ -120,7 +94,7 @@ def checked_brief(
             at = f"{round(x, 2):g}, {round(y, 2):g}"
             line = f"the {its_word} at {at} and the {other_word} overlap by more than half; both are kept"
             lines += [] if line in lines else [line]
-    for item, word in stands:
+    for item, word in zip(room.furniture, words, strict=True):
         quarters = (item.rotation or 0) / (math.pi / 2)
         if abs(round(quarters)) in (1, 2, 3) and abs(quarters - round(quarters)) < SAME_TURN:
             line = f"the {word} is turned by {item.rotation:g} degrees: are these radians?"
@@ -131,12 +105,7 @@ def checked_brief(
         lines.append(f"its widest door is {width:.2f} m wide, and nobody fits through: is the unit right?")
     elif width < passage(room.room_type) - TOLERANCE:
         lines.append(f"its widest door is {width:.2f} m wide: what can be reached is told of who fits through")
-    called = {
-        k: CALLED[room.room_type, item.category]
-        for k, item in enumerate(room.furniture)
-        if item.category in placed and item.category not in known
-    }
-    return CheckedBrief(room, frozenset(unseen), lines, called)
+    return CheckedBrief(room, frozenset(unseen), lines)
 
 
 def _why(

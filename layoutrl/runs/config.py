@@ -160,8 +160,6 @@ class TrainConfig(LearningConfig):
         within("reward.faces_away", faces_away, whole or faces_away == Reward.faces_away, usual)
         usual = f"{Method.own_share} with scope=item, which furnishes no room"
         within("method.own_share", own_share, whole or own_share == Method.own_share, usual)
-        disturbed, usual = self.room.disturbed, f"{RoomConfig.disturbed} with scope=item, whose rooms are not disturbed"
-        within("room.disturbed", disturbed, whole or disturbed == RoomConfig.disturbed, usual)
         first, useful = self.method.discount_start, self.method.every_move
         usual = f"{Method.discount_start} without method.every_move"
         within("method.discount_start", first, useful or first == Method.discount_start, usual)

@@ -18,6 +18,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.brief import missing
+from layoutrl.rooms.called import by_any_name
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes, same
 from layoutrl.rooms.oddities import oddities
@@ -56,12 +57,12 @@ def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
     if config.by in ("search", "annealer"):
         settings = config.search if config.by == "search" else config.annealer
         rival = SearchOrAnnealer(settings, lambda: seconds_budget(config.seconds, time.process_time))
-        return FurnisherInfo(rival, lambda room_type: rival.relations(room_type).alone)
+        return FurnisherInfo(rival, lambda kind: by_any_name(kind, rival.relations(kind).alone))
     device = device_of(config.device)
     if config.run is None:
         agents: Furnishes = Agents(device)
         furnisher = agents if config.by == "agents" else helped(agents, config.search)
-        return FurnisherInfo(furnisher, pretrained.known, pretrained.types_with)
+        return FurnisherInfo(furnisher, lambda kind: by_any_name(kind, pretrained.known(kind)), pretrained.types_with)
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
     if trained.method.every_move:

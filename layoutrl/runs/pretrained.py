@@ -18,6 +18,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.agents.method import Method
+from layoutrl.rooms.called import as_called_here, named_as
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 
@@ -75,13 +76,13 @@ class Agents:
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Raises InputError as `load` does."""
-        briefs, asked = [with_a_sofa(brief) for brief in briefs], briefs
+        briefs, asked = [with_a_sofa(as_called_here(brief)) for brief in briefs], briefs
         found: list[list[Furnished]] = [[] for _ in briefs]
         for room_type in sorted({brief.room_type for brief in briefs}):
             which = [k for k, brief in enumerate(briefs) if brief.room_type == room_type]
             answers = self.of(room_type).furnish([briefs[k] for k in which], choices, seed)
             for k, answer in zip(which, answers, strict=True):
-                found[k] = [replace(each, layout=_named_as(asked[k], each.layout)) for each in answer]
+                found[k] = [replace(each, layout=named_as(asked[k], each.layout)) for each in answer]
         return found
 
 
@@ -97,12 +98,6 @@ def with_a_sofa(brief: Room) -> Room:
     widest = max(loveseats, key=lambda k: brief.furniture[k].size[1])
     items = (replace(i, category="sofa") if k == widest else i for k, i in enumerate(brief.furniture))
     return replace(brief, furniture=tuple(items))
-
-
-def _named_as(brief: Room, layout: Room) -> Room:
-    """Return the layout with the categories of the brief."""
-    items = zip(layout.furniture, brief.furniture, strict=True)
-    return replace(layout, furniture=tuple(replace(item, category=asked.category) for item, asked in items))
 
 
 def known(room_type: str) -> Collection[str]:

@@ -13,7 +13,7 @@ from layoutrl.rooms.categories import OBSTACLE
 from layoutrl.rooms.clearances import HOSTS
 from layoutrl.rooms.doors import before_doors, free_doors
 from layoutrl.rooms.room import Item, Room
-from layoutrl.runs.checked_brief import CheckedBrief, by_any_name, checked_brief, in_no_type
+from layoutrl.runs.checked_brief import CheckedBrief, checked_brief, in_no_type
 from layoutrl.runs.streams import Entry
 
 
@@ -50,8 +50,7 @@ def request_of(
     # What reaches beyond the walls is in nobody's way.
     stood = {k for k in inside.intersection(missing(room)) if room.holds(entry.stood[k])}
     wanted = [k for k in missing(room) if k in meant]
-    placed = by_any_name(room.room_type, known)
-    stays = staying(entry.stood, inside, placed).intersection(wanted) if moves_all else frozenset[int]()
+    stays = staying(entry.stood, inside, known).intersection(wanted) if moves_all else frozenset[int]()
     wanted = [k for k in wanted if k not in stays]
     others = frozenset(missing(room)) - {*wanted}
     room = put_back(room, entry, others & stood)
@@ -63,8 +62,8 @@ def request_of(
     left = unseen & stood & {*wanted}
     room = put_back(room, entry, left)
     lines = [*found.lines, *(said_to_bar(room, entry.words) if wanted else [])]
-    checked = CheckedBrief(room, others | unseen - left, lines, {places[k]: ours for k, ours in found.called.items()})
-    under = frozenset(k for k in stays if entry.stood[k].category in placed)
+    checked = CheckedBrief(room, others | unseen - left, lines)
+    under = frozenset(k for k in stays if entry.stood[k].category in known)
     return Request(checked, wanted, left, stays, under, frozenset(stood.intersection(wanted)))
 
 

@@ -50,7 +50,7 @@ class Entry:
 
     @property
     def words(self) -> list[str]:
-        """What the file calls each item of the room."""
+        """What the document calls each item of the room: in JSON what its writer does, else categories."""
         return [each["category"] for each in self.document["furniture"]]
 
 

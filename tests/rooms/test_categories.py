@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
+from layoutrl.rooms import categories
 from layoutrl.rooms.categories import DECOR, DESIGNED, HOLDS, NO_ROOM, OBSTACLE, RUG, TELLING, names_of, plain
 from layoutrl.rooms.clearances import FRONT_DEPTH, RUGS
 from layoutrl.rooms.designer.generator import design_rooms
@@ -90,7 +91,7 @@ def test_what_designs_hold_is_known_and_may_be_put_there() -> None:
         ("bookcase", "Schrankwand, Librero alto, Oak shelving, Billy wall unit"),
         ("bed", "Divan base, Double divan base, Divan bed base"),
         ("counter", "Base cupboard, Sink cupboard"),
-        ("counter", "Kitchen drawers, Bancada de granito, Keukenblok, Base unit"),
+        ("counter", "Kitchen drawers, Bancada de granito, Keukenblok, Kitchen base unit"),
         ("dresser", "Drawers, Changing table, Truhe, Gaveteiro branco"),
         ("lounge_chair", "Sun lounger, Liegestuhl, Tumbona plegable"),
         ("nightstand", "Bedside, Nachtkommode, Chevet 1 tiroir, Criado-mudo, Nachttafel"),
@@ -216,6 +217,8 @@ def test_only_a_shape_is_what_its_user_calls_it() -> None:
         ("wardrobe", "wardrobes, Oak wardrobes, Closets"),
         ("sofa", "Sofas, couches"),
         ("bench", "Benches"),
+        ("vanity", "Vanities, double vanities"),
+        ("dresser", "Chests"),
         ("coffee_table", "coffee_tables, Coffee Tables with lamps"),
         ("bed", "Beds, Twin beds, loft beds 90x200"),
         ("table", "Tables and chairs, tables"),
@@ -229,6 +232,15 @@ def test_an_english_plural_is_what_it_is_several_of(category: str, called: str) 
         assert names.category(name) is not None
         assert not names.knows(name)
     assert names.category("books") is None  # decor
+
+
+@pytest.mark.parametrize(
+    ("plural", "single"),
+    [("benches", "bench"), ("brushes", "brush"), ("glasses", "glass"), ("boxes", "box"), ("vanities", "vanity"),
+     ("beds", "bed"), ("oak wardrobes", "oak wardrobe"), ("glass", "glass"), ("bed", "bed"), ("", "")],
+)  # fmt: skip
+def test_the_singular_of_an_english_plural(plural: str, single: str) -> None:
+    assert categories._single(plural) == single
 
 
 def test_an_island_does_not_go_to_a_wall_as_counters_do() -> None:

@@ -148,6 +148,7 @@ SOFA_BED = Item("sofa_bed", (0.9, 2.0), (0.45, 1.5), 0.0)
         (DESK, Item("stool", (0.5, 0.5), (0.9, 1.5)), True),
         (DESK, Item("bed", (0.5, 0.5), (0.9, 1.5)), False),
         (SOFA_BED, Item("coffee_table", (0.6, 1), (1.4, 1.5)), True),  # one moves it aside
+        (replace(SOFA_BED, category="lounge_chair"), Item("coffee_table", (0.6, 1), (1.4, 1.5)), True),
         (SOFA_BED, Item("side_table", (0.6, 1), (1.4, 1.5)), False),
         (Item("bench", (0.5, 1), (0.3, 1.5)), Item("bed", (1, 1), (1, 1.5)), None),  # it keeps nothing free
         (Item("shower", (1, 1), (0.5, 1.5), form="circle"), Item("bed", (1, 1), (1.5, 1.5)), None),

@@ -62,6 +62,21 @@ def test_the_chairs_that_stay_under_what_nobody_knows_are_known_by_themselves() 
     assert said_to_stay(under("harp"), found, ["Harfe", "chair", "bed"]) == said  # as the file calls it
 
 
+def test_lines_have_the_words_of_the_items_that_they_are_about() -> None:
+    """Also where an item before them is left out, as it is not asked about and is nowhere."""
+    nowhere, table, bed = (
+        Item("sofa", (0.9, 2.0), None, None),
+        Item(TABLE, (1.6, 0.8), (2.0, 2.2), 0.0),
+        Item("bed", (9, 9), None, None),
+    )
+    room = replace(rectangular_room(), furniture=(nowhere, table, bed), target=None)
+    words = ["Sofa", "Tisch", "Bett"]
+    furniture = [each | {"category": word} for each, word in zip(room_to_dict(room)["furniture"], words, strict=True)]
+    entry = Entry(room.id, room, room_to_dict(room) | {"furniture": furniture}, stood=room.furniture)
+    lines = request_of(entry, [2], False, {"bed", "sofa"}).checked.lines
+    assert lines[0] == "the Bett of 9 by 9 m is not placed: it fits into the room in no way"
+
+
 def test_one_enters_by_a_door_that_what_stands_leaves_free_and_is_told_if_there_is_none() -> None:
     piano = Item("piano", (1.5, 0.6), (0.4, 1.5), 90.0)
     left, right = opening("door", -0.2, 1.0, 0.0, 2.0), opening("door", 4.0, 1.0, 4.2, 2.0)

@@ -13,6 +13,7 @@ from layoutrl.rivals.rooms.annealer import Annealing, anneal
 from layoutrl.rivals.rooms.cost import PREFERENCES
 from layoutrl.rivals.rooms.relations import Relations, mine
 from layoutrl.rivals.rooms.search import Searching, search
+from layoutrl.rooms.called import as_called_here, named_as
 from layoutrl.rooms.faults import faults
 from layoutrl.rooms.furnished import Furnished, laid_out, rng_of, several
 from layoutrl.rooms.room import Room
@@ -51,7 +52,8 @@ class SearchOrAnnealer:
         relations, (_, attempt) = self.relations(brief.room_type), seeds
         often = {name: rng.lognormal(0, VARIETY) for name in PREFERENCES} if attempt else {}
         weights = {name: weight * often.get(name, 1.0) for name, weight in self.settings.weights.items()}
-        layout = search_or_anneal(brief, relations, replace(self.settings, weights=weights), spent, rng)
+        settings = replace(self.settings, weights=weights)
+        layout = named_as(brief, search_or_anneal(as_called_here(brief), relations, settings, spent, rng))
         return laid_out(brief, layout, -len(faults(layout)))
 
 

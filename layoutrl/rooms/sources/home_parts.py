@@ -23,7 +23,10 @@ HUNG = 1.2  # metres, instead of HIGHEST, for furniture of bathrooms: it hangs o
 FLAT = ("bathtub", "shower")  # count as furniture however low they are
 STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins below STEP and is at least HEADROOM high is walked through
 TOP = 0.02  # metres by which what stands on a piece may be off its top
-THIN = 0.1  # metres: what is no deeper and hangs within the height of a piece, as a mirror or a socket, is on the wall
+# In names of what lies in a piece, below its highest part.
+CUSHIONS = (
+    *("pillow", "cushion", "kissen", "coussin", "oreiller", "cojin", "almohada", "cuscin", "almofad", "kussen", "枕"),
+)
 ARC_STEP = math.radians(15)  # at most, between corners of round walls
 WINDOWS = (  # words for it in the languages of furniture names, anywhere in a name
     "window", "bay", "shutter", "fenster", "fenetre", "ventana", "finestra", "janela", "raam", "venster", "窗",
@@ -140,8 +143,8 @@ def find_supports(elements: list[Element], carried: set[int], standing_on: dict[
 
     Both know pieces by `Element.start`. A piece is carried if its centre is over another that begins lower and reaches
     up to it. It stands on that one if it begins no lower than its top, or than its `dropOnTopElevation`: of several, on
-    the largest. If there is none, it lies in the smallest that it begins within, as a cushion does in a sofa, unless it
-    is THIN. It moves with that piece only if the home lets it move.
+    the largest. One of the CUSHIONS that stands on none lies in the smallest that it begins within. It moves with that
+    piece only if the home lets it move.
     """
 
     def all_of(name: str, otherwise: float | None = None) -> np.ndarray:
@@ -161,7 +164,9 @@ def find_supports(elements: list[Element], carried: set[int], standing_on: dict[
         hung |= reached
         host[reached & (low > max(top[k] - TOP, FLATTEST))] = k
         within[reached & (within < 0)] = k
-    lies = (host < 0) & (low > FLATTEST) & (np.minimum(width, depth) > 100 * THIN)
+    names = (plain(" ".join(filter(None, element.names))) for element in elements)
+    cushion = np.array([any(word in name for word in CUSHIONS) for name in names], dtype=bool)
+    lies = cushion & (host < 0) & (low > FLATTEST)
     host[lies] = within[lies]
     carried |= {elements[k].start for k in np.flatnonzero(hung)}
     for element, k in zip(elements, host, strict=True):

@@ -785,13 +785,14 @@ def test_what_stands_on_a_piece_moves_with_it(tmp_path: Path) -> None:
     assert found["tv"] == found["lamp"] == pytest.approx([200, 230, math.pi / 2], abs=1e-3)
 
 
-def test_what_lies_in_a_piece_moves_with_the_smallest_that_it_begins_within(tmp_path: Path) -> None:
-    """A cushion in a sofa under a loft, but no mirror behind it; that a cushion is unknown does not matter."""
+def test_a_cushion_moves_with_the_smallest_piece_that_it_begins_within(tmp_path: Path) -> None:
+    """One in a sofa under a loft does, but no shelf or radiator behind it; that a cushion is unknown is not said."""
     body = (
         piece("loftBed", 150, 100, 290, 190, id="loft", height=200)
         + piece("sofa", 100, 50, 200, 90, id="sofa", height=85)
         + piece("cushion", 120, 50, 40, 15, id="cushion", elevation=45, height=40)
-        + piece("cushion", 120, 15, 40, 5, id="mirror", elevation=45, height=40)
+        + piece("shelf", 120, 15, 40, 20, id="shelf", elevation=60, height=40)
+        + piece("electricRadiator", 60, 12, 60, 12, id="radiator", elevation=15, height=40)
         + piece("cushion", 120, 160, 40, 15, id="pillow", elevation=150, height=20)
     )
     home = flat(tmp_path, body + WALLS + room_tag(0, 0, 400, 300, name="Salon"), move="sofa")
