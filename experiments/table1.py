@@ -138,7 +138,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     seeds, types = ("0,1,2", tuple(PAPER)) if has_gpu_or_cluster(chosen) else ("0", WITHOUT_GPU)
     sweeps = [*SWEEPS, ("paper", seeds, types), ("paper_every_move", seeds, tuple(PAPER))]
     if seeds == "0":
-        sweeps.append(("paper_every_move", "1", ("bedroom",)))  # how much seeds differ
+        sweeps.append(("paper_every_move", "1,2", ("bedroom",)))  # how much seeds differ
     if "column" in chosen:
         sweeps = [(group, "0,1,2", tuple(PAPER)) for group in in_turn(chosen["column"])]
     made = []

@@ -92,7 +92,7 @@ EVERY = (
     ("planit_long", 2, 1),
 )
 LONG = ("paper_every_move", 1, 1)  # a type in which it is trained for longer
-PICTURES = (("paper", 2, 1), ("paper_every_move", 2, 1), *[LONG] * 7)  # without a GPU
+PICTURES = (("paper", 2, 1), ("paper_every_move", 2, 1), *[LONG] * 6, ("paper_every_move", 1, 2))  # without a GPU
 ALL_SEEDS = (("paper", 8, 3), ("paper_every_move", 2, 3), *[("paper_every_move", 1, 3)] * 6)
 
 
