@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutrl import InputError
+from layoutrl.demo.answers import Answers
 from layoutrl.demo.furnisher import staff_of
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.rooms.brief import brief_of, missing, with_poses
@@ -249,6 +250,19 @@ def test_what_fits_in_no_other_way_stays_where_it_stands(answers):
     stands = room_to_dict(room)["furniture"][0]
     assert all(choice["furniture"][0] == stands for choice in said["choices"])
     assert {k for k, _, _ in said["choices"][0]["path"]} == {1}
+
+
+def test_what_an_agent_calls_otherwise_has_values_and_moves_too():
+    told = Answers(staff_of(composed("demo").search))
+    washer = {"category": "washer", "size": [0.6, 0.6], "center": [0.3, 2.0], "rotation": 0}
+    room = {"id": "a", "room_type": "bathroom", "outline": [[0, 0], [3, 0], [3, 3], [0, 3]], "windows": []}
+    room |= {"doors": [], "furniture": [washer]}
+    asked = {"room": room, "item": 0, "step": 0.5}
+    values, moves = (told.questions[question](asked) for question in ("values", "moves"))
+    room["furniture"] = [washer | {"category": "washing_machine"}]
+    assert values == told.questions["values"](asked)
+    assert moves == told.questions["moves"](asked)
+    assert moves["moves"]
 
 
 def test_the_agents_of_the_package_furnish_and_the_search_helps_them():
