@@ -49,7 +49,7 @@ LEARNS = {"agent": "rooms_agent", "pointer in sequence": "rooms_pointer"}  # col
 # Columns that furnish real rooms only where they are asked for.
 DESIGNED_ALONE = ("rooms_untrained", "annealer_long", "search_long", "rooms_planit")
 # Of training, where more than elsewhere.
-POINTER_MINUTES = dict.fromkeys(("bathroom", "bedroom", "study", "tatami"), "24.0")
+POINTER_MINUTES = dict.fromkeys(("bathroom", "bedroom", "study", "tatami", "kitchen"), "24.0")
 REAL_UPDATES = {"bedroom": "30000", "tatami": "24000"}  # of agents of real rooms, fewer than the package's made
 SWEEPS = (
     "designer,random,nearest,rooms_package", "rooms_agent", "annealer,search", "rooms_untrained", "rooms_pointer",
