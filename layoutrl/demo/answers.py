@@ -22,7 +22,6 @@ from layoutrl.demo.home import NAME, TAKEN_FOR, fixed, new_home, written_back
 from layoutrl.demo.shell import gaps, swings, with_opening, without_opening
 from layoutrl.figures.drawing import svg
 from layoutrl.rooms.brief import missing, without_poses
-from layoutrl.rooms.called import as_called_here
 from layoutrl.rooms.categories import names_of
 from layoutrl.rooms.clearances import FRONT_DEPTH, RAISED, RUGS
 from layoutrl.rooms.documents import BEYOND, NOT_SIMPLE, parsed, room_from_dict, room_to_dict
@@ -56,7 +55,7 @@ from layoutrl.rooms.sources.sweethome3d import Home, read_home
 from layoutrl.rooms.units import UNITS
 from layoutrl.runs.answer import numbered
 from layoutrl.runs.checked_brief import CheckedBrief, checked_brief
-from layoutrl.runs.pretrained import with_a_sofa
+from layoutrl.runs.pretrained import as_known
 from layoutrl.runs.request import request_of, said_to_stay
 from layoutrl.runs.streams import Entry
 from layoutrl.runs.wording import any_of
@@ -221,7 +220,7 @@ class Answers:
             raise InputError(
                 f"item: nobody places {any_of([category])} in a {room.room_type}; expected other furniture"
             )
-        return with_a_sofa(as_called_here(checked.brief)), item - sum(k < item for k in checked.unseen)
+        return as_known(checked.brief), item - sum(k < item for k in checked.unseen)
 
     def svg(self, asked: Any) -> Answer:
         """Return a drawing of the room to scale, with faults and oddities hatched as on the page."""

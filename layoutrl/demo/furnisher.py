@@ -12,7 +12,6 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.called import by_any_name
 from layoutrl.rooms.furnished import Furnishes
 from layoutrl.rooms.room import MAIN_ITEM, Room
 from layoutrl.runs import pretrained
@@ -61,7 +60,4 @@ def staff_of(searching: Searching) -> Staff:
             with suppress(InputError):  # whoever asks for it is told
                 agents().of(room_type)
 
-    def known(room_type: str) -> Collection[str]:
-        return by_any_name(room_type, pretrained.known(room_type))
-
-    return Staff(furnisher, lambda room_type: agents().of(room_type), known, ready)
+    return Staff(furnisher, lambda room_type: agents().of(room_type), pretrained.placed, ready)

@@ -99,12 +99,13 @@ class Answer:
         """
         if not self.request.wanted:
             return
+        words = self.entry.words
         for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
             name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
             # Of what is unseen, the lines of the checked brief name all that was to be placed.
             told = [(k, fault) for k, fault in wrong if k not in self.request.checked.unseen]
             said = [
-                f"the {numbered(self.entry.words, k)}: {self._words(k, [fault for _, fault in some])}"
+                f"the {numbered(words, k)}: {self._words(k, [fault for _, fault in some])}"
                 for k, some in groupby(sorted(told, key=itemgetter(0)), key=itemgetter(0))
             ]
             room = self.request.checked.lines
@@ -114,7 +115,7 @@ class Answer:
             nothing = "nothing else is wrong" if room else "nothing is wrong"
             found = "; ".join([*(room if n == 1 else []), *said]) or nothing
             placed = f"{self.placed(n - 1)} of {len(self.request.wanted)} placed{by and f' by {by}'}"
-            stays = f"; {said_to_stay(layout, self.request, self.entry.words)}" if self.request.stays else ""
+            stays = f"; {said_to_stay(layout, self.request, words)}" if self.request.stays else ""
             yield f"{name}: {placed}; {found}{stays}"
 
     def _words(self, item: int, faults: Sequence[str]) -> str:

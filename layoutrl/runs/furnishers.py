@@ -62,7 +62,7 @@ def furnisher_for(config: PlaceConfig) -> FurnisherInfo:
     if config.run is None:
         agents: Furnishes = Agents(device)
         furnisher = agents if config.by == "agents" else helped(agents, config.search)
-        return FurnisherInfo(furnisher, lambda kind: by_any_name(kind, pretrained.known(kind)), pretrained.types_with)
+        return FurnisherInfo(furnisher, pretrained.placed, pretrained.types_with)
     folder = Path(config.run)
     trained = load_config(folder, TrainConfig)
     if trained.method.every_move:

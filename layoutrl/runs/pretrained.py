@@ -18,7 +18,7 @@ import numpy as np
 
 from layoutrl import InputError
 from layoutrl.agents.method import Method
-from layoutrl.rooms.called import as_called_here, named_as
+from layoutrl.rooms.called import as_called_here, by_any_name, named_as
 from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.room import Room
 
@@ -76,7 +76,7 @@ class Agents:
 
     def furnish(self, briefs: Sequence[Room], choices: int, seed: int) -> list[list[Furnished]]:
         """See Furnishes. Raises InputError as `load` does."""
-        briefs, asked = [with_a_sofa(as_called_here(brief)) for brief in briefs], briefs
+        briefs, asked = [as_known(brief) for brief in briefs], briefs
         found: list[list[Furnished]] = [[] for _ in briefs]
         for room_type in sorted({brief.room_type for brief in briefs}):
             which = [k for k, brief in enumerate(briefs) if brief.room_type == room_type]
@@ -84,6 +84,11 @@ class Agents:
             for k, answer in zip(which, answers, strict=True):
                 found[k] = [replace(each, layout=named_as(asked[k], each.layout)) for each in answer]
         return found
+
+
+def as_known(brief: Room) -> Room:
+    """Return the brief with its items called as the agent of its room type knows them."""
+    return with_a_sofa(as_called_here(brief))
 
 
 def with_a_sofa(brief: Room) -> Room:
@@ -103,6 +108,11 @@ def with_a_sofa(brief: Room) -> Room:
 def known(room_type: str) -> Collection[str]:
     """The categories that the agent of a room type places; none where there is no agent."""
     return cards().get(room_type, {}).get("categories", ())
+
+
+def placed(room_type: str) -> Collection[str]:
+    """The categories that the agent of a room type places, as it is asked through `Agents`: `by_any_name`."""
+    return by_any_name(room_type, known(room_type))
 
 
 def types_with(category: str) -> list[str]:

@@ -56,12 +56,13 @@ def request_of(
     room = put_back(room, entry, others & stood)
     others -= stood
     places = [k for k in range(len(room.furniture)) if k not in others]
-    kept, words = replace(room, furniture=tuple(room.furniture[k] for k in places)), [entry.words[k] for k in places]
-    found = checked_brief(kept, known, types_placing, words) if wanted else CheckedBrief(kept, frozenset(), [])
+    kept, words = replace(room, furniture=tuple(room.furniture[k] for k in places)), entry.words
+    theirs = [words[k] for k in places]
+    found = checked_brief(kept, known, types_placing, theirs) if wanted else CheckedBrief(kept, frozenset(), [])
     unseen = frozenset(places[k] for k in found.unseen)
     left = unseen & stood & {*wanted}
     room = put_back(room, entry, left)
-    lines = [*found.lines, *(said_to_bar(room, entry.words) if wanted else [])]
+    lines = [*found.lines, *(said_to_bar(room, words) if wanted else [])]
     checked = CheckedBrief(room, others | unseen - left, lines)
     under = frozenset(k for k in stays if entry.stood[k].category in known)
     return Request(checked, wanted, left, stays, under, frozenset(stood.intersection(wanted)))
