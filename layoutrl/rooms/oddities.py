@@ -28,7 +28,7 @@ AT_A_WALL = frozenset({
     "washing_machine",
 })  # fmt: skip
 TALL = frozenset({"bookcase", "fridge", "wardrobe"})
-ROOMY = frozenset({"dresser", "tv_unit"})  # though some template keeps nothing free before them, no design takes of
+NEED_ROOM = frozenset({"dresser", "tv_unit"})  # though some template keeps nothing free before them, no design takes of
 ROOM_BEFORE = 0.6  # metres of floor there
 LOUNGING = frozenset({"armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed"})  # before which a coffee table stands
 BEDSIDE = 0.3  # metres; in designs a nightstand touches its bed
@@ -143,8 +143,8 @@ def on_platforms(items: Items) -> np.ndarray:
 
 
 def crowded(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether a wall, or another item, takes some of the ROOM_BEFORE an item that is ROOMY: (N,)."""
-    depth = np.where(np.isin(items.category, list(ROOMY)), ROOM_BEFORE, 0.0)
+    """Whether a wall, or another item, takes some of the ROOM_BEFORE one of NEED_ROOM: (N,)."""
+    depth = np.where(np.isin(items.category, list(NEED_ROOM)), ROOM_BEFORE, 0.0)
     return items.placed & ~items.round & ~free_fronts(layouts, items, depth)
 
 
