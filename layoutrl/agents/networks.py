@@ -120,11 +120,11 @@ class GeometryNetwork(nn.Module):
         moving, others = elements.movedim(-1, 0).contiguous().tensor_split([1], -1)  # (columns, B, 1), (columns, B, N)
         gap = _gaps(moving, others)
         relations = torch.cat([gap, others[: Y + 1] - moving[: Y + 1]])
-        described = torch.cat([elements[:, 1:, Y + 1 :], _shown(relations.movedim(0, -1))], -1)
-        present = elements[:, 1:, PRESENT, None]  # 0 in rows of padding
-        # Flat: in-place activations on a view would cost copies in the backward pass.
-        shape = described.shape[:2]
-        described = self.element(described.flatten(0, 1)).unflatten(0, shape) * present
+        # Rows of padding, a third of all, are left out of the layers. Where they were, the encodings are 0.
+        row = others[PRESENT].flatten().nonzero().squeeze(1)
+        pose = row // others.shape[-1]
+        seen = elements[:, 1:, Y + 1 :].flatten(0, 1).index_select(0, row)
+        described = self.element(torch.cat([seen, _shown(relations.flatten(1).index_select(1, row).T)], -1))
 
         border, item, ahead = _is_border(others), _is_item(others), gap == gap.amax(0)
         to_border, to_item = _clearances(gap, border, item, ahead)
@@ -132,16 +132,20 @@ class GeometryNetwork(nn.Module):
         uncentred = clearance[:, ::3] - clearance[:, 1:3]  # right less left, up less below
         slides = _slides(gap, border, item, ahead)
         distances = torch.cat([clearance.flatten(0, 1), uncentred.flatten(0, 1), slides]).T
-        known = torch.cat([_pooled(described), elements[:, 0, Y + 1 :], _shown(distances)], -1)
+        pooled = _pooled(described, row, others.shape[1:])
+        known = torch.cat([pooled, elements[:, 0, Y + 1 :], _shown(distances)], -1)
 
-        heard = self.itself(described.flatten(0, 1)).unflatten(0, shape) + self.others(known)[:, None]
-        described = self.again(heard.flatten(0, 1)).unflatten(0, shape) * present
-        return self.head(self.trunk(torch.cat([_pooled(described), known], -1)))
+        described = self.again(self.itself(described) + self.others(known).index_select(0, pose))
+        return self.head(self.trunk(torch.cat([_pooled(described, row, others.shape[1:]), known], -1)))
 
 
-def _pooled(described: Tensor) -> Tensor:
-    """Maximum and sum over the elements of (B, N, width): (B, 2 width)."""
-    return torch.cat([described.amax(1), described.sum(1) / TYPICAL], -1)
+def _pooled(described: Tensor, row: Tensor, shape: torch.Size) -> Tensor:
+    """Maximum and sum over the elements of B poses: (B, 2 width), of `described` (rows, width), which are not negative.
+
+    They are the rows `row` of all B x N, in a `shape` of (B, N); the others count as zeros.
+    """
+    every = described.new_zeros(shape.numel(), described.shape[1]).index_copy_(0, row, described).unflatten(0, shape)
+    return torch.cat([every.amax(1), every.sum(1) / TYPICAL], -1)
 
 
 def _gaps(moving: Tensor, others: Tensor) -> Tensor:
