@@ -161,18 +161,18 @@ def results(table: Table) -> Figure:
     # The scale is the square root of 1 - IoU: markers stand apart near 0.5 as well as near 0.99.
     axes.set_xscale("function", functions=(lambda iou: 1 - np.sqrt(np.maximum(1 - iou, 0)), lambda x: 1 - (1 - x) ** 2))
     rooms = list(dict.fromkeys(record["room"] for record in table.records))
-    measured = [record for record in table.records if "mean_iou" in record]
+    with_iou = [record for record in table.records if "mean_iou" in record]
     for k in range(0, len(rooms), 2):
         axes.axhspan(k - 0.5, k + 0.5, color="black", alpha=0.05, linewidth=0)
     for n, (method, (color, marker, words)) in enumerate(LOOKS.items()):
-        found = [record for record in measured if record["method"] == method]
+        found = [record for record in with_iou if record["method"] == method]
         y = [rooms.index(record["room"]) + 0.2 * (n - 1.5) for record in found]
         low, high = ([record.get(end, np.nan) for record in found] for end in ("interval_low", "interval_high"))
         axes.hlines(y, low, high, color=color, clip_on=False)
         face = "white" if method == THEIRS else color
         means = [record["mean_iou"] for record in found]
         axes.plot(means, y, marker, color=color, markerfacecolor=face, markersize=5, label=words, clip_on=False)
-    for record in measured:
+    for record in with_iou:
         if record["method"] == CEILING:
             k, iou = rooms.index(record["room"]), record["mean_iou"]
             axes.plot([iou, iou], [k - 0.35, k + 0.35], color="black", clip_on=False)

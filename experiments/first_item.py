@@ -45,9 +45,9 @@ def compared(layout: Room, k: int, design: Room) -> tuple[float, float]:
     Among equal items of the design the one with the highest IoU counts. The IoU is 0 if item k has no place.
     """
     item = layout.furniture[k]
-    if item.center is None:
-        return 0.0, iou_of_others(layout, k, design, same_kind_indices(item, design)[0])
     same = same_kind_indices(item, design)
+    if item.center is None:
+        return 0.0, iou_of_others(layout, k, design, same[0])
     iou = iou_of(np.array([item.footprint] * len(same)), np.array([design.furniture[j].footprint for j in same]))
     return float(iou.max()), iou_of_others(layout, k, design, same[int(iou.argmax())])
 

@@ -24,7 +24,7 @@ from layoutrl.rivals.rooms.relations import mine
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.furnished import best_layouts
 from layoutrl.rooms.room import Room
-from layoutrl.rooms.sources.parts import both, designs, whole_parts
+from layoutrl.rooms.sources.parts import designs, none_empty, whole_parts
 from layoutrl.runs import resume
 from layoutrl.runs.pretrained import agent, load
 
@@ -48,7 +48,7 @@ def whole_rooms_of(config: CellConfig, device: torch.device) -> WholeRooms:
 
     Raises InputError if there are no rooms to train on or to be scored in.
     """
-    training, held_out = both(*whole_parts(config.room.type, config.data, config.fold))
+    training, held_out = none_empty(*whole_parts(config.room.type, config.data, config.fold))
     training = learned_from(config, training, lambda d: designs(config.room.type, d, "train").rooms)
     return WholeRooms(training, held_out[: max(1, round(config.share_of_rooms * len(held_out)))], device)
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from datetime import datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +32,8 @@ def run(config: BenchConfig) -> Path:
 
     device = device_of(config.device)
     keep_freed_memory()
-    if "sb3" in config.parts and find_spec("stable_baselines3") is None:
-        raise InputError(
-            "parts: sb3 compares with Stable-Baselines3; install it: pip install stable-baselines3 (extra bench)"
-        )
     if config.method.name == config.paper.name:
         raise InputError(f"method: expected another than {config.paper.name}, which is measured beside it")
-    if "sb3" in config.parts and config.method.observation != "geometry":
-        raise InputError("parts: sb3 expects method.observation=geometry")
     for part in filter(NEEDS.__contains__, config.parts):
         NEEDS[part](config)
     wanted = Path(config.runs) / "bench" / (config.name or datetime.now().strftime("%Y-%m-%d-%H%M%S"))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-from layoutrl.rooms.sources.parts import both, parts_of
+from layoutrl.rooms.sources.parts import none_empty, parts_of
 from layoutrl.runs.commands import Stopped, command
 from layoutrl.runs.config import TrainCommand, TrainConfig, narrowed
 
@@ -28,7 +28,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     device = device_of(config.device)  # checked before the rooms are made, which takes a while
     check_folder(config, folder)
     scope, room = config.method.scope, config.room
-    training, held_out = both(*parts_of(scope, room.type, room.item, config.data, config.fold))
+    training, held_out = none_empty(*parts_of(scope, room.type, room.item, config.data, config.fold))
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if learner.dqn.updates < learner.total_updates:

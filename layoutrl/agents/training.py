@@ -16,6 +16,7 @@ from layoutrl.agents.dqn import DQN, UpdateStats
 from layoutrl.agents.exploration import LinearSchedule, explore
 from layoutrl.agents.gains import EveryMove
 from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
+from layoutrl.env.device import generator_of
 from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.observation import Observe, in_every_view
 from layoutrl.env.symmetry import Symmetry, shares
@@ -100,9 +101,7 @@ class Training:
         )
         self._warm = min(warmup_moves, replay.capacity)
         device = replay.device
-        episode_rng, self._explore_rng, self._replay_rng = (
-            torch.Generator(device).manual_seed(int(s.generate_state(1)[0])) for s in seed.spawn(3)
-        )
+        episode_rng, self._explore_rng, self._replay_rng = (generator_of(each, device) for each in seed.spawn(3))
         self._running = begin(episode_rng)
         self._moves = 0
         self._returns = torch.zeros(len(self._running.room), device=device)  # of the episodes that run

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import torch
 from gymnasium.wrappers import TransformReward
 from torch import nn
 
+from layoutrl import InputError
 from layoutrl.agents.learner import Learner
 from layoutrl.agents.replay import REWARD_SCALE
 from layoutrl.benchmarks.learning import ENDLESS, training_pace, untrained
@@ -99,6 +101,16 @@ def image(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
     in_time = [point for point in curve.points if point.seconds <= 60 * config.minutes]
     last = (in_time or curve.points)[-1]
     return {"iou": last.iou, "minutes": last.seconds / 60, "updates": last.updates, "points": curve.points}
+
+
+def check_sb3(config: BenchConfig) -> None:
+    """Raise InputError if Stable-Baselines3 is not installed, or the method does not observe what its network does."""
+    if find_spec("stable_baselines3") is None:
+        raise InputError(
+            "parts: sb3 compares with Stable-Baselines3; install it: pip install stable-baselines3 (extra bench)"
+        )
+    if config.method.observation != "geometry":
+        raise InputError("parts: sb3 expects method.observation=geometry")
 
 
 def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], device: torch.device) -> dict[str, Any]:

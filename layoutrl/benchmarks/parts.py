@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, image, sb3, training
+from layoutrl.benchmarks.curves import SB3_IOU, TRAINING_IOU, check_sb3, image, sb3, training
 from layoutrl.benchmarks.learning import memory, peak_bytes, speed
 from layoutrl.benchmarks.serving import check_served, serving
 from layoutrl.benchmarks.simulation import FURNISHED, ITEMS, furnishing, growth, well_furnished
@@ -24,7 +24,11 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "sb3": sb3,
 }
 # Checks, made before any part is measured, of what it needs: of this machine, and of the training rooms.
-NEEDS: dict[str, Callable[[BenchConfig], object]] = {"demo": check_served, "memory": lambda _: peak_bytes()}
+NEEDS: dict[str, Callable[[BenchConfig], object]] = {
+    "memory": lambda _: peak_bytes(),
+    "demo": check_served,
+    "sb3": check_sb3,
+}
 NEEDS_ROOMS: dict[str, Callable[[BenchConfig, Sequence[Room]], object]] = {"speed": well_furnished}
 Targets = str | dict[str, str]  # to reach on two cores; a dict where a measurement has several values, by their names
 ROWS: dict[str, dict[str, tuple[str, Targets]]] = {

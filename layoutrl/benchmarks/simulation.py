@@ -18,6 +18,7 @@ from torch.utils.benchmark import Timer
 from layoutrl import InputError
 from layoutrl.agents.exploration import explore
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.device import generator_of
 from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.measures import measured
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
@@ -166,7 +167,7 @@ def random_moves(
     simulator: BatchSimulator | Scenes, episodes: int, max_moves: int, seed: np.random.SeedSequence
 ) -> Iterator[Step]:
     """Steps of many episodes, of legal moves drawn at random."""
-    generator = torch.Generator(simulator.device).manual_seed(int(seed.generate_state(1)[0]))
+    generator = generator_of(seed, simulator.device)
     running = Episodes(simulator, np.arange(episodes) * max_moves // episodes, max_moves, generator)
     none = torch.zeros(episodes, dtype=torch.int64, device=simulator.device)
     while True:

@@ -104,7 +104,7 @@ WORDS = {
 
 CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls
 
-Answer = dict[str, Any]
+Reply = dict[str, Any]
 
 
 class Answers:
@@ -113,7 +113,7 @@ class Answers:
     def __init__(self, staff: Staff):
         self.staff = staff
         samples = {kind: designer_cache.read(None, kind, "test", SEED, SAMPLES).rooms for kind in MAIN_ITEM}
-        self.begin: Answer = {
+        self.begin: Reply = {
             "gallery": [shown(room) for rooms in samples.values() for room in rooms[:SHOWN]],
             "palette": {room_type: palette(rooms) for room_type, rooms in samples.items()},
             "fronts": sorted(FRONT_DEPTH),
@@ -121,7 +121,7 @@ class Answers:
             "oddities": [*ODDITIES],
             "units": [*UNITS],
         }
-        self.questions: dict[str, Callable[[Any], Answer]] = {
+        self.questions: dict[str, Callable[[Any], Reply]] = {
             "look": self.look,
             "opening": self.opening,
             "furnish": self.furnish,
@@ -134,11 +134,11 @@ class Answers:
         """Load the agents before somebody asks, in a thread that ends with the program."""
         threading.Thread(target=self.staff.ready, daemon=True).start()
 
-    def answer(self, about: str, body: bytes) -> Answer:
+    def answer(self, about: str, body: bytes) -> Reply:
         """Answer a question, whose JSON has the `room`. Raises InputError if something is wrong with it."""
         return self.questions[about](question(body))
 
-    def look(self, asked: Any) -> Answer:
+    def look(self, asked: Any) -> Reply:
         """Return the room as it is read, how to draw it, its faults, and if an `item` is named the gaps beside it."""
         try:
             room = room_in(asked)
@@ -154,7 +154,7 @@ class Answers:
             "gaps": [] if item is None else [[*way, metres] for way, metres in gaps(room, item)],
         }
 
-    def opening(self, asked: Any) -> Answer:
+    def opening(self, asked: Any) -> Reply:
         """Add an opening (`kind`, `at`, `width`) or remove one (`remove`: its index, doors first); answer as `look`."""
         room = room_in(asked)
         if "remove" in asked:
@@ -167,7 +167,7 @@ class Answers:
             room = with_opening(room, str(asked.get("kind")), (x, y), number(asked.get("width"), "width", 0, 1000))
         return self.look({"room": room_to_dict(room)})
 
-    def furnish(self, asked: Any) -> Answer:
+    def furnish(self, asked: Any) -> Reply:
         """Return up to `choices` layouts, best first, with the items of `movable` placed anew, and the path to each.
 
         Items that nobody places in such a room stay where they stand, as obstacles. Items without a place that are not
@@ -193,14 +193,14 @@ class Answers:
         (found,) = self.staff.furnisher().furnish([checked.brief], choices, seed) if missing(checked.brief) else [[]]
         return {"lines": lines + checked.lines, "choices": [choice(checked, furnished) for furnished in found]}
 
-    def values(self, asked: Any) -> Answer:
+    def values(self, asked: Any) -> Reply:
         """Return the values of places of an `item`, `step` metres apart, and the best rotation at each."""
         room, item = self._thought_of(asked)
         step = number(asked.get("step", 0.2), "step", *STEPS)
         centers, values, degrees = self.staff.thinker(room.room_type).values(room, item, step)
         return {"centers": np.round(centers, 3).tolist(), "values": values.tolist(), "degrees": degrees.tolist()}
 
-    def moves(self, asked: Any) -> Answer:
+    def moves(self, asked: Any) -> Reply:
         """The legal moves of an `item`, those that the furnisher values highest first."""
         room, item = self._thought_of(asked)
         found = self.staff.thinker(room.room_type).moves(room, item)
@@ -222,12 +222,12 @@ class Answers:
             )
         return as_known(checked.brief), item - sum(k < item for k in checked.unseen)
 
-    def svg(self, asked: Any) -> Answer:
+    def svg(self, asked: Any) -> Reply:
         """Return a drawing of the room to scale, with faults and oddities hatched as on the page."""
         room = room_in(asked)
         return {"svg": svg(room, wrong_with(room))}
 
-    def read(self, content: bytes, unit: str = "auto", called: str = "") -> Answer:
+    def read(self, content: bytes, unit: str = "auto", called: str = "") -> Reply:
         """Read a file that somebody opens; return its rooms, whether it is a `home`, and what is wrong with others.
 
         Lengths of rooms in JSON are in `unit`, or told by their size (auto); other formats define them. The name that
@@ -421,7 +421,7 @@ def number(value: Any, field: str, low: float, high: float) -> float:
     return float(value)
 
 
-def shown(room: Room) -> Answer:
+def shown(room: Room) -> Reply:
     """A room, and the box [x0, y0, x1, y1] in metres that its picture shows."""
     return {"room": room_to_dict(room), "box": [*room.envelope.bounds]}
 
@@ -437,7 +437,7 @@ def told(room: Room) -> list[list[Any]]:
     return [[k, name, f"{named(categories, k)} {WORDS[name]}"] for k, name in wrong_with(room)]
 
 
-def choice(checked: CheckedBrief, furnished: Furnished) -> Answer:
+def choice(checked: CheckedBrief, furnished: Furnished) -> Reply:
     """A layout for the page, by the indices of the furniture as it was asked."""
     layout = checked.merge(furnished.layout)
     asked = [k for k in range(len(layout.furniture)) if k not in checked.unseen]
@@ -450,7 +450,7 @@ def choice(checked: CheckedBrief, furnished: Furnished) -> Answer:
     }
 
 
-def palette(rooms: Sequence[Room]) -> list[Answer]:
+def palette(rooms: Sequence[Room]) -> list[Reply]:
     """Return the furniture in rooms of a type, most frequent first: each in its median size, and how many are usual."""
     kinds: dict[tuple[str, str], list[Item]] = {}
     for item in chain.from_iterable(room.furniture for room in rooms):

@@ -15,6 +15,8 @@ from layoutrl.rooms.clearances import RAISED
 from layoutrl.rooms.doors import Leaf, drawn_leaves
 from layoutrl.rooms.room import TOLERANCE, WALL_THICKNESS, Opening, Room, rings
 
+NARROWEST, WIDEST = 0.3, 10.0  # metres, of a door or window
+DEEPEST = 1.0  # metres: a wall that is deeper here is taken for one of WALL_THICKNESS
 FAR = 1000.0  # metres, beyond all rooms
 LEAST = 0.005  # metres: shorter distances are not drawn
 
@@ -44,8 +46,8 @@ def with_opening(room: Room, kind: str, at: tuple[float, float], width: float) -
     """Return the room with a further door or window in the wall nearest to a point. Raises InputError if none fits."""
     if kind not in ("door", "window"):
         raise InputError(f"kind: expected door or window; got {kind}")
-    if not 0.3 <= width <= 10:
-        raise InputError(f"width: expected 0.3 to 10 metres; got {width:g}")
+    if not NARROWEST <= width <= WIDEST:
+        raise InputError(f"width: expected {NARROWEST:g} to {WIDEST:g} metres; got {width:g}")
     side = min(
         pairwise((*room.outline, room.outline[0])), key=lambda side: shapely.distance(LineString(side), Point(at))
     )
@@ -59,7 +61,7 @@ def with_opening(room: Room, kind: str, at: tuple[float, float], width: float) -
     through = shapely.intersection(LineString([middle, middle + FAR * out]), room.envelope)
     parts = [part for part in shapely.get_parts(through) if part.distance(Point(middle)) < TOLERANCE]
     depth = min((part.length for part in parts), default=0.0)
-    depth = depth if TOLERANCE < depth <= 1 else WALL_THICKNESS
+    depth = depth if TOLERANCE < depth <= DEEPEST else WALL_THICKNESS
     half = width / 2 * along
     corners = (middle - half, middle - half + depth * out, middle + half + depth * out, middle + half)
     opening = Opening(kind, tuple((round(float(x), 6), round(float(y), 6)) for x, y in corners))  # type: ignore[arg-type]

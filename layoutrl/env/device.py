@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 
 from layoutrl import InputError
@@ -21,3 +22,8 @@ def usable_device(device: torch.device | str, *others: str) -> torch.device:
             f"device: expected {known} or a GPU of this machine, as cuda:0; got {device} ({reason})"
         ) from None
     return chosen
+
+
+def generator_of(seed: np.random.SeedSequence, device: torch.device | str) -> torch.Generator:
+    """Return a generator on a device that draws as the seed says."""
+    return torch.Generator(device).manual_seed(int(seed.generate_state(1)[0]))

@@ -60,7 +60,7 @@ class Episodes:
         self._length, self.legal = simulator.reach(self.room, self.position)
 
     def explore_at(self, epsilon: float) -> float | Tensor:
-        """Set the rate of exploration before a step; return the probability of a random action, here the rate."""
+        """Return the probability of a random action in the next step at this rate of exploration: here the rate."""
         return epsilon
 
     def step(self, action: Tensor) -> Step:

@@ -18,6 +18,7 @@ from layoutrl.rooms.room import Room
 
 SIDE_PX = 128
 LARGE_PX = 384  # for people
+LINE_PX = 1.5  # width of a black outline in a picture for people
 SPAN_SHARE = 120 / 128  # share of the picture's side that the longest side of the envelope fills
 
 WHITE = (255, 255, 255)
@@ -82,14 +83,14 @@ def story(room: Room, path: np.ndarray) -> np.ndarray:
     Returns uint8 (LARGE_PX, LARGE_PX, 3). If the item never moved, no start and no path are drawn.
     """
     view = View(room, LARGE_PX)
-    line = 1.5 / view.scale  # metres a line is wide
+    line = LINE_PX / view.scale  # metres
     image = _painted_background(room, view, outlined=True)
     moved = path[np.r_[True, np.any(np.diff(path, axis=0) != 0, axis=1)]]
     start, end = (room.moving.footprint_at(tuple(moved[k])) for k in (0, -1))
     if len(moved) > 1:
         paint(image, view, start, MOVING, 0.25)
     paint(image, view, end, MOVING, 0.8)
-    paint(image, view, end.boundary.buffer(line / 2), BLACK)
+    _outline(image, view, end)
     if len(moved) > 1:
         paint(image, view, LineString(moved).buffer(line), PATH)
     if room.moving.center is not None:
@@ -103,7 +104,7 @@ def furnished_picture(room: Room) -> np.ndarray:
     image = _painted_background(room, view, outlined=True)
     if room.target is not None:
         paint(image, view, room.moving.footprint, MOVING, 0.8)
-        paint(image, view, room.moving.footprint.boundary.buffer(0.75 / view.scale), BLACK)
+        _outline(image, view, room.moving.footprint)
     return np.rint(image).astype(np.uint8)
 
 
@@ -179,5 +180,9 @@ def _painted_background(room: Room, view: View, outlined: bool) -> np.ndarray:
     for item in room.others:
         paint(image, view, item.footprint, color_of(item.category))
         if outlined:
-            paint(image, view, item.footprint.boundary.buffer(0.75 / view.scale), BLACK)
+            _outline(image, view, item.footprint)
     return image
+
+
+def _outline(image: np.ndarray, view: View, shape: shapely.Geometry) -> None:
+    paint(image, view, shape.boundary.buffer(LINE_PX / 2 / view.scale), BLACK)

@@ -45,8 +45,8 @@ class BatchRoomsSimulator:
 
         # If the reward counts it, the floor that is to be free before each item; if any of it fits, a simulator of it.
         self._floors = BatchSimulator(simulator.floors, device, dtype) if simulator.floors else None
-        self._floors_count = simulator.reward_function.theta4 != 0
-        if self._floors_count:
+        self._weighs_floor = simulator.reward_function.theta4 != 0
+        if self._weighs_floor:
             floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
             self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
             self._floor_index, self._ahead, self._welcome = (
@@ -131,7 +131,7 @@ class BatchRoomsSimulator:
             iou = (ious * self._target_counts[which, :, quarter]).amax(1)
         else:
             iou = torch.zeros(len(room_index), device=self.device, dtype=self._target_counts.dtype)
-        taken = self._floor_taken(state) if self._floors_count else None
+        taken = self._floor_taken(state) if self._weighs_floor else None
         terms = self.one_item.reward(room_index, center, self._others(state), iou, taken)
         stands = state.stands.gather(1, state.moving[:, None])[:, 0]
         return RewardTerms(*(term * stands for term in terms))

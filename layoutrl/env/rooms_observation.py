@@ -103,8 +103,7 @@ class RoomsObservation:
         items[..., EXTENT_X : EXTENT_Y + 1] = torch.where(
             lies, items[..., EXTENT_X : EXTENT_Y + 1], self._waiting.index_select(0, state.room)
         )
-        turned = slice(EXTENT_Y + 1, COS - 1)  # cos2 and sin2; `circle` stays
-        items[..., turned] *= lies
+        items[..., COS2 : SIN2 + 1] *= lies  # `circle` stays
         items[..., COS : SIN + 1] *= lies
         moves = torch.zeros_like(state.stands).scatter(1, state.moving[:, None], True) & state.stands
         items[..., MOVING] = moves.float()

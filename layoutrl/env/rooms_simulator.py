@@ -48,6 +48,16 @@ def _in_place_of(designed: Item, other: Item) -> bool:
     return there and designed.kind == other.kind
 
 
+def _free_places(brief: Room, design: Room | None) -> list[Item]:
+    """Return the designer's items in whose place nothing stands in the brief; none without a design."""
+    designed = [item for item in (design.furniture if design else ()) if item.center]
+    return [item for item in designed if not any(_in_place_of(item, other) for other in brief.furniture)]
+
+
+def _same_kind(items: Sequence[Item], item: Item) -> list[Item]:
+    return [other for other in items if other.kind == item.kind]
+
+
 class RoomsSimulator:
     """Legality, moves and rewards in B states at once, by shapely.
 
@@ -111,14 +121,11 @@ class RoomsSimulator:
             item, turn = self.items[r][n], np.radians(self.degrees[r, n])
             self.ahead[r, n] = ahead(item, floor) * np.stack([np.cos(turn), np.sin(turn)], -1)
             self.welcome[r, n, : self.count[r]] = [not _takes_floor(floor, other) for other in self.items[r]]
-        self.targets: list[list[list[Item]]] = [[[] for _ in range(shape[1])] for _ in briefs]
-        for targets, design, brief, items in zip(
-            self.targets, designs or [None] * len(briefs), briefs, self.items, strict=True
-        ):
-            designed = [item for item in (design.furniture if design else ()) if item.center]
-            free = [item for item in designed if not any(_in_place_of(item, other) for other in brief.furniture)]
-            for n, item in enumerate(items):
-                targets[n] = [there for there in free if there.kind == item.kind]
+        none = [None] * len(briefs)
+        self.targets = [
+            [_same_kind(free, item) for item in items] + [[]] * (shape[1] - len(items))
+            for items, free in zip(self.items, map(_free_places, briefs, designs or none), strict=True)
+        ]
 
     @property
     def actions(self) -> int:
@@ -275,9 +282,9 @@ class RoomsSimulator:
         if self.floors and len(b):
             terms = self.floors.reward(floor[b], middle[b], others[b], np.zeros(len(b)))
             taken[b] = terms.r2 + terms.r3
-        floors = self._others(state, floors=True)
-        floors[self.welcome[state.room[:, None], np.arange(floors.shape[1]), moving[:, None]]] = None
-        return taken + self.one_item.ious(room_index, center, floors).sum(1)
+        before_others = self._others(state, floors=True)
+        before_others[self.welcome[state.room[:, None], np.arange(before_others.shape[1]), moving[:, None]]] = None
+        return taken + self.one_item.ious(room_index, center, before_others).sum(1)
 
     def _moving(self, state: State[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the room of `one_item` (B,), the center (B, 2) and the quarter (B,) of the moving items."""

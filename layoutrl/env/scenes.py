@@ -117,7 +117,7 @@ class ScenesObservation:
 
     def __init__(self, scenes: Scenes, observe: RoomsObservation):
         self._scenes, self._observe = scenes, observe
-        turns = [Symmetry(-quarters % QUARTERS, False, scenes.moves, scenes.device).matrix for quarters in range(4)]
+        turns = [Symmetry(-k % QUARTERS, False, scenes.moves, scenes.device).matrix for k in range(QUARTERS)]
         self._back = torch.stack(turns)
 
     def __call__(self, scene: Tensor, position: Tensor) -> Tensor:

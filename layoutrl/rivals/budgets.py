@@ -14,10 +14,11 @@ def updates_budget(updates: int) -> Spent:
 
 def seconds_budget(seconds: float, clock: Callable[[], float]) -> Spent:
     """Return a budget of seconds of `clock` since it is first asked; by `time.process_time` no other process counts."""
-    began: list[float] = []
+    began: float | None = None
 
     def spent(_: int) -> float:
-        began[:] = began or [clock()]
-        return (clock() - began[0]) / seconds
+        nonlocal began
+        began = clock() if began is None else began
+        return (clock() - began) / seconds
 
     return spent

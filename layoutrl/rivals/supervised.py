@@ -19,6 +19,7 @@ from torch.nn.functional import l1_loss, mse_loss
 
 from layoutrl.agents.networks import GeometryNetwork, weights_of
 from layoutrl.env.batch import BatchSimulator
+from layoutrl.env.device import generator_of
 from layoutrl.env.geometry import padded, snap
 from layoutrl.env.observation import PRESENT, GeometryObservation, in_every_view, upright_box
 from layoutrl.env.simulator import TOUCHING, Simulator
@@ -268,7 +269,7 @@ def trained(
     weights, drawing = seed.spawn(2)
     with weights_of(weights):
         network = make().to(device)
-    generator = torch.Generator(device).manual_seed(int(drawing.generate_state(1)[0]))
+    generator = generator_of(drawing, device)
     optimizer = torch.optim.Adam(network.parameters(), fused=True)
     updates = 0
     while (share := spent(updates)) < 1:

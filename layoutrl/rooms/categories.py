@@ -127,12 +127,12 @@ class Names:
         """Return the category that a name means, `rug` for rugs; None for obstacles, decor and unknown names."""
         if name in self.categories:
             return name
-        found = self._furniture.get(self._known([name]) or "")
+        found = self._key(name)
         return None if found in (OBSTACLE, DECOR) else found
 
     def kind(self, *names: str | None) -> str | None:
         """Return the category of a thing with these names; None for obstacles, decor, rugs and unknown names."""
-        found = self._furniture.get(self._known([name for name in names if name]) or "")
+        found = self._key(*names)
         return None if found in (OBSTACLE, *NOT_FURNITURE) else found
 
     def knows(self, *names: str | None) -> bool:
@@ -141,8 +141,7 @@ class Names:
 
     def is_decor(self, *names: str | None) -> bool:
         """Whether a name is that of decor, or of a rug."""
-        part = self._known([name for name in names if name])
-        return part is not None and self._furniture[part] in NOT_FURNITURE
+        return self._key(*names) in NOT_FURNITURE
 
     def ours(self, document: Any) -> Any:
         """Return a room's document with known names of furniture replaced by categories; all else is unchanged."""
@@ -155,6 +154,10 @@ class Names:
         if not isinstance(name, str) or (ours := self.meant(name)) is None:
             return entry
         return entry | {"category": ours}
+
+    def _key(self, *names: str | None) -> str | None:
+        """Return the key of the table that has a thing of these names: a category, or what is none; None if unknown."""
+        return self._furniture.get(self._known([name for name in names if name]) or "")
 
     def _known(self, names: list[str]) -> str | None:
         """Return the table's name for a thing of these names, or None. Names of SHAPES count only if no other does."""

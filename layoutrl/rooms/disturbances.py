@@ -24,6 +24,7 @@ COLUMN = (0.2, 0.5)  # metres, of the sides of a column or a pier
 DOOR = (0.7, 1.0)  # metres, of a door's width
 CLEAR_OUTSIDE = 0.9  # metres outside a door that the room itself stays clear of, as the designer has it
 GRID = 1e-6  # metres, to which the corners of the remaining floor are rounded
+KEPT = 0.99  # share of the floor and wall along an opening that is still beside it
 LITTLE = 0.01  # square metres: a piece that takes less counts as nothing
 ROUNDED = 1e-6  # square metres: smaller areas come of rounding to GRID
 
@@ -116,7 +117,7 @@ def without(room: Room, piece: Polygon) -> Room | None:
         return None
     before, after = (shapely.boundary(shape).buffer(TOLERANCE) for shape in (room.indoor, left))
     for opening in room.openings:
-        if shapely.area(opening.shape.intersection(after)) < 0.99 * shapely.area(opening.shape.intersection(before)):
+        if shapely.area(opening.shape.intersection(after)) < KEPT * shapely.area(opening.shape.intersection(before)):
             return None
     return replace(room, outline=_ring(left.exterior), holes=tuple(_ring(hole)[::-1] for hole in left.interiors))
 

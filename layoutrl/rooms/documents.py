@@ -62,6 +62,7 @@ OPTIONAL = ("holes", "walls", "target", "group")
 LARGEST = 1000.0  # limit of any number in a room, metres or degrees: refuses NaN, infinity, lengths in millimetres
 SMALLEST = 1e-12  # metres: what is nearer to zero is read as zero, since geometry divides by it
 WINDOW_DEPTH = math.sqrt(2) * WALL_THICKNESS  # metres, at most, without `walls`: homes have windows deeper than walls
+MOST_INSIDE = 0.5  # share of a door or window that may lie inside the room
 MOST = 1000  # corners of a polygon, or entries of any other list, at most
 ITEM_REQUIRED = ("category", "size")
 ITEM_OPTIONAL = ("center", "rotation", "shape", "tucked", "locked")
@@ -261,7 +262,7 @@ def _check_places(room: Room, with_walls: bool) -> None:
                 field, f"expected to lie in the walls ({thickness:.2f} m); it reaches {reach:.2f} m out{hint}"
             )
         inside = opening.shape.intersection(room.indoor).area / opening.shape.area
-        if inside > 0.5:
+        if inside > MOST_INSIDE:
             raise RoomError(field, f"expected to lie in the walls; {inside:.0%} of it is inside the room")
     for k, item in enumerate(room.furniture):
         if item.center is not None and not room.holds(item):

@@ -58,7 +58,8 @@ def read_rooms(path: Path | str, strict: bool = False, unit: str = "auto", room_
             else:
                 seen.add(room.id)
                 collection.rooms.append(room)
-                collection.notes += [] if told else [taken_for(room)]
+                if not told:
+                    collection.notes.append(taken_for(room))
     return collection
 
 

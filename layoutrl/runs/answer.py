@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 from layoutrl.rooms.documents import with_layout
 from layoutrl.rooms.faults import MISSING, OVERLAPS, Fault
@@ -18,6 +18,21 @@ from layoutrl.runs.streams import Entry
 CROWDED_OUT = "not placed, as no room is left for it"  # whoever furnishes found no place
 
 
+class Choice(NamedTuple):
+    """A layout of a room, and what there is to say of it."""
+
+    layout: Room
+    by: str  # who made it; empty where it is who was asked
+    unplaced: list[int]  # the wanted items that it has no place for
+    wrong: list[Fault]  # (index of the item, fault or oddity) of what was not so before
+    still: set[Fault]  # all of its faults and oddities
+
+    @property
+    def overlapping(self) -> set[int]:
+        """The items that overlap another, and did not before."""
+        return {k for k, fault in self.wrong if fault == OVERLAPS}
+
+
 @dataclass(frozen=True)
 class Answer:
     """A room that was read, and its layouts, best first, each with its faults and oddities.
@@ -27,18 +42,24 @@ class Answer:
 
     entry: Entry
     request: Request
-    layouts: list[Room]
-    by: list[str]  # who made each layout; empty where it is who was asked
-    unplaced: list[list[int]]  # for each layout, the wanted items that it has no place for
-    wrong: list[list[Fault]]  # for each layout, (index of the item, fault or oddity) of what was not so before
-    still: list[set[Fault]]  # for each layout, all of its faults and oddities
+    choices: list[Choice]
     wrong_where_stood: list[Fault] | None = None  # of the wanted items, where they all stood; None if they did not
+
+    @property
+    def layouts(self) -> list[Room]:
+        """The layouts alone."""
+        return [choice.layout for choice in self.choices]
+
+    @property
+    def wrong(self) -> list[list[Fault]]:
+        """For each layout, (index of the item, fault or oddity) of what was not so before."""
+        return [choice.wrong for choice in self.choices]
 
     @property
     def to_furnish_around(self) -> frozenset[int]:
         """The items that find no place in the best layout and stay where they stood, if something overlaps in it."""
-        overlaps = any(fault == OVERLAPS for _, fault in self.wrong[0])
-        return self.request.stood.intersection(self.unplaced[0]) if overlaps else frozenset()
+        best = self.choices[0]
+        return self.request.stood.intersection(best.unplaced) if best.overlapping else frozenset()
 
     def joined(self, other: Answer, choices: int) -> Answer:
         """Return the answer with the best layouts of both, up to `choices`; of equals this answer's come first.
@@ -47,37 +68,26 @@ class Answer:
         other answer is to the same room, furnished around what stays.
         """
 
-        def ill_placed_and_wrong(which: tuple[Answer, int]) -> tuple[int, int]:
-            answer, n = which
-            overlap = (k for k, fault in answer.wrong[n] if fault == OVERLAPS)
-            return len({*answer.unplaced[n], *overlap}), len(answer.wrong[n])
+        def ill_placed_and_wrong(choice: Choice) -> tuple[int, int]:
+            return len({*choice.unplaced, *choice.overlapping}), len(choice.wrong)
 
-        best: list[tuple[Answer, int]] = []
-        every = [(each, n) for each in (self, other) for n in range(len(each.layouts))]
-        for answer, n in sorted(every, key=ill_placed_and_wrong):
-            if not any(same(answer.layouts[n], known.layouts[m]) for known, m in best):
-                best.append((answer, n))
-        best = best[:choices]
-        return replace(
-            self,
-            layouts=[answer.layouts[n] for answer, n in best],
-            by=[answer.by[n] for answer, n in best],
-            unplaced=[answer.unplaced[n] for answer, n in best],
-            wrong=[answer.wrong[n] for answer, n in best],
-            still=[answer.still[n] for answer, n in best],
-        )
+        best: list[Choice] = []
+        for choice in sorted([*self.choices, *other.choices], key=ill_placed_and_wrong):
+            if not any(same(choice.layout, known.layout) for known in best):
+                best.append(choice)
+        return replace(self, choices=best[:choices])
 
     def placed(self, choice: int) -> int:
         """How many items a layout places."""
-        return len(self.request.wanted) - len(self.request.left) - len(self.unplaced[choice])
+        return len(self.request.wanted) - len(self.request.left) - len(self.choices[choice].unplaced)
 
     def found(self, choice: int) -> Room:
         """Return a layout for writing: items that found no place have no center, and so stay as the file has them."""
-        layout, room = self.layouts[choice], self.entry.room
+        chosen, room = self.choices[choice], self.entry.room
         assert room is not None
-        items = enumerate(layout.furniture)
-        furniture = (room.furniture[k] if k in self.unplaced[choice] else item for k, item in items)
-        return replace(layout, furniture=tuple(furniture))
+        items = enumerate(chosen.layout.furniture)
+        furniture = (room.furniture[k] if k in chosen.unplaced else item for k, item in items)
+        return replace(chosen.layout, furniture=tuple(furniture))
 
     def documents(self) -> Iterator[dict[str, Any]]:
         """Yield the room's document with each layout, from the second on with an id of its own.
@@ -88,8 +98,9 @@ class Answer:
             yield self.entry.document
             return
         asked, unit = self.request.checked.room, self.entry.unit
-        for n, (layout, wrong, still) in enumerate(zip(self.layouts, self.wrong, self.still, strict=True), 1):
-            written = with_layout(self.entry.document, asked, self.found(n - 1), wrong, still, unit)
+        for n, choice in enumerate(self.choices, 1):
+            written = with_layout(self.entry.document, asked, self.found(n - 1), choice.wrong, choice.still, unit)
+            layout = choice.layout
             yield written if n == 1 else written | {"id": f"{layout.id} choice {n}", "group": layout.group}
 
     def lines(self) -> Iterator[str]:
@@ -100,8 +111,8 @@ class Answer:
         if not self.request.wanted:
             return
         words = self.entry.words
-        for n, (layout, by, wrong) in enumerate(zip(self.layouts, self.by, self.wrong, strict=True), 1):
-            name = layout.id if len(self.layouts) == 1 else f"{layout.id}, choice {n}"
+        for n, (layout, by, _, wrong, _) in enumerate(self.choices, 1):
+            name = layout.id if len(self.choices) == 1 else f"{layout.id}, choice {n}"
             # Of what is unseen, the lines of the checked brief name all that was to be placed.
             told = [(k, fault) for k, fault in wrong if k not in self.request.checked.unseen]
             said = [
@@ -122,8 +133,9 @@ class Answer:
         there = ", ".join(fault for fault in faults if fault != MISSING)
         if MISSING not in faults:
             return there
-        stays = f", and stays where it stood{there and f' ({there})'}"
-        return CROWDED_OUT + stays * (item in self.request.stood)
+        if item not in self.request.stood:
+            return CROWDED_OUT
+        return f"{CROWDED_OUT}, and stays where it stood{there and f' ({there})'}"
 
 
 def numbered(words: Sequence[str], item: int) -> str:

@@ -110,10 +110,11 @@ def load_checkpoint(
             if not isinstance(state, dict) or not isinstance(version := state.get("version"), str):
                 raise ValueError("it is no state of a training")
             if (theirs := state.get("format", 1)) != FORMAT:
-                same = version == layoutrl.__version__
-                ours = "" if same else f", of layoutrl {layoutrl.__version__}"
+                another, ours = "", f", of layoutrl {layoutrl.__version__}"
+                if version == layoutrl.__version__:
+                    another, ours = "another ", ""
                 raise InputError(
-                    f"{checkpoint.file} is of format {theirs}, of {'another ' * same}layoutrl {version}; "
+                    f"{checkpoint.file} is of format {theirs}, of {another}layoutrl {version}; "
                     f"expected {FORMAT}{ours}: train it again"
                 )
             if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:

@@ -104,7 +104,8 @@ def explanation(name: str) -> str:
     for line in (config_directory() / f"{name}.yaml").read_text(encoding="utf-8").splitlines():
         if line[:1].strip():  # not indented
             shown = not line.startswith(("defaults:", "hydra:"))
-        lines += [line] * (shown or not line)
+        if shown or not line:
+            lines.append(line)
     offered = {
         group: sorted(file.stem for file in (config_directory() / group).glob("*.yaml")) for group in groups(name)
     }

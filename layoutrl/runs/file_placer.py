@@ -87,7 +87,7 @@ class FilePlacer:
             left_out = self.source.collection.left_out if self.source else []
             if those := [f"{label} is left out: {why}" for label, why in left_out if naming(self.config.only, label)]:
                 return f"{'; '.join(those)}; expected the id of a room that could be read"
-            known = ", ".join(self._ids) + ", ..." * (len(self._ids) == LISTED)
+            known = ", ".join(self._ids) + (", ..." if len(self._ids) == LISTED else "")
             return f"{rooms} has no room called {' or '.join(sorted(self._unmet))}; expected the id of one: {known}"
         named = item or move or ALL
         what = "an item" if ALL in names_in(named) else any_of(sorted(names_in(named)))
@@ -119,7 +119,7 @@ class FilePlacer:
         A room with fewer layouts than that has its last one in the remaining files.
         """
         assert self.source is not None
-        rooms = [[answer.found(n) for n in range(len(answer.layouts))] for block in self.answers() for answer in block]
+        rooms = [[answer.found(n) for n in range(len(answer.choices))] for block in self.answers() for answer in block]
         made = [*files[: max(map(len, rooms), default=0) if self.asked else 0]]
         for n, file in enumerate(made):
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -201,7 +201,8 @@ class FilePlacer:
         """Note what the messages at the end need to know of a room, and report its unit if that is new."""
         named = names_in(self.config.move)
         self._unmet -= naming(self.config.only, room.id)
-        self._ids += [room.id] if len(self._ids) < LISTED else []
+        if len(self._ids) < LISTED:
+            self._ids.append(room.id)
         if self.placer.means(room):
             for name in (item.category for item in entry.stood if item.locked):
                 if name in named or ALL in named:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Never, Protocol, TypeVar
+from typing import Any, Never, Protocol
 
 import numpy as np
 from tensorboard.compat.proto.event_pb2 import Event, SessionLog
@@ -32,7 +32,8 @@ BAR = {  # what the progress bar says, beside losses
     "iou/held_out": "held_out",
     "lattice_ceiling/held_out": "ceiling",
 }
-Probed = TypeVar("Probed")  # what a probe evaluates: of one item a policy, of whole rooms a Furnisher
+# Evaluates the agent: numbers by name, "iou" among them, and pictures.
+Probe = Callable[[], tuple[dict[str, float], list[np.ndarray]]]
 Board = Callable[[Summary, int], None]  # shows a summary at so many updates
 LONGEST = 10_000  # characters in a line of metrics.csv
 FINAL = (  # of evaluation.json: of one item, of whole rooms, or of both
@@ -61,21 +62,20 @@ class Reporting(Protocol):
 
 def watched(
     training: Training,
-    policy: Probed,
-    probes: dict[str, Callable[[Probed], tuple[dict[str, float], list[np.ndarray]]]],
+    probes: dict[str, Probe],
     folder: Path,
     updates: int,
     evaluations: int,
 ) -> Iterator[float]:
     """Train an agent, and yield, as `reported` does.
 
-    The probes "train" and "held_out" return numbers by name, "iou" among them, and pictures.
+    The probes are named "train" and "held_out".
     """
 
     def look(board: Board, made: int) -> dict[str, float]:
         found: dict[str, float] = {}
         for name, probe in probes.items():
-            numbers, pictures = probe(policy)
+            numbers, pictures = probe()
             found |= {f"{tag}/{name}": value for tag, value in numbers.items()}
             for k, picture in enumerate(pictures):
                 board(image(f"{name}/{k}", picture, dataformats="HWC"), made)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.collection import naming
-from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
+from layoutrl.rooms.furnished import Furnished
 from layoutrl.rooms.oddities import oddities
 from layoutrl.rooms.room import Room
-from layoutrl.runs.answer import Answer
+from layoutrl.runs.answer import Answer, Choice
 from layoutrl.runs.config import PlaceConfig
 from layoutrl.runs.request import Request, put_back, request_of, staying_put
 from layoutrl.runs.streams import Entry
@@ -58,26 +59,16 @@ class RoomPlacer:
         """Place what is requested of each entry, all in one batch."""
         briefs = [request.checked.brief for request in requests if missing(request.checked.brief)]
         layouts = iter(self.info.furnisher.furnish(briefs, self.config.choices, self.config.seed) if briefs else [])
-        answers, before = [], list[Room]()
-        for entry, request in zip(entries, requests, strict=True):
-            found = next(layouts) if missing(request.checked.brief) else []
-            rooms = [request.checked.merge(each.layout) for each in found] or [request.checked.room]
-            stuck = request.stuck
-            unplaced = [[k for k in request.wanted if k in stuck or room.furniture[k].center is None] for room in rooms]
-            stays = [request.stood.intersection(those) for those in unplaced]
-            written = [put_back(room, entry, those) for room, those in zip(rooms, stays, strict=True)]
-            before += [put_back(request.checked.room, entry, those) for those in stays]
-            answers.append(Answer(entry, request, written, [each.by for each in found] or [""], unplaced, [], []))
-        was = iter(faults_of_all(before))
-        now = iter(faults_of_all([layout for answer in answers for layout in answer.layouts]))
-        for answer in answers:
-            for layout, those in zip(answer.layouts, answer.unplaced, strict=True):
-                staying = answer.request.stood.intersection(those)
-                wrong, odd = next(now), oddities(layout)
-                placed = [(k, oddity) for k, oddity in odd if k in answer.request.wanted and k not in staying]
-                answer.wrong.append([(k, MISSING) for k in sorted(staying)] + new_faults(wrong, next(was)) + placed)
-                answer.still.append({*wrong, *odd})
-        return answers
+        drafts = [
+            list(drafts_of(entry, request, next(layouts) if missing(request.checked.brief) else []))
+            for entry, request in zip(entries, requests, strict=True)
+        ]
+        was = iter(faults_of_all([draft.before for those in drafts for draft in those]))
+        now = iter(faults_of_all([draft.layout for those in drafts for draft in those]))
+        return [
+            Answer(entry, request, [judged(draft, request, next(was), next(now)) for draft in those])
+            for entry, request, those in zip(entries, requests, drafts, strict=True)
+        ]
 
     def means(self, room: Room) -> bool:
         """Whether a room is to be furnished: all are, or the `only` ones."""
@@ -93,6 +84,33 @@ class RoomPlacer:
             return request_of(entry, meant, moves_all, ())
         info = self.info
         return request_of(entry, meant, moves_all, info.known(entry.room.room_type), info.types_placing)
+
+
+class Draft(NamedTuple):
+    """A layout that is not judged yet. What `stays` found no place, and is back where it stood."""
+
+    layout: Room
+    by: str
+    unplaced: list[int]  # the wanted items that found no place
+    stays: frozenset[int]  # those of `unplaced` that stood in the room
+    before: Room  # the room without what was placed
+
+
+def drafts_of(entry: Entry, request: Request, found: Sequence[Furnished]) -> Iterator[Draft]:
+    """Yield a draft of each layout that was found for a room; of the room as it was asked, if none was."""
+    room = request.checked.room
+    for layout, by in [(request.checked.merge(each.layout), each.by) for each in found] or [(room, "")]:
+        unplaced = [k for k in request.wanted if k in request.stuck or layout.furniture[k].center is None]
+        stays = request.stood.intersection(unplaced)
+        yield Draft(put_back(layout, entry, stays), by, unplaced, stays, put_back(room, entry, stays))
+
+
+def judged(draft: Draft, request: Request, was: Sequence[Fault], now: Sequence[Fault]) -> Choice:
+    """Return a draft with what is wrong with it, by the faults that there were before and are `now`."""
+    odd = oddities(draft.layout)
+    placed = [(k, oddity) for k, oddity in odd if k in request.wanted and k not in draft.stays]
+    wrong = [(k, MISSING) for k in sorted(draft.stays)] + new_faults(now, was) + placed
+    return Choice(draft.layout, draft.by, draft.unplaced, wrong, {*now, *odd})
 
 
 def with_what_was_wrong(answers: Sequence[Answer]) -> list[Answer]:

@@ -175,7 +175,8 @@ class Tally:
     locked: dict[str, int] = field(default_factory=dict)  # by category: items that `move` names, and that are locked
 
     def __str__(self) -> str:
-        said = [f"placed {self.placed} of {self.items} items in {self.rooms} room{'s' * (self.rooms != 1)}"]
+        rooms = "1 room" if self.rooms == 1 else f"{self.rooms} rooms"
+        said = [f"placed {self.placed} of {self.items} items in {rooms}"]
         said += [f"{number} {fault}" for fault, number in self.faults.items()]
         if self.left_out:
             said.append(f"{self.left_out} of {self.entries} rooms could not be read, and are not in what is written")
@@ -208,7 +209,7 @@ class Growing:
         except BrokenPipeError:  # nobody reads any more
             raise
         except OSError as error:
-            then = ": the same command goes on then" * self._again
+            then = ": the same command goes on then" if self._again else ""
             raise InputError(
                 f"out: cannot write {self._stream.name} ({error.strerror}); expected a disk with room{then}"
             ) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -125,16 +126,10 @@ def trained_run(config: RunConfig) -> TrainedRun:
     part = config.part or ("held_out" if same or data.source == "designer" else "all")
     chosen = {"training": parts[0], "held_out": parts[1], "all": parts[0] + parts[1]}[part]
     if not same:
-        trained_on = {room.group for room in training}
-        unseen = [room for room in chosen if room.group not in trained_on]
-        if len(unseen) < len(chosen):
-            print(f"left out {len(chosen) - len(unseen)} rooms that the agent was trained on")
-        chosen = unseen
+        chosen = _unseen(chosen, training)
+    if not chosen and part == "all":
+        raise InputError(f"data: {data.source} has no rooms to score; expected some that the agent did not learn from")
     if not chosen:
-        if part == "all":
-            raise InputError(
-                f"data: {data.source} has no rooms to score; expected some that the agent did not learn from"
-            )
         raise InputError(f"part: {data.source} has no {part} rooms to score; expected another part, or more rooms")
     print(f"{len(chosen)} rooms of {data.source} ({part})")
     unknown = [{item.category for item in room.furniture}.difference(kept.agent.categories) for room in chosen]
@@ -150,3 +145,12 @@ def trained_run(config: RunConfig) -> TrainedRun:
         config.checkpoint,
         kept.updates,
     )
+
+
+def _unseen(rooms: Sequence[Room], training: Sequence[Room]) -> list[Room]:
+    """Return the rooms of groups that no room of the training is of; print how many others there are."""
+    trained_on = {room.group for room in training}
+    unseen = [room for room in rooms if room.group not in trained_on]
+    if len(unseen) < len(rooms):
+        print(f"left out {len(rooms) - len(unseen)} rooms that the agent was trained on")
+    return unseen

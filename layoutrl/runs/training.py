@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,12 +15,13 @@ from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import greedy
-from layoutrl.evaluation.probe import Probe, RoomsProbe
+from layoutrl.evaluation.probe import Probe as ItemProbe
+from layoutrl.evaluation.probe import RoomsProbe
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained
 from layoutrl.runs.config import TrainConfig
 from layoutrl.runs.machine import keep_freed_memory, require_determinism_on_cpu
-from layoutrl.runs.monitor import watched
+from layoutrl.runs.monitor import Probe, watched
 from layoutrl.runs.resume import seeds, session
 
 
@@ -55,19 +56,19 @@ def train(
     learner = Learner(training_rooms, method, reward, updates, network_seed, training_seed, device, before)
     training = learner.training(max(1, updates // budget.reports))
     whole = method.scope == "room"
-    policy: Any = Furnisher(learner.agent) if whole else greedy(learner.agent.network, method)
-    probes: dict[str, Any] = {}
+    probes: dict[str, Probe] = {}
     parts = {"train": training_rooms, "held_out": held_out}
     for (name, rooms), seed in zip(parts.items(), probe_seed.spawn(2), strict=True):
         rng = np.random.default_rng(seed)
         few = [rooms[k] for k in sorted(rng.permutation(len(rooms))[: budget.evaluation_rooms])]
         if whole:
-            probes[name] = RoomsProbe(few)
+            probes[name] = partial(RoomsProbe(few), Furnisher(learner.agent))
         else:
             observe = observation_of(method.observation, few, device, learner.categories)
-            probes[name] = Probe(Simulator(few, method.moves, reward), observe, rng, device)
+            probe = ItemProbe(Simulator(few, method.moves, reward), observe, rng, device)
+            probes[name] = partial(probe, greedy(learner.agent.network, method))
     about = {"categories": learner.categories}
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
-        for iou in watched(training, policy, probes, kept.folder, updates, budget.evaluations):
+        for iou in watched(training, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     return TrainedAgent(kept.folder, learner, kept.seconds)

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
+from layoutrl.env.device import generator_of
 from layoutrl.env.measures import iou_of, matched, means
 from layoutrl.env.reward import Reward
 from layoutrl.env.simulator import Moves, Simulator
@@ -79,7 +80,7 @@ def _tries(graph: str) -> int:
 
 def _generators(placer: Placer, seed: np.random.SeedSequence) -> tuple[np.random.Generator, torch.Generator]:
     drawing, noise = seed.spawn(2)
-    generator = torch.Generator(placer.model.device).manual_seed(int(noise.generate_state(1)[0]))
+    generator = generator_of(noise, placer.model.device)
     return np.random.default_rng(drawing), generator
 
 

@@ -13,6 +13,7 @@ from torch.nn.functional import cross_entropy, l1_loss, one_hot, softplus
 from torch.nn.utils.rnn import pad_sequence
 
 from layoutrl.agents.networks import weights_of
+from layoutrl.env.device import generator_of
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.planit import generator
 from layoutrl.rivals.planit.canvas import Canvas, in_frame
@@ -25,8 +26,6 @@ from layoutrl.rooms.room import Item, Room
 CENTROID_WEIGHT = 10.0  # in the loss, of a pixel that holds an item's centre; of others 1
 DECISIONS = 4  # on each example's graph
 SIZE_LOSSES = (20.0, 0.1, 0.1)  # weights: of the absolute error, the divergence, the discriminator
-
-
 LOSSES = ("location", "orientation", "size", "graph", "discriminator")
 
 
@@ -77,7 +76,7 @@ class Training:
         self._batch, self._learning_rate, self._report_every = batch, learning_rate, report_every
         drawing, weights, noise = seed.spawn(3)
         self._rng = np.random.default_rng(drawing)
-        self._noise = torch.Generator(model.device).manual_seed(int(noise.generate_state(1)[0]))
+        self._noise = generator_of(noise, model.device)
         statistics = model.statistics
         self._canvas = Canvas(rooms, statistics.categories, model.device)
         with weights_of(weights):

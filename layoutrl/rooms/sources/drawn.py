@@ -107,14 +107,14 @@ class Storey(Generic[P]):
         """
         center = shapely.Point(piece.item.center)
         inside = [self.rooms[k] for k in self._traced.query(center, predicate="intersects")]
-        if inside:
-            min(inside, key=lambda room: (room.floor.distance(center), not room.name, room.traced.area)).pieces.append(
-                piece
-            )
-        return bool(inside)
+        if not inside:
+            return False
+        room = min(inside, key=lambda room: (room.floor.distance(center), not room.name, room.traced.area))
+        room.pieces.append(piece)
+        return True
 
     @contextmanager
-    def or_left_out(self, called: str, decor: Callable[[], bool] = bool) -> Iterator[None]:
+    def or_left_out(self, called: str, decor: Callable[[], bool] = lambda: False) -> Iterator[None]:
         """Leave out the piece that is read in this context, and nothing else, where a field of it is missing or odd.
 
         It is counted in `odd` as `called`, unless `decor()` is true.
@@ -176,16 +176,7 @@ class Storey(Generic[P]):
         the way. `room_type` is assigned to rooms whose type neither name nor furniture tells. If it is None, they are
         left out, and `or_else` ends the reason with an option that would help.
         """
-        why_odd = f" (the first: {self.why_odd})" if self.why_odd else ""
-        for what, found, why in (
-            ("of unknown size", self.unsized, ""),
-            ("with a missing or odd field", self.odd, why_odd),
-        ):
-            if found:
-                called = ", ".join(f"{name[:40]} ({n})" for name, n in found.most_common(NOTED))
-                more = ", ..." if len(found) > NOTED else ""
-                said = f"pieces {what} are left out ({found.total()}), and others may be placed there"
-                self.notes.append(f"{self.prefix}: {said}: {called}{more}{why}")
+        self._note_left_out()
         taken: set[str] = set()
         bodies = shapely.STRtree([wall.body for wall in self.walls or ()])
         shapes = shapely.STRtree([opening.shape for opening in self.openings])
@@ -202,28 +193,18 @@ class Storey(Generic[P]):
             anew = {k for k, piece in enumerate(pieces) if moves(piece)}
             sure = {k for k in anew if pieces[k].item.category in DESIGNED[kind].union(named)}
             items = without_poses(standing, sure)
-            about = drawn.floor.buffer(NEAR + ACROSS)
-            near = [self.openings[k] for k in sorted(shapes.query(about, predicate="intersects"))]
-            # Doors first: of two in one place the first counts.
-            openings = sorted(near, key=lambda opening: opening.kind != "door")
-            del openings[MOST_OPENINGS:]
-            walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
-            if walls:
-                openings += self._passages(drawn, walls, openings)
+            walls, openings = self._around(drawn, bodies, shapes)
             try:
                 room, held = room_of(room_id, kind, drawn.floor, walls, openings, items, group)
             except RoomError as error:
                 self.left_out.append((room_id, str(error)))
                 continue
-            cut = {items[k].category for k, item in held.items() if item is not items[k]}
-            beyond = {item.category for k, item in enumerate(items) if k not in held}
-            for what, those in (("stays as an obstacle as far as it is indoors", cut), ("left out", beyond)):
-                if those:
-                    called = ", ".join(sorted(those))
-                    self.notes.append(f"{room_id}: {what}, since it reaches beyond the walls: {called}")
-            for k, item in held.items():
-                if item is not items[k]:
-                    pieces[k] = replace(pieces[k], item=item, known=False)
+            cut = {k: item for k, item in held.items() if item is not items[k]}
+            beyond = [item for k, item in enumerate(items) if k not in held]
+            self._note_beyond(room_id, "stays as an obstacle as far as it is indoors", [items[k] for k in cut])
+            self._note_beyond(room_id, "left out", beyond)
+            for k, item in cut.items():
+                pieces[k] = replace(pieces[k], item=item, known=False)
             # Of the others, what is not cut by a wall loses its pose only now.
             free = {n for n, k in enumerate(held) if k in anew - sure and pieces[k].known}
             room = replace(room, furniture=without_poses(room.furniture, free))
@@ -231,6 +212,35 @@ class Storey(Generic[P]):
                 self.untold.add(room_id)
                 self.notes.append(taken_for(room))
             yield room, [pieces[k] for k in held]
+
+    def _around(
+        self, room: DrawnRoom[P], bodies: shapely.STRtree, shapes: shapely.STRtree
+    ) -> tuple[list[Wall] | None, list[DrawnOpening]]:
+        """Return the walls and openings near a room, passages included; None for walls where the format draws none."""
+        about = room.floor.buffer(NEAR + ACROSS)
+        near = [self.openings[k] for k in sorted(shapes.query(about, predicate="intersects"))]
+        # Doors first: of two in one place the first counts.
+        openings = sorted(near, key=lambda opening: opening.kind != "door")[:MOST_OPENINGS]
+        walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
+        return walls, openings + self._passages(room, walls, openings) if walls else openings
+
+    def _note_left_out(self) -> None:
+        """Note which pieces are left out: those of unknown size, and those with a missing or odd field."""
+        why_odd = f" (the first: {self.why_odd})" if self.why_odd else ""
+        for what, found, why in (
+            ("of unknown size", self.unsized, ""),
+            ("with a missing or odd field", self.odd, why_odd),
+        ):
+            if found:
+                called = ", ".join(f"{name[:40]} ({n})" for name, n in found.most_common(NOTED))
+                more = ", ..." if len(found) > NOTED else ""
+                said = f"pieces {what} are left out ({found.total()}), and others may be placed there"
+                self.notes.append(f"{self.prefix}: {said}: {called}{more}{why}")
+
+    def _note_beyond(self, room_id: str, what: str, items: Sequence[Item]) -> None:
+        """Note what became of items that reach beyond the walls, if there are any."""
+        if called := ", ".join(sorted({item.category for item in items})):
+            self.notes.append(f"{room_id}: {what}, since it reaches beyond the walls: {called}")
 
 
 def _filled(walls: shapely.Geometry | None) -> shapely.Geometry:

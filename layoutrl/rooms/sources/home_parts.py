@@ -23,6 +23,7 @@ HUNG = 1.2  # metres, instead of HIGHEST, for furniture of bathrooms: it hangs o
 FLAT = ("bathtub", "shower")  # count as furniture however low they are
 STEP, HEADROOM = 0.1, 1.8  # metres: a window that begins below STEP and is at least HEADROOM high is walked through
 TOP = 0.02  # metres by which what stands on a piece may be off its top
+ALIKE = 0.02  # metres by which width and depth of what is round may differ
 # In names of what lies in a piece, below its highest part.
 CUSHIONS = (
     *("pillow", "cushion", "kissen", "coussin", "oreiller", "cojin", "almohada", "cuscin", "almofad", "kussen", "枕"),
@@ -207,7 +208,7 @@ def piece_of(element: Element, names: Names, carried: bool, resting: bool) -> Ho
     if found is None:
         return None
     category, known = found
-    round_ = abs(width - depth) < 0.02 and any(ROUND.search(plain(name or "")) for name in element.names)
+    round_ = abs(width - depth) < ALIKE and any(ROUND.search(plain(name or "")) for name in element.names)
     center = (element.number("x") / 100, -element.number("y") / 100)
     rotation = (270 - math.degrees(element.number("angle", 0.0))) % 360
     size = ((width + depth) / 2,) * 2 if round_ else (depth, width)

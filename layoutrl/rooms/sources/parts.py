@@ -71,10 +71,10 @@ def whole_parts(room_type: str, data: Data, fold: int) -> tuple[list[Room], list
 
 def two_parts(room_type: str, item: str, data: Data, fold: int) -> tuple[list[Room], list[Room]]:
     """(training, held-out) rooms as `read_parts` has them. Raises InputError where either part is empty."""
-    return both(*read_parts(room_type, item, data, fold))
+    return none_empty(*read_parts(room_type, item, data, fold))
 
 
-def both(training: list[Room], held_out: list[Room]) -> tuple[list[Room], list[Room]]:
+def none_empty(training: list[Room], held_out: list[Room]) -> tuple[list[Room], list[Room]]:
     """The two parts. Raises InputError where either is empty."""
     if not training or not held_out:
         raise InputError(

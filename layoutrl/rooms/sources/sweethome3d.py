@@ -242,7 +242,8 @@ def _storeys(
         if element.tag == "wall" and storey.walls is not None:
             storey.walls += walls_of(element)
         for each in visible(element):
-            storey.openings += openings_of(each) if opens(each) else []
+            if opens(each):
+                storey.openings += openings_of(each)
     for level in hidden:
         if beside := storeys.get(first[heights[level]]):
             name = named[level].attributes.get("name") or str(level)
@@ -331,15 +332,7 @@ def _park(
     then one without such a piece, then the one with the most floor free. A piece that no room suits stays, with a note.
     Raises InputError where `into` is no room of the home.
     """
-    if into is not None and into not in home.pieces:
-        whole = names_in(into)  # an id may have commas
-        meant = [room_id for room_id in home.pieces if naming(into, room_id) == whole]
-        if len(meant) != 1:
-            why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
-            mend = f"expected one of {', '.join(meant or home.pieces)}" if home.pieces else f"none could be read: {why}"
-            has = "several rooms" if meant else "no room"
-            raise InputError(f"into: {home.path} has {has} {into!r} to furnish; {mend}")
-        (into,) = meant
+    into = None if into is None else _room_meant(home, into)
     rooms = {room.id: room for room in home.rooms}
     held = {room.id: {item.category for item in room.furniture} for room in home.rooms}
     free = {room.id: room.indoor.area - sum(item.area for item in room.furniture) for room in home.rooms}
@@ -368,13 +361,28 @@ def _park(
         stays = levels[chosen] == level
         home.pieces[chosen].append(piece if stays else replace(piece, level=levels[chosen] or ""))
     # Not of a part of the base plan that is named, and so goes to a room.
-    but_fixed = "; what is part of the base plan stays there" * all(piece.may_move for _, piece in parked)
+    none_fixed = all(piece.may_move for _, piece in parked)
+    but_fixed = "; what is part of the base plan stays there" if none_fixed else ""
     for chosen, parts in given.items():
         called = ", ".join(sorted({item.category for item in parts}))
         home.collection.notes.append(f"{chosen}: gets {called} from outside all rooms{but_fixed}")
     for k, room in enumerate(home.rooms):
         items = (*room.furniture, *given[room.id])
         home.rooms[k] = replace(room, furniture=without_poses(items, range(len(room.furniture), len(items))))
+
+
+def _room_meant(home: Home, into: str) -> str:
+    """Return the id of the room that `into` names. Raises InputError unless it names one room of the home."""
+    if into in home.pieces:
+        return into
+    whole = names_in(into)  # an id may have commas
+    meant = [room_id for room_id in home.pieces if naming(into, room_id) == whole]
+    if len(meant) == 1:
+        return meant[0]
+    why = "; ".join(dict.fromkeys(reason for _, reason in home.collection.left_out))
+    mend = f"expected one of {', '.join(meant or home.pieces)}" if home.pieces else f"none could be read: {why}"
+    has = "several rooms" if meant else "no room"
+    raise InputError(f"into: {home.path} has {has} {into!r} to furnish; {mend}")
 
 
 def _moved(piece: HomePiece, item: Item) -> dict[int, dict[str, float | str]]:

@@ -35,6 +35,7 @@ LINING = 0.06  # metres: the wall that is assumed at a side without one, where r
 NEAR = 0.1  # metres: walls that are no farther from a floor are its own
 ACROSS = 0.12  # metres by which an opening is deepened on both sides before it is cut to the wall
 MOST_WALLS = 40  # that are considered along one side
+COVERS = 0.2  # the least share of the strip NEAR a side that is of its wall
 LEAST = 0.01  # square metres: what reaches indoors through a wall by less is in nobody's way
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)  # of a box that is cut to a room, the largest that fits
 DIGITS = 4  # lengths are rounded to a tenth of a millimetre
@@ -163,7 +164,7 @@ def _depth(
     near = [walls[k] for k in sorted(bodies.query(strip, predicate="intersects"))[:MOST_WALLS]]
     shared = [(wall.body.intersection(strip).area, wall) for wall in near]
     area, wall = max(shared, key=lambda found: found[0], default=(0.0, None))
-    if wall is None or area < 0.2 * strip.area:
+    if wall is None or area < COVERS * strip.area:
         return LINING
     middle = shapely.LineString((start, end))
     return max(LINING, wall.body.intersection(strip).distance(middle) + wall.thickness)
