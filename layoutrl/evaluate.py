@@ -31,9 +31,11 @@ def run(config: EvaluateConfig) -> dict[str, Any]:
     # Imported here: they load torch, which takes seconds, and a wrong option is reported before that.
     from layoutrl.runs.machine import device_of, machine
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import seeds, stated
+    from layoutrl.runs.resume import EVALUATION, seeds, stated
     from layoutrl.runs.trained import trained_run
 
+    if config.out and Path(config.out).resolve() == (Path(config.run) / EVALUATION).resolve():
+        raise InputError(f"out: a run with an {EVALUATION} is finished; expected another name")
     shown = trained_run(config)
     seed, which = seeds(trained)[3], ""
     if config.seed is not None:

@@ -31,11 +31,10 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     training, held_out = none_empty(*parts_of(scope, room.type, room.item, config.data, config.fold))
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
-    if learner.dqn.updates < learner.total_updates:
-        raise Stopped(
-            f"stopped after {learner.dqn.updates} of {learner.total_updates} updates",
-            going_on(folder, config, "layoutrl.train"),
-        )
+    if trained.stopped:
+        made, all_of = learner.dqn.updates, learner.total_updates
+        when = f"after {made} of {all_of} updates" if made < all_of else "before its evaluation"
+        raise Stopped(f"stopped {when}", going_on(folder, config, "layoutrl.train"))
     with evaluation_session(folder, config, "layoutrl.train"):
         result, shown = scored(learner.agent, config.reward, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.dqn.updates)

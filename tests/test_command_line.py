@@ -160,6 +160,14 @@ def test_evaluate_scores_a_run_again_and_stores_it(bedroom_run: Path, tmp_path: 
     assert stored["updates"] == stored["config"]["method"]["updates"]["smoke"]
 
 
+def test_an_evaluation_does_not_mark_a_run_as_finished(bedroom_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(bedroom_run, tmp_path / "run")
+    (tmp_path / "run" / "evaluation.json").unlink()
+    done = layoutrl("evaluate", "run=run", "out=run/evaluation.json", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "error: out: a run with an evaluation.json is finished; expected another name\n"
+
+
 def test_evaluate_finds_what_the_training_found_unless_another_seed_is_given(bedroom_run: Path, tmp_path: Path) -> None:
     found = evaluation(bedroom_run)
     for options, same in (([], True), (["seed=0"], False)):
@@ -354,6 +362,13 @@ def test_the_gallery_draws_all_types(tmp_path: Path) -> None:
         ("train", ["reward.faces_away=0.1"], ["reward.faces_away", "0.5 with scope=item", "got 0.1"]),
         ("train", ["method.own_share=0"], ["method.own_share", "0.5 with scope=item", "got 0"]),
         ("train", ["method.discount_start=0.4"], ["method.discount_start", "0.5 without method.every_move"]),
+        ("train", ["fold=1"], ["fold: expected 0, as the designer makes rooms of their own", "got 1"]),
+        ("planit.train", ["fold=1"], ["fold: expected 0, as the designer makes rooms of their own", "got 1"]),
+        ("train", ["fold=4", "data=json", "data.root=nowhere.jsonl"], ["nowhere.jsonl"]),
+        ("train", ["method=null"], ["method: expected the name of one", "got null"]),
+        ("evaluate", ["run=nowhere", "data=null"], ["data: expected the name of one", "got null"]),
+        ("train", ["--resolve"], ["--resolve: it is of --cfg"]),
+        ("train", ["--experimental-rerun=nowhere"], ["--experimental-rerun: Hydra's"]),
         ("train", ["method.name=../elsewhere"], ["method.name", "the name of a folder, without /"]),
         ("train", ["method.max_moves=100000000000000000000"], ["method.max_moves", "at most 2147483647"]),
         *(

@@ -63,8 +63,9 @@ class Training:
 
     `begin` makes the episodes; `Episodes` and `SceneEpisodes` say when they end. The agent cannot see when an episode
     is truncated, so the last transition bootstraps like any other.
-    Iterating trains, and yields a report every `report_every` updates. It waits for the device only then, where a goal
-    ends episodes, and with `every_move`. It stops after the last update, or after the one in which `stopping` is set.
+    Iterating trains, and yields a report every `report_every` updates. It waits for the device then, where a goal ends
+    episodes, with `every_move`, and where the network leaves out rows of padding. It stops after the last update, or
+    after the one in which `stopping` is set.
     `state_dict` holds all that is needed to resume from any update as if training had never stopped.
 
     Illegal moves are never chosen ("dropped, then a new action", section 4.2). An item that can make no move stays, and

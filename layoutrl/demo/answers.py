@@ -46,6 +46,8 @@ from layoutrl.rooms.oddities import (
     OFF_ITS_BED,
     OFF_ITS_WALL,
     ON_PLATFORM,
+    TURNED_AWAY,
+    UNSEEN,
     WITHOUT_SEAT,
     oddities,
 )
@@ -99,7 +101,9 @@ WORDS = {
     ON_PLATFORM: "stands on a platform, where it does not belong, or half on it",
     CROWDED: "has a wall or furniture right before it",
     WITHOUT_SEAT: "stands before no sofa or armchair",
-    OFF_ITS_BED: "does not stand beside a bed",
+    OFF_ITS_BED: "does not stand beside the head of a bed",
+    UNSEEN: "cannot be watched from a sofa or armchair",
+    TURNED_AWAY: "looks away from all others, or at the back of a seat",
 }
 
 CENTER = re.compile(r"furniture\[(\d+)\]\.center")  # the field in an error about an item BEYOND the walls

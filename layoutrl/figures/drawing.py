@@ -114,7 +114,8 @@ def svg(room: Room, wrong: Wrong = ()) -> str:
         ],
     }
     if absent := _not_placed(room):
-        layers["labels"].append(_text(absent, x0, y1 - 0.85 * MARGIN, min(0.9 * MARGIN, _letters([absent], width))))
+        letters = min(0.9 * MARGIN, _letters([absent], width - 2 * MARGIN))
+        layers["labels"].append(_text(absent, left, y1 - 0.85 * MARGIN, letters))
     groups = [
         "\n".join([f'<g class="{name}" inkscape:groupmode="layer" inkscape:label="{name}">', *shapes, "</g>"])
         for name, shapes in layers.items()
@@ -151,12 +152,12 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
                 said = "\n".join(faults if k in boxes else [item.category, *faults])
                 x, y = middle(boxes.get(k, item.footprint.bounds))
                 axes.text(x, y - 0.12, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
-        absent, width = _not_placed(room), x1 - x0
-        axes.text(x0, y1, absent, fontsize=min(6, POINTS * _letters([absent], width)), va="top")
+        absent, width = _not_placed(room), x1 - x0 - 2 * MARGIN
+        axes.text(x0 + MARGIN, y1, absent, fontsize=min(6, POINTS * _letters([absent], width)), va="top")
         axes.plot(*np.transpose(_metre(x0, y0)), color="black", linewidth=1)
         axes.text(x0 + MARGIN + 1.08, y0 + MARGIN + 2 * LINE, "1 m", fontsize=7)
         for lines_up, said in enumerate((room.id, _size(room))):
-            letters = min(7, POINTS * _letters([said], width - 2 * MARGIN))
+            letters = min(7, POINTS * _letters([said], width))
             axes.text(x0 + MARGIN, y0 + MARGIN + lines_up * LINE, said, fontsize=letters)
         axes.set(xlim=(x0, x1), ylim=(y0, y1))
         figure.savefig(path, dpi=min(DOTS, LARGEST_PNG / max(figure.get_size_inches())))

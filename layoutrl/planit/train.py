@@ -31,10 +31,9 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     trained = train(config, training, held_out, spent, device, folder)
     folder = trained.folder
     if trained.stopped:
-        raise Stopped(
-            f"stopped after {trained.updates} of {config.method.updates[config.budget.name]} updates",
-            going_on(folder, config, "layoutrl.planit.train"),
-        )
+        made, all_of = trained.updates, config.method.updates[config.budget.name]
+        when = f"after {made} of {all_of} updates" if made < all_of else "before its evaluation"
+        raise Stopped(f"stopped {when}", going_on(folder, config, "layoutrl.planit.train"))
     with evaluation_session(folder, config, "layoutrl.planit.train"):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
         finish(

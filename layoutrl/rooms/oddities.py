@@ -9,13 +9,16 @@ import shapely
 
 from layoutrl.rooms.clearances import RAISED, RUGS
 from layoutrl.rooms.doors import leaves
-from layoutrl.rooms.faults import Fault, Items, floor_ahead, free_fronts, pairs, unions
+from layoutrl.rooms.faults import Fault, Items, floor_ahead, free_fronts, pairs, rectangles, unions
 from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
 IN_SWING, ON_PLATFORM = "in a door's swing", "on a platform"
 CROWDED, WITHOUT_SEAT, OFF_ITS_BED = "crowded", "not before a seat", "not at its bed"
-ODDITIES = (OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM, CROWDED, WITHOUT_SEAT, OFF_ITS_BED)
+UNSEEN, TURNED_AWAY = "faced by no seat", "turned away"
+ODDITIES = (
+    OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW, IN_SWING, ON_PLATFORM, CROWDED, WITHOUT_SEAT, OFF_ITS_BED, UNSEEN, TURNED_AWAY,
+)  # fmt: skip
 NEAR = 0.05  # metres: an item no farther from its wall, table, window or the edge of a platform is at it
 CLOSED = 0.2  # metres of a window's length that a tall item may cover
 BACK = 1  # index of the back among the sides of an item, in the order of its corners
@@ -31,8 +34,12 @@ TALL = frozenset({"bookcase", "fridge", "wardrobe"})
 NEED_ROOM = frozenset({"dresser", "tv_unit"})  # though some template keeps nothing free before them, no design takes of
 ROOM_BEFORE = 0.6  # metres of floor there
 LOUNGING = frozenset({"armchair", "loveseat", "lounge_chair", "sofa", "sofa_bed"})  # before which a coffee table stands
-BEDSIDE = 0.3  # metres; in designs a nightstand touches its bed
-AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa
+BEDSIDE = 0.3  # metres; in designs a nightstand touches the head half of its bed
+AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa, all of it before the seat
+FOR_FEET = 0.3  # metres before a seat, of which no design closes half
+BENCH_AT_TABLE = 0.3  # metres; in designs a bench is at most 0.05 m from a table
+IN_VIEW = 60  # degrees to both sides of where a seat or a TV unit faces
+BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
@@ -54,6 +61,8 @@ def item_oddities(layouts: Sequence[Room], items: Items) -> dict[str, np.ndarray
         CROWDED: crowded(layouts, items),
         WITHOUT_SEAT: without_seats(items),
         OFF_ITS_BED: off_their_beds(items),
+        UNSEEN: unseen(items),
+        TURNED_AWAY: turned_away(items),
     }
 
 
@@ -82,7 +91,7 @@ def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether an item is tucked but at none of the tables and desks of its room, if there are any: (N,).
 
     It is at one if the middle half of its front is within NEAR of it and its back is not under it; an item without a
-    front, if any part touches it.
+    front, if any part touches it. So is a bench of a room with tables that is not BENCH_AT_TABLE.
     """
     hosts = unions(items.footprint[items.hosts], items.room[items.hosts], len(layouts))[items.room]
     result = items.tucked & items.placed & ~shapely.is_empty(hosts)
@@ -94,7 +103,10 @@ def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
     front = shapely.points(np.stack([corners[:, 0] + quarter, corners[:, 3] - quarter], 1))
     at, under = hosts[those, None], shapely.points(corners[:, 1:3])
     result[those] = ~shapely.dwithin(at, front, NEAR).all(1) | shapely.intersects(at, under).any(1)
-    return result
+    benches, tables = (np.flatnonzero(items.placed & (items.category == name)) for name in ("bench", "table"))
+    a, b = pairs(items.room[benches], items.room[tables])
+    a, b = benches[a], tables[b]
+    return result | alone(items, a, shapely.dwithin(items.footprint[a], items.footprint[b], BENCH_AT_TABLE))
 
 
 def before_windows(layouts: Sequence[Room], items: Items) -> np.ndarray:
@@ -143,32 +155,92 @@ def on_platforms(items: Items) -> np.ndarray:
 
 
 def crowded(layouts: Sequence[Room], items: Items) -> np.ndarray:
-    """Whether a wall, or another item, takes some of the ROOM_BEFORE one of NEED_ROOM: (N,)."""
+    """Whether a wall or another item takes some of the ROOM_BEFORE one of NEED_ROOM: (N,).
+
+    So is a LOUNGING seat where other items take half of what it has FOR_FEET.
+    """
     depth = np.where(np.isin(items.category, list(NEED_ROOM)), ROOM_BEFORE, 0.0)
-    return items.placed & ~items.round & ~free_fronts(layouts, items, depth)
+    result = items.placed & ~items.round & ~free_fronts(layouts, items, depth)
+    seats = seats_of(items)
+    floor = floor_ahead(items, seats, np.full(len(seats), FOR_FEET))
+    stands = np.flatnonzero(items.placed & ~np.isin(items.category, list(RAISED)))
+    a, b = pairs(items.room[seats], items.room[stands])
+    other = seats[a] != stands[b]
+    taken = unions(items.footprint[stands[b[other]]], a[other], len(seats))
+    result[seats] = shapely.area(shapely.intersection(floor, taken)) > shapely.area(floor) / 2
+    return result
+
+
+def seats_of(items: Items) -> np.ndarray:
+    """Return the indices (n,) of placed LOUNGING seats that have a front."""
+    return np.flatnonzero(items.placed & ~items.round & np.isin(items.category, list(LOUNGING)))
 
 
 def without_seats(items: Items) -> np.ndarray:
-    """Whether an item is a coffee table in a room with LOUNGING seats, and none of it is AT_HAND before one: (N,)."""
-    seats = np.flatnonzero(items.placed & ~items.round & np.isin(items.category, list(LOUNGING)))
-    floor = floor_ahead(items, seats, np.full(len(seats), AT_HAND))
-    return off_all(items, "coffee_table", seats, floor, 0.0)
+    """Whether an item is a coffee table in a room with LOUNGING seats, and not before one: (N,).
+
+    It is before a seat if a quarter of it is straight ahead, and it is AT_HAND.
+    """
+    tables, seats = np.flatnonzero(items.placed & (items.category == "coffee_table")), seats_of(items)
+    a, b = pairs(items.room[tables], items.room[seats])
+    table, seat = tables[a], seats[b]
+    top, beyond = items.footprint[table], AT_HAND + np.hypot(*items.size[table].T)
+    near = shapely.intersects(floor_ahead(items, seat, np.full(len(seat), AT_HAND)), top)
+    ahead = shapely.area(shapely.intersection(floor_ahead(items, seat, beyond), top)) > shapely.area(top) / 4
+    return alone(items, table, near & ahead)
 
 
 def off_their_beds(items: Items) -> np.ndarray:
-    """Whether an item is a nightstand in a room with beds, and farther than BEDSIDE from these: (N,)."""
-    beds = np.flatnonzero(items.placed & (items.category == "bed"))
-    return off_all(items, "nightstand", beds, items.footprint[beds], BEDSIDE)
+    """Whether an item is a nightstand in a room with beds, and farther than BEDSIDE from their head halves: (N,)."""
+    stands = np.flatnonzero(items.placed & (items.category == "nightstand"))
+    beds = np.flatnonzero(items.placed & ~items.round & (items.category == "bed"))
+    a, b = pairs(items.room[stands], items.room[beds])
+    half = items.size[beds] * (0.5, 1)
+    head = rectangles(items.center[beds] - facing(items, beds) * half[:, :1] / 2, half, items.degrees[beds])
+    return alone(items, stands[a], shapely.dwithin(items.footprint[stands[a]], head[b], BEDSIDE))
 
 
-def off_all(items: Items, category: str, others: np.ndarray, shapes: np.ndarray, near: float) -> np.ndarray:
-    """Whether an item is of a category, and farther than `near` from the shapes (n,) of all `others` of its room: (N,).
+def facing(items: Items, those: np.ndarray) -> np.ndarray:
+    """Return where `those` items (n,) face, as unit vectors (n, 2)."""
+    angle = np.radians(items.degrees[those])
+    return np.stack([np.cos(angle), np.sin(angle)], -1)
 
-    False where there are none; `others` (n,) are indices.
-    """
-    those = np.flatnonzero(items.placed & (items.category == category))
-    a, b = pairs(items.room[those], items.room[others])
+
+def in_view(items: Items, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether the centres of items b (n,) are IN_VIEW of items a (n,): (n,)."""
+    way = items.center[b] - items.center[a]
+    return (way * facing(items, a)).sum(1) >= np.cos(np.radians(IN_VIEW)) * np.hypot(*way.T)
+
+
+def unseen(items: Items) -> np.ndarray:
+    """Whether an item is a TV unit in a room with LOUNGING seats or beds, and none is before it and faces it: (N,)."""
+    units = np.flatnonzero(items.placed & ~items.round & (items.category == "tv_unit"))
+    seats = np.flatnonzero(items.placed & ~items.round & np.isin(items.category, [*LOUNGING, "bed"]))
+    a, b = pairs(items.room[units], items.room[seats])
+    unit, seat = units[a], seats[b]
+    return alone(items, unit, in_view(items, unit, seat) & in_view(items, seat, unit))
+
+
+def turned_away(items: Items) -> np.ndarray:
+    """Whether an item is a LOUNGING seat that faces none of the coffee tables, TV units and other seats of its room, if
+    there are any, or that looks at the back of another seat: (N,)."""
+    seats = seats_of(items)
+    company = np.flatnonzero(items.placed & np.isin(items.category, [*LOUNGING, "coffee_table", "tv_unit"]))
+    a, b = pairs(items.room[seats], items.room[company])
+    a, b = a[seats[a] != company[b]], b[seats[a] != company[b]]
+    result = alone(items, seats[a], in_view(items, seats[a], company[b]))
+    a, b = pairs(items.room[seats], items.room[seats])
+    a, b = seats[a], seats[b]
+    reach = items.size[a, :1] / 2 + BEHIND
+    sight = shapely.linestrings(np.stack([items.center[a], items.center[a] + facing(items, a) * reach], 1))
+    alike = (facing(items, a) * facing(items, b)).sum(1) > np.sqrt(0.5)  # within 45 degrees
+    result[a[(a != b) & alike & shapely.intersects(sight, items.footprint[b])]] = True
+    return result
+
+
+def alone(items: Items, those: np.ndarray, well: np.ndarray) -> np.ndarray:
+    """Whether an item is one of `those` (n,), which may have it several times, and stands `well` (n,) in none: (N,)."""
     result = np.zeros(len(items.room), dtype=bool)
-    result[those[a]] = True
-    result[those[a[shapely.dwithin(items.footprint[those[a]], shapes[b], near)]]] = False
+    result[those] = True
+    result[those[well]] = False
     return result

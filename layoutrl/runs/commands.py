@@ -11,7 +11,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from typing import Any, get_type_hints
@@ -87,8 +87,7 @@ def command(name: str, schema: type, run: Callable[[Any], object], *, sweeps: bo
             if "--version" in sys.argv[1:]:  # Hydra would print its own
                 print(f"layoutrl {__version__}")
                 return
-            if is_sweep(sys.argv) and any(argument.split("=")[0] in ("-c", "--cfg") for argument in sys.argv):
-                raise InputError("--cfg: it shows the options of one run; expected no -m beside it")
+            check_flags(sys.argv, groups(name))
             sys.argv[1:] = as_written(sys.argv[1:], schema, sweeps=sweeps)
             try:
                 job()
@@ -263,6 +262,20 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
     if isinstance(cause, OmegaConfBaseException):
         lines.append(str(cause).splitlines()[0])
     return "; ".join(line.rstrip(".") for line in lines)
+
+
+def check_flags(arguments: list[str], of_files: Sequence[str]) -> None:
+    """Raise InputError for what Hydra would answer with a traceback."""
+    keys, shows = [argument.split("=")[0] for argument in arguments], {"-c", "--cfg"}
+    if is_sweep(arguments) and not shows.isdisjoint(keys):
+        raise InputError("--cfg: it shows the options of one run; expected no -m beside it")
+    if "--resolve" in keys and shows.isdisjoint(keys):
+        raise InputError("--resolve: it is of --cfg, which shows options; expected --cfg job beside it")
+    if "--experimental-rerun" in keys:
+        raise InputError("--experimental-rerun: Hydra's, which runs of layoutrl do not have; expected other options")
+    for group in of_files:
+        if f"{group}=null" in arguments:
+            raise InputError(f"{group}: expected the name of one; --help lists them; got null")
 
 
 def is_sweep(arguments: list[str]) -> bool:

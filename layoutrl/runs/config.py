@@ -36,6 +36,7 @@ from layoutrl.runs.ranges import (
     check_annealer,
     check_begin,
     check_data,
+    check_fold,
     check_method,
     check_name,
     check_of_source,
@@ -152,6 +153,7 @@ class TrainConfig(LearningConfig):
     def check_used(self) -> None:
         """Raises InputError for options without effect. Not part of __post_init__: older runs may have them."""
         check_of_source(self.data)
+        check_fold(self.fold, self.data)
         check_name("method", self.method.name)
         whole, faces_away, own_share = self.method.scope == "room", self.reward.faces_away, self.method.own_share
         useful = self.reward.theta4 == 0 or whole
@@ -206,6 +208,7 @@ class PlanitCommand(PlanitConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_of_source(self.data)
+        check_fold(self.fold, self.data)
         check_name("method", self.method.name)
 
 

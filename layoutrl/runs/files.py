@@ -64,7 +64,8 @@ def _lock(descriptor: int, wait: bool) -> None:
 
 def check_writable(folder: Path, option: str) -> None:
     """Raise InputError unless files can be made in a folder, which need not exist yet; `option` is what names it."""
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    # A link to nothing is there, too: nothing can be made in it.
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists() or path.is_symlink())
     if not (there.is_dir() and os.access(there, os.W_OK)):
         raise InputError(f"{option}: {folder} cannot be written to; expected another, as {option}=<name>")
 

@@ -86,19 +86,19 @@ def make_folder(wanted: Path) -> Path:
 
     Raises InputError where it cannot be made.
     """
-    attempt = 1
-    while True:
-        folder = wanted if attempt == 1 else wanted.with_name(f"{wanted.name}-{attempt}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            attempt += 1
-        except OSError as error:
-            raise InputError(
-                f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to"
-            ) from None
-        else:
-            return folder
+    folder, attempt = wanted, 1
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        while True:
+            try:
+                folder.mkdir()
+            except FileExistsError:
+                attempt += 1
+                folder = wanted.with_name(f"{wanted.name}-{attempt}")
+            else:
+                return folder
+    except OSError as error:
+        raise InputError(f"runs: cannot create {folder} ({error.strerror}); expected a folder to write to") from None
 
 
 def differences(first: dict[str, Any], second: dict[str, Any], prefix: str = "") -> list[str]:

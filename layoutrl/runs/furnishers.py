@@ -17,7 +17,6 @@ from layoutrl.evaluation.moving import Mover
 from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
-from layoutrl.rooms.brief import missing
 from layoutrl.rooms.called import by_any_name
 from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes, same
@@ -125,14 +124,14 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
 
 
 def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:
-    """Count for each layout of each brief: the items without a place, the other new faults, and the oddities."""
+    """Count for each layout of each brief: the items without a place, the other new faults, and the new oddities."""
     now = iter(faults_of_all([each.layout for layouts in found for each in layouts]))
     counted = []
     for brief, layouts, before in zip(briefs, found, faults_of_all(briefs), strict=True):
-        lacks = []
+        lacks, odd_before = [], oddities(brief)
         for each in layouts:
             names = [fault for _, fault in new_faults(next(now), before)]
-            odd = len(oddities(each.layout, missing(brief)))
+            odd = len(new_faults(oddities(each.layout), odd_before))
             lacks.append((names.count(MISSING), len(names) - names.count(MISSING), odd))
         counted.append(lacks)
     return counted

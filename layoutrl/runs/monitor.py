@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -139,7 +140,7 @@ def shown(
     with (
         board_of(folder, purged_from=made + 1) as board,
         metrics(folder / "metrics.csv", header, made) as (rows, before),
-        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True) as bar,
+        tqdm(total=updates, initial=made, unit="update", dynamic_ncols=True, disable=sys.stderr is None) as bar,
     ):
         if not made:
             board(text("config", f"```yaml\n{(folder / 'config.yaml').read_text(encoding='utf-8')}```"), 0)

@@ -43,7 +43,7 @@ class TrainedPlanIT:
     placer: Placer  # for the held-out rooms
     updates: int
     seconds: float
-    stopped: bool  # before the budget was spent
+    stopped: bool  # by the user
 
 
 def train(
@@ -93,8 +93,7 @@ def train(
     with session(training, config, training_rooms.rooms, folder, device, "layoutrl.planit.train") as kept:
         for iou in reported(training, curves, look, kept.folder, updates, budget.evaluations):
             kept.save(iou)
-    stopped = training.stopping and training.share < 1
-    return TrainedPlanIT(kept.folder, placer, training.updates, kept.seconds, stopped)
+    return TrainedPlanIT(kept.folder, placer, training.updates, kept.seconds, training.stopping)
 
 
 def load(folder: Path, training: Usable, held_out: Usable, device: torch.device) -> Placer:

@@ -102,7 +102,9 @@ def said_to_stay(room: Room, request: Request, words: Sequence[str]) -> str:
         counts = Counter(words[k] for k in sorted(those))
         return ", ".join(name if n == 1 else f"{name} ({n})" for name, n in counts.items())
 
-    said = f"nobody places these in a {room.room_type}, and they stay: {counted(request.stays - request.under)}"
+    if not (unknown := request.stays - request.under):
+        return f"these are tucked under what stays, and stay, too: {counted(request.under)}"
+    said = f"nobody places these in a {room.room_type}, and they stay: {counted(unknown)}"
     return f"{said}; what is tucked under them stays, too: {counted(request.under)}" if request.under else said
 
 

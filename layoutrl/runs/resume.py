@@ -26,7 +26,7 @@ from hydra.types import RunMode
 
 from layoutrl import InputError, __version__
 from layoutrl.rooms.room import Room
-from layoutrl.runs.checkpoints import checkpoints, load_checkpoint, misfit_explained, save_checkpoint
+from layoutrl.runs.checkpoints import CHECKPOINTS, checkpoints, load_checkpoint, misfit_explained, save_checkpoint
 from layoutrl.runs.commands import Stopped, in_a_line, mendable
 from layoutrl.runs.config import AnyTraining, Config
 from layoutrl.runs.files import LOCK, check_writable, locked, write_json
@@ -255,7 +255,7 @@ def run_in_sweep(config: Config, run: Run[Config]) -> None:
     """
     try:
         if folder := find_begun_run(config):
-            resume_run(folder, run, type(config))
+            resume_run(folder, run, type(config), where(config))
         else:
             run(config, None)
     except Stopped:
@@ -292,10 +292,12 @@ def last_state(
 ) -> dict[str, Any] | None:
     """Load the last checkpoint of a run; None for a run that was killed before its first one, which begins anew.
 
-    Raises InputError if it has other rooms or settings, another kind of device, or another `about`.
+    Raises InputError if none can be read, and if it has other rooms or settings, another kind of device, or another
+    `about`.
     """
-    found = checkpoints(folder)
-    if not found:
+    if not checkpoints(folder):
+        if any((folder / CHECKPOINTS).glob("*.json")):  # a mark is written last: what it marks is worth saving
+            raise InputError(f"{folder / CHECKPOINTS} has no mark that can be read; expected those of a training run")
         print(f"{folder} has no checkpoint yet: it begins anew")
         return None
     state = load_checkpoint(folder, device, config=identity["config"])

@@ -66,7 +66,7 @@ class RoomPlacer:
         was = iter(faults_of_all([draft.before for those in drafts for draft in those]))
         now = iter(faults_of_all([draft.layout for those in drafts for draft in those]))
         return [
-            Answer(entry, request, [judged(draft, request, next(was), next(now)) for draft in those])
+            Answer(entry, request, [judged(draft, next(was), next(now)) for draft in those])
             for entry, request, those in zip(entries, requests, drafts, strict=True)
         ]
 
@@ -105,11 +105,11 @@ def drafts_of(entry: Entry, request: Request, found: Sequence[Furnished]) -> Ite
         yield Draft(put_back(layout, entry, stays), by, unplaced, stays, put_back(room, entry, stays))
 
 
-def judged(draft: Draft, request: Request, was: Sequence[Fault], now: Sequence[Fault]) -> Choice:
+def judged(draft: Draft, was: Sequence[Fault], now: Sequence[Fault]) -> Choice:
     """Return a draft with what is wrong with it, by the faults that there were before and are `now`."""
     odd = oddities(draft.layout)
-    placed = [(k, oddity) for k, oddity in odd if k in request.wanted and k not in draft.stays]
-    wrong = [(k, MISSING) for k in sorted(draft.stays)] + new_faults(now, was) + placed
+    new = [(k, oddity) for k, oddity in new_faults(odd, oddities(draft.before)) if k not in draft.stays]
+    wrong = [(k, MISSING) for k in sorted(draft.stays)] + new_faults(now, was) + new
     return Choice(draft.layout, draft.by, draft.unplaced, wrong, {*now, *odd})
 
 

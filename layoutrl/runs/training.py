@@ -32,6 +32,7 @@ class TrainedAgent:
     folder: Path
     learner: Learner
     seconds: float
+    stopped: bool  # by the user
 
 
 def train(
@@ -71,4 +72,4 @@ def train(
     with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
         for iou in watched(training, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
-    return TrainedAgent(kept.folder, learner, kept.seconds)
+    return TrainedAgent(kept.folder, learner, kept.seconds, training.stopping)

@@ -18,6 +18,8 @@ from layoutrl.rooms.oddities import (
     OFF_ITS_BED,
     OFF_ITS_WALL,
     ON_PLATFORM,
+    TURNED_AWAY,
+    UNSEEN,
     WITHOUT_SEAT,
     item_oddities,
     oddities,
@@ -244,3 +246,73 @@ def test_a_nightstand_stands_beside_a_bed(off: float, odd: bool) -> None:
 
 def test_what_is_not_placed_is_not_odd() -> None:
     assert not oddities(furnished(Item("wardrobe", (0.6, 1.2), None, None)))
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize("seat", ["sofa", "armchair", "bed"])
+def test_a_television_is_watched_from_a_seat_or_a_bed(seat: str, turned: int) -> None:
+    unit, sofa = Item("tv_unit", (0.4, 1.2), (0.2, 1.5), 0), Item(seat, (0.9, 1.4), (3.0, 1.5), 180)
+
+    def odd(*items: Item) -> bool:
+        return (0, UNSEEN) in oddities(furnished(*items).turned(turned, False))
+
+    assert not odd(unit, sofa)
+    assert not odd(unit, replace(sofa, center=(2.6, 2.3)))  # not straight before it
+    assert odd(unit, replace(sofa, rotation=90))  # which looks along the wall
+    assert odd(unit, replace(sofa, center=(0.8, 2.8), rotation=270))  # beside it
+    assert odd(unit, replace(sofa, rotation=0))
+    assert not odd(unit, replace(sofa, rotation=0), replace(sofa, center=(2.6, 0.7)))  # there is another
+    assert not odd(unit)
+    assert not odd(unit, replace(sofa, center=None))
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize("company", ["armchair", "tv_unit", "coffee_table"])
+def test_a_seat_faces_what_there_is_to_face(company: str, turned: int) -> None:
+    sofa, other = Item("sofa", (0.9, 2.0), (0.5, 1.5), 0), Item(company, (0.6, 0.6), (2.5, 1.5), 180)
+
+    def odd(*items: Item) -> bool:
+        return (0, TURNED_AWAY) in oddities(furnished(*items).turned(turned, False))
+
+    assert not odd(sofa, other)
+    assert odd(sofa, replace(other, center=(0.5, 2.8)))  # beside it
+    assert odd(replace(sofa, center=(1.0, 1.5), rotation=180), other)
+    assert not odd(sofa)
+    assert not odd(sofa, replace(other, category="bookcase", center=(0.5, 2.8)))
+    assert odd(sofa, replace(other, center=(1.8, 1.5), rotation=0)) == (company == "armchair")  # at its back
+    assert not odd(sofa, replace(other, center=(2.9, 1.5), rotation=0))  # far enough
+
+
+@pytest.mark.parametrize(("center", "odd"), [((1.15, 1.5), True), ((1.15, 2.4), False), ((1.5, 1.5), False)])
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+def test_a_seat_has_room_for_the_feet(center: tuple[float, float], odd: bool, turned: int) -> None:
+    sofa, chest = Item("sofa", (0.9, 2.0), (0.45, 1.5), 0), Item("bookcase", (0.4, 1.4), center, 0)
+    there = oddities(furnished(sofa, chest).turned(turned, False))
+    assert ((0, CROWDED) in there) == odd
+    assert (0, CROWDED) not in oddities(furnished(sofa, replace(chest, category="rug")))
+
+
+def test_half_a_seat_may_be_closed_by_several() -> None:
+    sofa, stool = Item("sofa", (0.9, 2.0), (0.45, 1.5), 0), Item("side_table", (0.6, 0.6), (1.2, 0.9), 0)
+    assert (0, CROWDED) not in oddities(furnished(sofa, stool))
+    assert (0, CROWDED) in oddities(furnished(sofa, stool, replace(stool, center=(1.2, 2.1))))
+
+
+def test_a_corner_of_a_coffee_table_before_a_seat_is_too_little() -> None:
+    table, sofa = Item("coffee_table", (0.6, 1.0), (1.6, 2.9), 0), Item("sofa", (0.9, 2.0), (0.45, 1.5), 0)
+    assert (0, WITHOUT_SEAT) in oddities(furnished(table, sofa))
+    assert (0, WITHOUT_SEAT) not in oddities(furnished(replace(table, center=(1.6, 2.7)), sofa))
+
+
+@pytest.mark.parametrize(("along", "odd"), [(0.2, False), (0.9, False), (1.2, False), (1.6, True), (1.9, True)])
+def test_a_nightstand_stands_at_the_head_of_the_bed(along: float, odd: bool) -> None:
+    bed, stand = Item("bed", (2.0, 1.4), (1.0, 0.7), 0), Item("nightstand", (0.4, 0.4), (along, 1.6), 0)
+    assert ((1, OFF_ITS_BED) in oddities(furnished(bed, stand))) == odd
+
+
+@pytest.mark.parametrize(("gap", "odd"), [(0.0, False), (0.29, False), (0.31, True)])
+def test_a_bench_stands_at_a_table(gap: float, odd: bool) -> None:
+    table, bench = Item("table", (0.8, 1.6), (0.85 + gap, 1.5), 0), Item("bench", (0.45, 1.4), (0.225, 1.5), 0)
+    assert oddities(furnished(table, bench)) == [(1, ASTRAY)] * odd
+    assert not oddities(furnished(bench))
+    assert not oddities(furnished(replace(table, category="desk", rotation=180), bench))

@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from layoutrl import InputError
 from layoutrl.rooms.room import MAIN_ITEM
 from layoutrl.runs.config import PlanitConfig, TrainConfig, composed, narrowed
+from layoutrl.runs.files import check_writable
 from layoutrl.runs.folder import LARGEST, NOT_COMPARED, differences, folders_of, load_config, make_folder, new_folder
 from tests.test_fuzz import answered, times
 
@@ -25,6 +26,15 @@ LAUGHS = "\n".join(["a0: &a0 [x, x]", *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}']
 def read(folder: Path, text: str) -> TrainConfig:
     (folder / "config.yaml").write_text(text)
     return load_config(folder, TrainConfig)
+
+
+def test_nothing_is_made_behind_a_link_to_nothing(tmp_path: Path) -> None:
+    link = tmp_path / "runs"
+    link.symlink_to(tmp_path / "disk that is not there")
+    with pytest.raises(InputError, match=r"runs: cannot create .*bedroom/one"):
+        make_folder(link / "bedroom" / "one")
+    with pytest.raises(InputError, match=r"runs: .* cannot be written to"):
+        check_writable(link / "bedroom", "runs")
 
 
 @pytest.mark.parametrize("room_type", MAIN_ITEM)

@@ -102,6 +102,13 @@ def test_reports_and_evaluations_are_shown_when_they_are_made(
     assert [event.step for event in board.Scalars("loss/a")] == [2, 4, 6, 8, 9]
 
 
+def test_a_training_goes_on_where_nobody_reads_its_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "config.yaml").write_text("seed: 0")
+    monkeypatch.setattr("sys.stderr", None)  # so Python has it where it is closed
+    reports = Reports([Report(9, {"a": 0.1})])
+    assert list(reported(reports, ["updates", "loss/a"], lambda *_: {"iou/train": 0.5}, tmp_path, 9, 1)) == [0.5]
+
+
 def test_a_loss_that_is_no_number_is_refused(tmp_path: Path) -> None:
     (tmp_path / "config.yaml").write_text("seed: 0")
     reports = Reports([Report(2, {"a": 0.1}), Report(4, {"a": float("inf")})])

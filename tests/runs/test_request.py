@@ -62,6 +62,12 @@ def test_the_chairs_that_stay_under_what_nobody_knows_are_known_by_themselves() 
     assert said_to_stay(under("harp"), found, ["Harfe", "chair", "bed"]) == said  # as the file calls it
 
 
+def test_a_chair_under_what_was_never_asked_about_stays_by_itself() -> None:
+    found = replace(request(under("harp"), {1, 2}, {"chair", "bed"}), stays=frozenset({1}), under=frozenset({1}))
+    said = "these are tucked under what stays, and stay, too: chair"
+    assert said_to_stay(under("harp"), found, ["harp", "chair", "bed"]) == said
+
+
 def test_lines_have_the_words_of_the_items_that_they_are_about() -> None:
     """Also where an item before them is left out, as it is not asked about and is nowhere."""
     nowhere, table, bed = (

@@ -301,6 +301,42 @@ def test_a_checkpoint_without_a_whole_mark_is_none(mark, whole, tmp_path, capsys
     assert "its checkpoint is left out" in capsys.readouterr().err
 
 
+def test_a_run_whose_marks_are_all_damaged_is_not_begun_anew(whole, tmp_path):
+    folder = copy_of(whole, tmp_path)
+    for checkpoint in checkpoints(folder):
+        checkpoint.file.with_suffix(".json").write_text("")
+    with pytest.raises(InputError, match="has no mark that can be read; expected those of a training run"):
+        resume_run(folder, run, TrainConfig)
+
+
+def test_who_stops_a_training_at_its_end_need_not_wait_for_its_evaluation(rooms, whole, tmp_path, monkeypatch):
+    save = resume.Session.save
+
+    def stopped(session: resume.Session, iou: float | None) -> None:
+        save(session, iou)
+        session._training.stopping = session._training.updates == UPDATES
+
+    folder = tmp_path / "tatami" / "one"
+    with monkeypatch.context() as patch:
+        patch.setattr(resume.Session, "save", stopped)
+        with pytest.raises(Stopped, match=f"stopped before its evaluation; go on with: .*resume={folder}"):
+            run(configured(rooms, tmp_path))
+    assert not (folder / "evaluation.json").exists()
+    resume_run(folder, run, TrainConfig)
+    assert outcome(folder) == outcome(whole)
+
+
+def test_a_sweep_that_is_repeated_goes_on_where_it_is_told_now(rooms, whole, tmp_path):
+    folder, seen = copy_of(whole, tmp_path), []
+
+    def runs(config: TrainConfig, found: Path | None) -> Path:
+        seen.append((config.device, found))
+        return folder
+
+    resume.run_in_sweep(replace(configured(rooms, tmp_path), device="cuda:1"), runs)
+    assert seen == [("cuda:1", folder)]
+
+
 def test_where_no_checkpoint_is_whole_it_is_said(whole, tmp_path):
     folder = copy_of(whole, tmp_path)
     for checkpoint in checkpoints(folder):

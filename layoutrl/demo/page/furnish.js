@@ -28,7 +28,7 @@ async function furnish(chosen) {
     const { lines, choices } = await ask("furnish", { ...about, choices: 1 });
     Object.assign(state, { lines, choices });
     if (choices.length) {
-      more = ask("furnish", about).catch(() => ({ choices: [] }));
+      more = ask("furnish", about).catch(({ message }) => ({ choices: [], lines: [`No other choices: ${message}`] }));
       offerMore(choices);
       say("Placing …", false);
       await play(0, movable);
@@ -47,10 +47,13 @@ async function furnish(chosen) {
 async function offerMore(choices) {
   $("choices").setAttribute("aria-busy", "true");
   const first = JSON.stringify(choices[0].furniture);
-  const others = (await more).choices.filter(({ furniture }) => JSON.stringify(furniture) !== first);
+  const { choices: found, lines } = await more;
+  const others = found.filter(({ furniture }) => JSON.stringify(furniture) !== first);
   $("choices").setAttribute("aria-busy", "false");
   choices.push(...others.slice(0, CHOICES - 1)); // also of what was undone: it may be done again
-  if (state.choices === choices) render();
+  if (state.choices !== choices) return;
+  state.lines = lines; // what was said with the first choice, or why there are no others
+  render();
 }
 
 // Show how a choice came to be, move by move; its end is what it is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -50,7 +51,7 @@ def place_targets(placer: Placer, seed: np.random.SeedSequence) -> dict[str, One
     """
     rng, noise = _generators(placer, seed)
     found: dict[str, list[Item | None]] = {}
-    for first in tqdm(range(0, len(placer.rooms), CHUNK), "one item", leave=False):
+    for first in tqdm(range(0, len(placer.rooms), CHUNK), "one item", leave=False, disable=sys.stderr is None):
         for graph in GRAPHS:
             rooms = range(first, min(first + CHUNK, len(placer.rooms)))
             queries = [QUERIES[graph](placer, room, rng) for room in rooms]
@@ -217,7 +218,7 @@ def furnish_all(placer: Placer, seed: np.random.SeedSequence) -> dict[str, Whole
     """
     rng, noise = _generators(placer, seed)
     found: dict[str, list[Layout]] = {}
-    for room in tqdm(range(len(placer.rooms)), "all items", leave=False):
+    for room in tqdm(range(len(placer.rooms)), "all items", leave=False, disable=sys.stderr is None):
         for kind in GRAPHS:
             for choice, whose in _variants(kind):
                 choosing = Choosing(rng, noise) if choice == "sampled" else Choosing()

@@ -69,6 +69,20 @@ def test_choices_count_oddities_apart_from_faults(still):
     settled(still)
 
 
+def test_why_there_are_no_other_choices_is_said(still):
+    def busy(route: Any) -> None:
+        if "choices" in route.request.post_data_json:
+            route.continue_()
+        else:
+            route.fulfill(status=400, body='{"error": "busy: ask again"}')
+
+    still.route("**/api/furnish", busy)
+    still.locator("#furnish").click()
+    expect(still.locator("#lines")).to_have_text("No other choices: busy: ask again")
+    settled(still)
+    expect(still.locator("#choices").get_by_role("button")).to_have_count(1)
+
+
 def test_the_page_is_used_while_other_choices_are_found(still):
     first, held, choices = [], [], still.locator("#choices").get_by_role("button")
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from layoutrl import InputError
 from layoutrl.rooms.faults import faults_of_all
-from layoutrl.rooms.sources.parts import Data, whole_parts
+from layoutrl.rooms.sources.parts import Data, read_parts, whole_parts
 
 
 def test_a_share_of_the_training_rooms_is_disturbed_and_no_held_out_room(tmp_path: Path) -> None:
@@ -26,3 +30,9 @@ def test_which_rooms_are_disturbed_and_how_hangs_on_seed_and_index_alone(tmp_pat
     data = Data("designer", str(tmp_path), train_rooms=12, test_rooms=1, disturbed=0.5)
     training, _ = whole_parts("study", data, 0)
     assert whole_parts("study", replace(data, train_rooms=6), 0)[0] == training[:6]
+
+
+def test_where_no_room_could_be_read_the_data_are_named_and_no_item(tmp_path: Path) -> None:
+    (tmp_path / "rooms.json").write_text(json.dumps({"id": "b"}))
+    with pytest.raises(InputError, match=r"data: .* has no bedroom that can be used; why is said above"):
+        read_parts("bedroom", "main", Data(source="json", root=str(tmp_path / "rooms.json")), 0)
