@@ -379,3 +379,12 @@ def test_a_room_is_saved_as_drawings(page):
     picture = Image.open(io.BytesIO(saved(page, "png"))).convert("RGB")
     assert max(picture.size) == 1600
     assert len(set(picture.resize((100, 80)).getdata())) > 5
+
+
+def test_what_is_printed_is_the_plan_and_what_is_wrong(page):
+    page.emulate_media(media="print", color_scheme="dark")
+    for name in ("#plan", "#title", "#verdict"):
+        expect(page.locator(name)).to_be_visible()
+    for name in ("nav", "aside", "#furnish", "#undo", "#keys"):
+        expect(page.locator(name)).to_be_hidden()
+    assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--floor')") == "#ffffff"
