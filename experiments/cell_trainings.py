@@ -34,7 +34,7 @@ def trained_agent(
 ) -> tuple[Agent, dict[str, Any]]:
     """Return the agent that a cell trains on `rooms`, and facts about its training.
 
-    Raises KeyboardInterrupt if the training is stopped before its end.
+    Raises KeyboardInterrupt if the user stops the training.
     """
     training = narrowed(config, TrainConfig)
     if config.trained_on == "designer":  # one agent, whichever source it is tested on
@@ -46,7 +46,7 @@ def trained_agent(
 
     def train(training: TrainConfig, begun: Path | None) -> tuple[Path, dict[str, Any]]:
         trained = agent_training.train(training, rooms, held_out, device, begun)
-        if trained.learner.dqn.updates < trained.learner.total_updates:
+        if trained.stopped:
             raise KeyboardInterrupt
         return trained.folder, {"training_seconds": trained.seconds, "updates": trained.learner.dqn.updates}
 
@@ -87,7 +87,7 @@ def trained_planit(
     """Return PlanIT, trained and ready to place items in `rooms`, and facts about its training.
 
     It is trained for `seconds`, or for its own number of updates if that is None. Raises InputError if it cannot be
-    scored in all of `rooms`, and KeyboardInterrupt if the training is stopped before its end.
+    scored in all of `rooms`, and KeyboardInterrupt if the user stops the training.
     """
     training, held_out = planit_training.usable(training_rooms, rooms)
     if len(held_out.rooms) < len(rooms):

@@ -24,10 +24,10 @@ from typing import Any
 from kept import RESULTS, check_kept
 
 from layoutrl.place import furnish
-from layoutrl.rooms.faults import FAULTS, Fault, faults_of_all, new_faults
+from layoutrl.rooms.faults import FAULTS, Fault, new_faults
 from layoutrl.rooms.files import FORMATS, files_below
 from layoutrl.rooms.formats import opened
-from layoutrl.rooms.oddities import oddities
+from layoutrl.rooms.oddities import faults_and_oddities
 from layoutrl.runs.answer import Answer
 from layoutrl.runs.commands import answers_errors
 from layoutrl.runs.files import write_json
@@ -49,8 +49,7 @@ def drawn(answers: Sequence[Answer]) -> list[list[Fault]]:
     rooms = [answer.request.checked.room for answer in answers]
     stood = [replace(room, furniture=answer.entry.stood) for room, answer in zip(rooms, answers, strict=True)]
     return [
-        new_faults(faults, was) + oddities(room, answer.request.wanted)
-        for faults, was, room, answer in zip(faults_of_all(stood), faults_of_all(rooms), stood, answers, strict=True)
+        new_faults(now, was) for now, was in zip(faults_and_oddities(stood), faults_and_oddities(rooms), strict=True)
     ]
 
 

@@ -33,7 +33,6 @@ from layoutrl.rooms.faults import (
     OUTSIDE,
     OVERLAPS,
     Fault,
-    faults,
 )
 from layoutrl.rooms.formats import Source, format_of, opened
 from layoutrl.rooms.furnished import Furnished
@@ -49,7 +48,7 @@ from layoutrl.rooms.oddities import (
     TURNED_AWAY,
     UNSEEN,
     WITHOUT_SEAT,
-    oddities,
+    faults_and_oddities,
 )
 from layoutrl.rooms.room import MAIN_ITEM, Item, Room, RoomError
 from layoutrl.rooms.sources import designer_cache
@@ -102,7 +101,7 @@ WORDS = {
     CROWDED: "has a wall or furniture right before it",
     WITHOUT_SEAT: "stands before no sofa or armchair",
     OFF_ITS_BED: "does not stand beside the head of a bed",
-    UNSEEN: "cannot be watched from a sofa or armchair",
+    UNSEEN: "cannot be watched from a seat or bed",
     TURNED_AWAY: "looks away from all others, or at the back of a seat",
 }
 
@@ -432,7 +431,7 @@ def shown(room: Room) -> Reply:
 
 def wrong_with(room: Room) -> list[Fault]:
     """What is wrong with a room, and what is odd, item by item."""
-    return sorted([*faults(room), *oddities(room)], key=lambda entry: entry[0])
+    return sorted(faults_and_oddities([room])[0], key=lambda entry: entry[0])
 
 
 def told(room: Room) -> list[list[Any]]:

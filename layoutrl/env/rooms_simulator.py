@@ -121,11 +121,10 @@ class RoomsSimulator:
             item, turn = self.items[r][n], np.radians(self.degrees[r, n])
             self.ahead[r, n] = ahead(item, floor) * np.stack([np.cos(turn), np.sin(turn)], -1)
             self.welcome[r, n, : self.count[r]] = [not _takes_floor(floor, other) for other in self.items[r]]
-        none = [None] * len(briefs)
-        self.targets = [
-            [_same_kind(free, item) for item in items] + [[]] * (shape[1] - len(items))
-            for items, free in zip(self.items, map(_free_places, briefs, designs or none), strict=True)
-        ]
+        self.targets: list[list[list[Item]]] = []
+        for items, brief, design in zip(self.items, briefs, designs or [None] * len(briefs), strict=True):
+            free = _free_places(brief, design)
+            self.targets.append([_same_kind(free, item) for item in items] + [[]] * (shape[1] - len(items)))
 
     @property
     def actions(self) -> int:

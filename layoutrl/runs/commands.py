@@ -266,15 +266,16 @@ def explained(error: HydraException, schema: type, known: list[str]) -> str:
 
 def check_flags(arguments: list[str], of_files: Sequence[str]) -> None:
     """Raise InputError for what Hydra would answer with a traceback."""
-    keys, shows = [argument.split("=")[0] for argument in arguments], {"-c", "--cfg"}
-    if is_sweep(arguments) and not shows.isdisjoint(keys):
+    shows = any(argument.startswith(("-c", "--cfg")) for argument in arguments)
+    if is_sweep(arguments) and shows:
         raise InputError("--cfg: it shows the options of one run; expected no -m beside it")
-    if "--resolve" in keys and shows.isdisjoint(keys):
+    if "--resolve" in arguments and not shows:
         raise InputError("--resolve: it is of --cfg, which shows options; expected --cfg job beside it")
-    if "--experimental-rerun" in keys:
+    if any(argument.startswith("--experimental-rerun") for argument in arguments):
         raise InputError("--experimental-rerun: Hydra's, which runs of layoutrl do not have; expected other options")
-    for group in of_files:
-        if f"{group}=null" in arguments:
+    for argument in arguments:
+        group, _, names = argument.lstrip("+").partition("=")
+        if group.split("@")[0] in of_files and "null" in names.strip("[]").casefold().split(","):
             raise InputError(f"{group}: expected the name of one; --help lists them; got null")
 
 

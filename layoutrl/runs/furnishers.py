@@ -18,9 +18,9 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.called import by_any_name
-from layoutrl.rooms.faults import MISSING, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes, same
-from layoutrl.rooms.oddities import oddities
+from layoutrl.rooms.oddities import ODDITIES, faults_and_oddities
 from layoutrl.rooms.room import Room
 from layoutrl.rooms.sources import main_item
 from layoutrl.runs import pretrained
@@ -125,14 +125,14 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
 
 def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:
     """Count for each layout of each brief: the items without a place, the other new faults, and the new oddities."""
-    now = iter(faults_of_all([each.layout for layouts in found for each in layouts]))
+    now = iter(faults_and_oddities([each.layout for layouts in found for each in layouts]))
     counted = []
-    for brief, layouts, before in zip(briefs, found, faults_of_all(briefs), strict=True):
-        lacks, odd_before = [], oddities(brief)
-        for each in layouts:
+    for layouts, before in zip(found, faults_and_oddities(briefs), strict=True):
+        lacks = []
+        for _ in layouts:
             names = [fault for _, fault in new_faults(next(now), before)]
-            odd = len(new_faults(oddities(each.layout), odd_before))
-            lacks.append((names.count(MISSING), len(names) - names.count(MISSING), odd))
+            missed, odd = names.count(MISSING), sum(name in ODDITIES for name in names)
+            lacks.append((missed, len(names) - missed - odd, odd))
         counted.append(lacks)
     return counted
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from layoutrl.rooms.brief import missing
 from layoutrl.rooms.categories import ALL, names_in
 from layoutrl.rooms.collection import naming
-from layoutrl.rooms.faults import MISSING, Fault, faults_of_all, new_faults
+from layoutrl.rooms.faults import MISSING, Fault, new_faults
 from layoutrl.rooms.furnished import Furnished
-from layoutrl.rooms.oddities import oddities
+from layoutrl.rooms.oddities import faults_and_oddities
 from layoutrl.rooms.room import Room
 from layoutrl.runs.answer import Answer, Choice
 from layoutrl.runs.config import PlaceConfig
@@ -63,8 +63,8 @@ class RoomPlacer:
             list(drafts_of(entry, request, next(layouts) if missing(request.checked.brief) else []))
             for entry, request in zip(entries, requests, strict=True)
         ]
-        was = iter(faults_of_all([draft.before for those in drafts for draft in those]))
-        now = iter(faults_of_all([draft.layout for those in drafts for draft in those]))
+        was = iter(faults_and_oddities([draft.before for those in drafts for draft in those]))
+        now = iter(faults_and_oddities([draft.layout for those in drafts for draft in those]))
         return [
             Answer(entry, request, [judged(draft, next(was), next(now)) for draft in those])
             for entry, request, those in zip(entries, requests, drafts, strict=True)
@@ -106,11 +106,9 @@ def drafts_of(entry: Entry, request: Request, found: Sequence[Furnished]) -> Ite
 
 
 def judged(draft: Draft, was: Sequence[Fault], now: Sequence[Fault]) -> Choice:
-    """Return a draft with what is wrong with it, by the faults that there were before and are `now`."""
-    odd = oddities(draft.layout)
-    new = [(k, oddity) for k, oddity in new_faults(odd, oddities(draft.before)) if k not in draft.stays]
-    wrong = [(k, MISSING) for k in sorted(draft.stays)] + new_faults(now, was) + new
-    return Choice(draft.layout, draft.by, draft.unplaced, wrong, {*now, *odd})
+    """Return a draft with what is wrong with it, by the faults and oddities that there were before and are `now`."""
+    wrong = [(k, MISSING) for k in sorted(draft.stays)] + new_faults(now, was)
+    return Choice(draft.layout, draft.by, draft.unplaced, wrong, {*now})
 
 
 def with_what_was_wrong(answers: Sequence[Answer]) -> list[Answer]:
@@ -120,7 +118,6 @@ def with_what_was_wrong(answers: Sequence[Answer]) -> list[Answer]:
     lifted = [requests[n].checked.room for n in whole]
     stood = [put_back(room, answers[n].entry, requests[n].stood) for n, room in zip(whole, lifted, strict=True)]
     told = list(answers)
-    for n, room, wrong, before in zip(whole, stood, faults_of_all(stood), faults_of_all(lifted), strict=True):
-        odd = oddities(room, requests[n].wanted)
-        told[n] = replace(answers[n], wrong_where_stood=new_faults(wrong, before) + odd)
+    for n, wrong, before in zip(whole, faults_and_oddities(stood), faults_and_oddities(lifted), strict=True):
+        told[n] = replace(answers[n], wrong_where_stood=new_faults(wrong, before))
     return told

@@ -21,8 +21,10 @@ from layoutrl.rooms.oddities import (
     TURNED_AWAY,
     UNSEEN,
     WITHOUT_SEAT,
+    faults_and_oddities,
     item_oddities,
     oddities,
+    oddities_of_all,
 )
 from layoutrl.rooms.room import MAIN_ITEM, Item, Opening, Room
 from tests.builders import rectangular_room
@@ -293,14 +295,64 @@ def test_a_seat_has_room_for_the_feet(center: tuple[float, float], odd: bool, tu
 
 
 def test_half_a_seat_may_be_closed_by_several() -> None:
-    sofa, stool = Item("sofa", (0.9, 2.0), (0.45, 1.5), 0), Item("side_table", (0.6, 0.6), (1.2, 0.9), 0)
-    assert (0, CROWDED) not in oddities(furnished(sofa, stool))
-    assert (0, CROWDED) in oddities(furnished(sofa, stool, replace(stool, center=(1.2, 2.1))))
+    sofa, table = Item("sofa", (0.9, 2.0), (0.45, 1.5), 0), Item("side_table", (0.6, 0.6), (1.2, 0.9), 0)
+    assert (0, CROWDED) not in oddities(furnished(sofa, table))
+    assert (0, CROWDED) in oddities(furnished(sofa, table, replace(table, center=(1.2, 2.1))))
+
+
+@pytest.mark.parametrize(("gap", "odd"), [(0.14, True), (0.16, False)])
+def test_half_of_30_centimetres_is_enough_for_the_feet(gap: float, odd: bool) -> None:
+    sofa, chest = Item("sofa", (0.9, 2.0), (0.45, 1.5), 0), Item("bookcase", (0.4, 2.4), (1.1 + gap, 1.5), 0)
+    assert ((0, CROWDED) in oddities(furnished(sofa, chest))) == odd
+    assert (0, CROWDED) not in oddities(furnished(sofa, replace(chest, category="stool")))  # for the feet
+
+
+@pytest.mark.parametrize(("x", "odd"), [(2.65, True), (2.75, False)])
+def test_nearer_than_a_metre_and_a_half_a_seat_looks_at_no_back(x: float, odd: bool) -> None:
+    sofa, other = Item("sofa", (0.9, 2.0), (0.45, 1.5), 0), Item("armchair", (0.6, 0.6), (x, 1.5), 0)
+    assert ((0, TURNED_AWAY) in oddities(furnished(sofa, other))) == odd
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+@pytest.mark.parametrize(("one", "another", "odd"), [(0, 30, True), (0, 60, False), (15, 60, False), (0, 180, False)])
+def test_a_back_is_one_that_faces_nearly_alike(one: int, another: int, odd: bool, turned: int) -> None:
+    sofa, other = Item("sofa", (0.6, 1.2), (1.0, 1.5), one), Item("armchair", (0.8, 0.8), (2.2, 1.6), another)
+    assert ((0, TURNED_AWAY) in oddities(furnished(sofa, other).turned(turned, False))) == odd
+
+
+@pytest.mark.parametrize("turned", [0, 1, 2, 3])
+def test_sixty_degrees_are_in_view_however_the_room_is_turned(turned: int) -> None:
+    sofa = Item("sofa", (0.6, 1.2), (1.0, 1.5), 30)
+    table = Item("coffee_table", (0.4, 0.4), (1.0, 2.7), 0)  # at 90 degrees
+    assert (0, TURNED_AWAY) not in oddities(furnished(sofa, table).turned(turned, False))
+
+
+def test_a_round_bed_has_no_head() -> None:
+    bed, stand = Item("bed", (2.0, 2.0), (1.2, 1.2), None, "circle"), Item("nightstand", (0.4, 0.4), (2.3, 1.2), 0)
+    assert (1, OFF_ITS_BED) not in oddities(furnished(bed, stand))
+    assert (1, OFF_ITS_BED) in oddities(furnished(bed, replace(stand, center=(3.5, 2.5))))
+
+
+def test_layouts_are_judged_together_as_one_by_one() -> None:
+    layouts = []
+    for room_type in MAIN_ITEM:
+        for design in design_rooms(room_type, "test", 0, 6).rooms:
+            places = [item.center for item in design.furniture]
+            for by in (1, 2):  # every item where another belongs
+                moved = zip(design.furniture, places[by:] + places[:by], strict=True)
+                layouts.append(replace(design, furniture=tuple(replace(item, center=center) for item, center in moved)))
+            layouts.append(replace(design, furniture=tuple(replace(item, center=None) for item in design.furniture)))
+    found = oddities_of_all(layouts)
+    assert found == [oddities(layout) for layout in layouts]
+    assert {name for wrong in found for _, name in wrong} >= {TURNED_AWAY, UNSEEN, WITHOUT_SEAT, OFF_ITS_BED, CROWDED}
+    assert faults_and_oddities(layouts) == [faults(layout) + oddities(layout) for layout in layouts]
+    assert oddities_of_all([]) == []
 
 
 def test_a_corner_of_a_coffee_table_before_a_seat_is_too_little() -> None:
     table, sofa = Item("coffee_table", (0.6, 1.0), (1.6, 2.9), 0), Item("sofa", (0.9, 2.0), (0.45, 1.5), 0)
     assert (0, WITHOUT_SEAT) in oddities(furnished(table, sofa))
+    assert (0, WITHOUT_SEAT) in oddities(furnished(replace(table, center=(1.6, 2.8)), sofa))  # a fifth
     assert (0, WITHOUT_SEAT) not in oddities(furnished(replace(table, center=(1.6, 2.7)), sofa))
 
 

@@ -28,7 +28,8 @@ async function furnish(chosen) {
     const { lines, choices } = await ask("furnish", { ...about, choices: 1 });
     Object.assign(state, { lines, choices });
     if (choices.length) {
-      more = ask("furnish", about).catch(({ message }) => ({ choices: [], lines: [`No other choices: ${message}`] }));
+      const without = ({ message }) => ({ choices: [], lines: [...lines, `No other choices: ${message}`] });
+      more = ask("furnish", about).catch(without);
       offerMore(choices);
       say("Placing …", false);
       await play(0, movable);

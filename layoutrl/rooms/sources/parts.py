@@ -125,7 +125,7 @@ def _with_item(collection: Collection, room_type: str, item: str) -> list[Room]:
     chosen = choose_item(collection, item)
     print(chosen)
     if not collection.rooms:
-        raise InputError(f"data: {collection.source} has no {room_type} that can be used; why is said above")
+        raise InputError(f"data: {collection.source} has no {room_type} that can be used")
     if not chosen.rooms:
         held = sorted({item.category for room in collection.rooms for item in room.furniture})
         raise InputError(

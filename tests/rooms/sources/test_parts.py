@@ -34,5 +34,5 @@ def test_which_rooms_are_disturbed_and_how_hangs_on_seed_and_index_alone(tmp_pat
 
 def test_where_no_room_could_be_read_the_data_are_named_and_no_item(tmp_path: Path) -> None:
     (tmp_path / "rooms.json").write_text(json.dumps({"id": "b"}))
-    with pytest.raises(InputError, match=r"data: .* has no bedroom that can be used; why is said above"):
+    with pytest.raises(InputError, match=r"data: .* has no bedroom that can be used"):
         read_parts("bedroom", "main", Data(source="json", root=str(tmp_path / "rooms.json")), 0)
