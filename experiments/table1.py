@@ -121,7 +121,7 @@ PLANIT_COST = {
 }
 WITHOUT_GPU = ("bedroom", "tatami")  # types in which method=paper is trained on a CPU
 # Of paper_every_move, where they are more than 8,000.
-UPDATES = dict.fromkeys(("bedroom", "study", "living_room", "dining_room", "kitchen", "balcony"), "12000")
+UPDATES = dict.fromkeys([room for room in PAPER if room != "tatami"], "12000")
 SWEEPS = (
     ("oracle,rules", "0", tuple(PAPER)),  # before the agents: they design the rooms
     ("geometric", "0,1,2", tuple(PAPER)),

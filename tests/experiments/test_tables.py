@@ -92,8 +92,8 @@ EVERY = (
     ("planit_long", 2, 1),
 )
 LONG = ("paper_every_move", 1, 1)  # a type in which it is trained for longer
-PICTURES = (("paper", 2, 1), ("paper_every_move", 2, 1), *[LONG] * 6, ("paper_every_move", 1, 2))  # without a GPU
-ALL_SEEDS = (("paper", 8, 3), ("paper_every_move", 2, 3), *[("paper_every_move", 1, 3)] * 6)
+PICTURES = (("paper", 2, 1), ("paper_every_move", 1, 1), *[LONG] * 7, ("paper_every_move", 1, 2))  # without a GPU
+ALL_SEEDS = (("paper", 8, 3), ("paper_every_move", 1, 3), *[("paper_every_move", 1, 3)] * 7)
 
 
 @pytest.mark.parametrize(("chosen", "gpu", "expected"), [
