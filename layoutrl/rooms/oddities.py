@@ -38,7 +38,10 @@ BEDSIDE = 0.3  # metres; in designs a nightstand touches the head half of its be
 AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa, all of it before the seat
 FOR_FEET = 0.3  # metres before a seat, of which no design closes half
 BENCH_AT_TABLE = 0.3  # metres; in designs a bench is at most 0.05 m from a table
-IN_VIEW = 60  # degrees to both sides of where a seat or a TV unit faces
+WATCHED, IN_VIEW = (
+    45,
+    60,
+)  # degrees to both sides of where a TV unit, and a seat, face; in designs a TV is straight ahead
 ROUNDED = 1e-9  # of a cosine: the page turns furniture by 15 degrees, and no turn of a room is to make a difference
 BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
@@ -225,10 +228,10 @@ def facing(items: Items, those: np.ndarray) -> np.ndarray:
     return np.stack([np.cos(angle), np.sin(angle)], -1)
 
 
-def in_view(items: Items, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether the centres of items b (n,) are IN_VIEW of items a (n,): (n,)."""
+def in_view(items: Items, a: np.ndarray, b: np.ndarray, degrees: float) -> np.ndarray:
+    """Whether the centres of items b (n,) are within so many degrees of where items a (n,) face: (n,)."""
     way = items.center[b] - items.center[a]
-    return (way * facing(items, a)).sum(1) >= (np.cos(np.radians(IN_VIEW)) - ROUNDED) * np.hypot(*way.T)
+    return (way * facing(items, a)).sum(1) >= (np.cos(np.radians(degrees)) - ROUNDED) * np.hypot(*way.T)
 
 
 def unseen(items: Items) -> np.ndarray:
@@ -237,7 +240,7 @@ def unseen(items: Items) -> np.ndarray:
     seats = np.flatnonzero(items.placed & ~items.round & np.isin(items.category, [*LOUNGING, "bed"]))
     a, b = pairs(items.room[units], items.room[seats])
     unit, seat = units[a], seats[b]
-    return alone(items, unit, in_view(items, unit, seat) & in_view(items, seat, unit))
+    return alone(items, unit, in_view(items, unit, seat, WATCHED) & in_view(items, seat, unit, WATCHED))
 
 
 def turned_away(items: Items) -> np.ndarray:
@@ -247,7 +250,7 @@ def turned_away(items: Items) -> np.ndarray:
     company = np.flatnonzero(items.placed & np.isin(items.category, [*LOUNGING, "coffee_table", "tv_unit"]))
     a, b = pairs(items.room[seats], items.room[company])
     a, b = a[seats[a] != company[b]], b[seats[a] != company[b]]
-    result = alone(items, seats[a], in_view(items, seats[a], company[b]))
+    result = alone(items, seats[a], in_view(items, seats[a], company[b], IN_VIEW))
     a, b = pairs(items.room[seats], items.room[seats])
     a, b = seats[a], seats[b]
     reach = items.size[a, :1] / 2 + BEHIND

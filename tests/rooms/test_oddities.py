@@ -262,6 +262,7 @@ def test_a_television_is_watched_from_a_seat_or_a_bed(seat: str, turned: int) ->
     assert not odd(unit, replace(sofa, center=(2.6, 2.3)))  # not straight before it
     assert odd(unit, replace(sofa, rotation=90))  # which looks along the wall
     assert odd(unit, replace(sofa, center=(0.8, 2.8), rotation=270))  # beside it
+    assert odd(unit, replace(sofa, center=(1.2, 2.7), rotation=230))  # 50 degrees aside of where it faces
     assert odd(unit, replace(sofa, rotation=0))
     assert not odd(unit, replace(sofa, rotation=0), replace(sofa, center=(2.6, 0.7)))  # there is another
     assert not odd(unit)
