@@ -216,10 +216,16 @@ def free_fronts(layouts: Sequence[Room], items: Items, depth: np.ndarray) -> np.
 
 def floor_ahead(items: Items, those: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Return the floor, `depth` (n,) metres deep, before `those` items (n,), without 1 cm all round: polygons (n,)."""
-    size, angle = items.size[those], np.radians(items.degrees[those])
-    ahead = np.stack([np.cos(angle), np.sin(angle)], -1) * (size[:, :1] + depth[:, None]) / 2
+    size = items.size[those]
+    ahead = facing(items, those) * (size[:, :1] + depth[:, None]) / 2
     floor = np.stack([depth, size[:, 1]], -1) - 2 * TOLERANCE
     return rectangles(items.center[those] + ahead, floor, items.degrees[those])
+
+
+def facing(items: Items, those: np.ndarray) -> np.ndarray:
+    """Return where `those` items (n,) face, as unit vectors (n, 2)."""
+    angle = np.radians(items.degrees[those])
+    return np.stack([np.cos(angle), np.sin(angle)], -1)
 
 
 def along_walls(layouts: Sequence[Room], items: Items) -> np.ndarray:

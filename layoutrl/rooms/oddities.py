@@ -9,7 +9,17 @@ import shapely
 
 from layoutrl.rooms.clearances import RAISED, RUGS
 from layoutrl.rooms.doors import leaves
-from layoutrl.rooms.faults import Fault, Items, faults_of_all, floor_ahead, free_fronts, pairs, rectangles, unions
+from layoutrl.rooms.faults import (
+    Fault,
+    Items,
+    facing,
+    faults_of_all,
+    floor_ahead,
+    free_fronts,
+    pairs,
+    rectangles,
+    unions,
+)
 from layoutrl.rooms.room import TOLERANCE, Room
 
 OFF_ITS_WALL, ASTRAY, BEFORE_WINDOW = "off its wall", "not at its table", "before a window"
@@ -38,10 +48,8 @@ BEDSIDE = 0.3  # metres; in designs a nightstand touches the head half of its be
 AT_HAND = 0.6  # metres before a seat; in designs a coffee table is 0.4 m from its sofa, all of it before the seat
 FOR_FEET = 0.3  # metres before a seat, of which no design closes half
 BENCH_AT_TABLE = 0.3  # metres; in designs a bench is at most 0.05 m from a table
-WATCHED, IN_VIEW = (
-    45,
-    60,
-)  # degrees to both sides of where a TV unit, and a seat, face; in designs a TV is straight ahead
+WATCHED = 45  # degrees to both sides of where a TV unit and who watches it face; in designs it is straight ahead
+IN_VIEW = 60  # degrees to both sides of where a seat faces
 ROUNDED = 1e-9  # of a cosine: the page turns furniture by 15 degrees, and no turn of a room is to make a difference
 BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
@@ -222,12 +230,6 @@ def off_their_beds(items: Items) -> np.ndarray:
     return alone(items, stands[a], shapely.dwithin(items.footprint[stands[a]], head[b], BEDSIDE))
 
 
-def facing(items: Items, those: np.ndarray) -> np.ndarray:
-    """Return where `those` items (n,) face, as unit vectors (n, 2)."""
-    angle = np.radians(items.degrees[those])
-    return np.stack([np.cos(angle), np.sin(angle)], -1)
-
-
 def in_view(items: Items, a: np.ndarray, b: np.ndarray, degrees: float) -> np.ndarray:
     """Whether the centres of items b (n,) are within so many degrees of where items a (n,) face: (n,)."""
     way = items.center[b] - items.center[a]
@@ -261,7 +263,7 @@ def turned_away(items: Items) -> np.ndarray:
 
 
 def alone(items: Items, those: np.ndarray, well: np.ndarray) -> np.ndarray:
-    """Whether an item is one of `those` (n,), and does not stand `well` (n,) as any of them: (N,). They may repeat."""
+    """Whether an item is one of `those` (n,), and none of its entries there is `well` (n,): (N,)."""
     result = np.zeros(len(items.room), dtype=bool)
     result[those] = True
     result[those[well]] = False
