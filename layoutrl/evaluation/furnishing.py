@@ -193,7 +193,7 @@ class Furnisher:
         which: np.ndarray,
         rank: np.ndarray,
         known: Sequence[Sequence[Furnished]],
-        walls: bool,
+        walls: bool = False,
     ) -> list[Furnished | None]:
         """Return a layout of each of these rooms (R,), its items placed in the order of `rank` (rooms, N).
 
