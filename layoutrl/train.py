@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from layoutrl.rooms.sources.parts import none_empty, parts_of
-from layoutrl.runs.commands import Stopped, command
+from layoutrl.runs.commands import command
 from layoutrl.runs.config import TrainCommand, TrainConfig, narrowed
 
 
@@ -22,7 +22,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.monitor import record_result
     from layoutrl.runs.report import scored
-    from layoutrl.runs.resume import check_folder, evaluation_session, finish, going_on, seeds
+    from layoutrl.runs.resume import check_folder, evaluation_session, finish, seeds, stopped
     from layoutrl.runs.training import train
 
     device = device_of(config.device)  # checked before the rooms are made, which takes a while
@@ -32,9 +32,7 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if trained.stopped:
-        made, all_of = learner.dqn.updates, learner.total_updates
-        when = f"after {made} of {all_of} updates" if made < all_of else "before its evaluation"
-        raise Stopped(f"stopped {when}", going_on(folder, config, "layoutrl.train"))
+        raise stopped(folder, config, "layoutrl.train", learner.dqn.updates, learner.total_updates)
     with evaluation_session(folder, config, "layoutrl.train"):
         result, shown = scored(learner.agent, config.reward, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.dqn.updates)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from layoutrl.rooms.sources.parts import two_parts
-from layoutrl.runs.commands import Stopped, command
+from layoutrl.runs.commands import command
 from layoutrl.runs.config import PlanitCommand, PlanitConfig, narrowed
 
 
@@ -22,7 +22,7 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     from layoutrl.rivals.planit.scoring import evaluated, table
     from layoutrl.runs.machine import device_of
     from layoutrl.runs.planit_training import train, usable
-    from layoutrl.runs.resume import check_folder, evaluation_session, finish, going_on, seeds
+    from layoutrl.runs.resume import check_folder, evaluation_session, finish, seeds, stopped
 
     device = device_of(config.device)  # raises before the rooms are made, which takes a while
     check_folder(config, folder)
@@ -31,9 +31,8 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     trained = train(config, training, held_out, spent, device, folder)
     folder = trained.folder
     if trained.stopped:
-        made, all_of = trained.updates, config.method.updates[config.budget.name]
-        when = f"after {made} of {all_of} updates" if made < all_of else "before its evaluation"
-        raise Stopped(f"stopped {when}", going_on(folder, config, "layoutrl.planit.train"))
+        total = config.method.updates[config.budget.name]
+        raise stopped(folder, config, "layoutrl.planit.train", trained.updates, total)
     with evaluation_session(folder, config, "layoutrl.planit.train"):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
         finish(

@@ -48,16 +48,17 @@ def faults_from_entrance(layouts: Sequence[Room]) -> list[list[Fault]]:
     """The `faults` of each layout, entered by its `entrance` whatever stands before it, as in the measures."""
     items = Items.of(layouts)
     found = item_faults(layouts, items)
-    first = np.searchsorted(items.room, np.arange(len(layouts)))
-    return [
-        [
-            (k, name)
-            for k in range(len(layout.furniture))
-            for name, faulty in found.items()
-            if faulty[start + k] and (items.placed[start + k] or name == MISSING)
-        ]
-        for layout, start in zip(layouts, first.tolist(), strict=True)
-    ]
+    return by_layout({n: faulty & (items.placed | (n == MISSING)) for n, faulty in found.items()}, items, len(layouts))
+
+
+def by_layout(found: dict[str, np.ndarray], items: Items, count: int) -> list[list[Fault]]:
+    """Return what is found of the items of each layout (count,), item by item; `found` are arrays (N,) by its name."""
+    names, first = list(found), np.searchsorted(items.room, np.arange(count)).tolist()
+    lists: list[list[Fault]] = [[] for _ in first]
+    for n, name in np.argwhere(np.stack(list(found.values()), 1)).tolist():
+        layout = int(items.room[n])
+        lists[layout].append((n - first[layout], names[name]))
+    return lists
 
 
 def new_faults(wrong: Sequence[Fault], before: Sequence[Fault]) -> list[Fault]:

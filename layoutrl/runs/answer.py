@@ -111,7 +111,8 @@ class Answer:
         if not self.request.wanted:
             return
         words = self.entry.words
-        for n, (layout, by, _, wrong, _) in enumerate(self.choices, 1):
+        for n, choice in enumerate(self.choices, 1):
+            layout, by, wrong = choice.layout, choice.by, choice.wrong
             name = layout.id if len(self.choices) == 1 else f"{layout.id}, choice {n}"
             # Of what is unseen, the lines of the checked brief name all that was to be placed.
             told = [(k, fault) for k, fault in wrong if k not in self.request.checked.unseen]

@@ -69,6 +69,12 @@ def going_on(folder: Path, config: AnyTraining, entry_point: str) -> str:
     return shlex.join([interpreter(), "-m", entry_point, f"resume={folder}", *others])
 
 
+def stopped(folder: Path, config: AnyTraining, entry_point: str, made: int, total: int) -> Stopped:
+    """Return the error of a training that the user stopped after so many of all updates, with how it goes on."""
+    when = f"after {made} of {total} updates" if made < total else "before its evaluation"
+    return Stopped(f"stopped {when}", going_on(folder, config, entry_point))
+
+
 def interpreter() -> str:
     """Return how a shell calls this Python: `python` where that is it, else its path, from here if it lies below."""
     if shutil.which("python") == sys.executable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -32,6 +33,11 @@ from tests.builders import rectangular_room
 
 def furnished(*items: Item, **changes) -> Room:
     return replace(rectangular_room(4, 3), furniture=items, target=None, **changes)
+
+
+def first_is(oddity: str, turned: int, *items: Item) -> bool:
+    """Whether the first of the items in a room, turned by so many quarters, has an oddity."""
+    return (0, oddity) in oddities(furnished(*items).turned(turned, False))
 
 
 @pytest.mark.parametrize("room_type", MAIN_ITEM)
@@ -255,9 +261,7 @@ def test_what_is_not_placed_is_not_odd() -> None:
 def test_a_television_is_watched_from_a_seat_or_a_bed(seat: str, turned: int) -> None:
     unit, sofa = Item("tv_unit", (0.4, 1.2), (0.2, 1.5), 0), Item(seat, (0.9, 1.4), (3.0, 1.5), 180)
 
-    def odd(*items: Item) -> bool:
-        return (0, UNSEEN) in oddities(furnished(*items).turned(turned, False))
-
+    odd = partial(first_is, UNSEEN, turned)
     assert not odd(unit, sofa)
     assert not odd(unit, replace(sofa, center=(2.6, 2.3)))  # not straight before it
     assert odd(unit, replace(sofa, rotation=90))  # which looks along the wall
@@ -274,9 +278,7 @@ def test_a_television_is_watched_from_a_seat_or_a_bed(seat: str, turned: int) ->
 def test_a_seat_faces_what_there_is_to_face(company: str, turned: int) -> None:
     sofa, other = Item("sofa", (0.9, 2.0), (0.5, 1.5), 0), Item(company, (0.6, 0.6), (2.5, 1.5), 180)
 
-    def odd(*items: Item) -> bool:
-        return (0, TURNED_AWAY) in oddities(furnished(*items).turned(turned, False))
-
+    odd = partial(first_is, TURNED_AWAY, turned)
     assert not odd(sofa, other)
     assert odd(sofa, replace(other, center=(0.5, 2.8)))  # beside it
     assert odd(replace(sofa, center=(1.0, 1.5), rotation=180), other)

@@ -222,7 +222,9 @@ class Storey(Generic[P]):
         # Doors first: of two in one place the first counts.
         openings = sorted(near, key=lambda opening: opening.kind != "door")[:MOST_OPENINGS]
         walls = self.walls and [self.walls[k] for k in sorted(bodies.query(about, predicate="intersects"))]
-        return walls, openings + self._passages(room, walls, openings) if walls else openings
+        if walls:
+            openings += self._passages(room, walls, openings)
+        return walls, openings
 
     def _note_left_out(self) -> None:
         """Note which pieces are left out: those of unknown size, and those with a missing or odd field."""

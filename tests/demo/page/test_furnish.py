@@ -70,15 +70,14 @@ def test_choices_count_oddities_apart_from_faults(still):
 
 
 def test_why_there_are_no_other_choices_is_said(still):
-    first = json.dumps({"lines": ["the harp stays"], "choices": [{"furniture": [], "path": [], "faults": []}]})
+    choice = {"furniture": room_of(still)["furniture"], "path": [], "faults": []}
+    first = json.dumps({"lines": ["the harp stays"], "choices": [choice]})
 
     def busy(route: Any) -> None:
         if "choices" in route.request.post_data_json:
-            route.fulfill(body=first.replace('"furniture": []', f'"furniture": {json.dumps(furniture)}'))
+            route.fulfill(body=first)
         else:
             route.fulfill(status=400, body='{"error": "busy: ask again"}')
-
-    furniture = room_of(still)["furniture"]
 
     still.route("**/api/furnish", busy)
     still.locator("#furnish").click()
