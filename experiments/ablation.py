@@ -12,7 +12,6 @@ updates or other seeds are not overwritten.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
@@ -23,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from kept import RESULTS, check_kept
+from kept import RESULTS, check_kept, parser_of
 from printing import Table, listed
 
 from layoutrl import InputError
@@ -132,7 +131,7 @@ def table(result: dict[str, Any]) -> Table:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))
     parser.add_argument("--scope", choices=list(CHANGES), default="item", help="item: one of a room; room: all")
     parser.add_argument("--updates", type=int, help="as many as the type has, if not given")

@@ -7,9 +7,10 @@ Needs Chromium, and the extras demo and dev.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from kept import parser_of
 
 from layoutrl import InputError
 from layoutrl.benchmarks.serving import CHROMIUM, browser_of, served
@@ -120,7 +121,7 @@ STATES: dict[str, tuple[Any, dict[str, Any]]] = {
 @answers_errors()
 def main() -> None:
     """Write one PNG for each state."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=Path("docs/figures"))
     folder = parser.parse_args().folder
     try:

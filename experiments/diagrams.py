@@ -7,12 +7,11 @@ Widths are read from the networks themselves, results from the cells of Table 1.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from kept import RESULTS
+from kept import RESULTS, parser_of
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -189,7 +188,7 @@ def results(table: Table) -> Figure:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/figures"))
     out = parser.parse_args().out
     table = main_table({room: measured(RESULTS / "default" / "table1", room) for room in PAPER})

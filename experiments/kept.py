@@ -30,12 +30,17 @@ def check_kept(file: Path, about: Mapping[str, Any]) -> None:
             raise InputError(f"{file} is of other {', '.join(others)}; expected the same, or to be moved away first")
 
 
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """Return a parser of a command line whose --help shows the description as it is written."""
+    return argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
 def options(description: str | None, *, rooms: int, seed: int, results: Path) -> argparse.Namespace:
     """Parse the command line (`room_type`, `rooms`, `seed` and `results`), and make the folder `results`.
 
     Raises InputError for a number out of range, and if the folder has results of other rooms or another seed.
     """
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(description)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))
     parser.add_argument("--rooms", type=int, default=rooms, help="how many of them count")
     parser.add_argument("--seed", type=int, default=seed, help="of the designs, none of which was learned from")

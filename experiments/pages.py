@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import real_rooms
 import table1
 import table2
 import table3
-from kept import RESULTS
+from kept import RESULTS, parser_of
 from printing import Table, write
 
 from layoutrl.runs.commands import answers_errors
@@ -43,7 +42,7 @@ def kept() -> dict[str, list[Table]]:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.parse_args()  # so that --help writes nothing
     tables: dict[str, str] = {}
     for name, those in kept().items():

@@ -12,7 +12,6 @@ Prints the numbers and writes experiments/results/peoples_rooms/<name>.json.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 from collections import Counter
@@ -21,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from kept import RESULTS, check_kept
+from kept import RESULTS, check_kept, parser_of
 
 from layoutrl.place import furnish
 from layoutrl.rooms.faults import FAULTS, Fault, new_faults
@@ -60,7 +59,7 @@ def digest(folder: Path) -> str:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("name", help="of the file that is written")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--results", type=Path, default=KEPT, help="folder of the file that is written")

@@ -8,12 +8,11 @@ counts once.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from kept import RESULTS
+from kept import RESULTS, parser_of
 from matplotlib.figure import Figure
 
 from layoutrl.rooms.designer.generator import design_rooms
@@ -45,7 +44,7 @@ def _width(opening: Opening) -> float:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("root", type=Path)
     parser.add_argument("--rooms", type=int, default=1000, help="designed rooms of each type")
     parser.add_argument("--seed", type=int, default=0)

@@ -8,7 +8,6 @@ after the first tenth of the time. Writes soak.csv, soak.png and soak.svg into t
 
 from __future__ import annotations
 
-import argparse
 import csv
 import os
 import signal
@@ -18,6 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from kept import parser_of
 from matplotlib import style
 from matplotlib.figure import Figure
 
@@ -58,7 +58,7 @@ def watched(
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--minutes", type=float, default=30)
     parser.add_argument("--runs", type=Path, default=Path("runs/soak"))
     options, overrides = parser.parse_known_args()

@@ -102,7 +102,7 @@ def command_line(script: str | None) -> list[str]:
     return sys.argv[1:]
 
 
-def parts_of(
+def sweeps_of(
     sweep: Mapping[str, str],
     columns: Sequence[str],
     rooms: Sequence[str],

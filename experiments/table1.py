@@ -25,9 +25,9 @@ from sweeps import (
     in_turn,
     multirun,
     parsed_options,
-    parts_of,
     seeds_of,
     some_of,
+    sweeps_of,
 )
 
 from layoutrl.rivals.planit.scoring import how_many
@@ -145,7 +145,7 @@ def stages(chosen: dict[str, str]) -> list[dict[str, str]]:
     for columns, seeds, types in sweeps:
         sweep = chosen | {"column": columns, "seed": seeds_of(columns, seeds, chosen)}
         among = [room for room in rooms if room in types]
-        made += parts_of(sweep, columns.split(","), among, "paper_every_move", "method.updates.default", UPDATES)
+        made += sweeps_of(sweep, columns.split(","), among, "paper_every_move", "method.updates.default", UPDATES)
     return made
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from cell_config import LAYOUTS
 from packing import FLAG, unpacked
 from printing import Row, Table, listed, row, show, write
-from sweeps import cells_of, command_line, multirun, parsed_options, parts_of, seeds_of, some_of
+from sweeps import cells_of, command_line, multirun, parsed_options, seeds_of, some_of, sweeps_of
 
 from layoutrl import InputError
 from layoutrl.evaluation.statistics import paired_p_value
@@ -107,7 +107,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
         sweep = common | {"column": columns, "seed": seeds_of(columns, "0", chosen)}
         if designed := [column for column in columns.split(",") if column in METHODS.values()]:
             pointer = LEARNS["pointer in sequence"], "training_minutes.default", POINTER_MINUTES
-            made += parts_of(sweep, designed, rooms, *pointer)
+            made += sweeps_of(sweep, designed, rooms, *pointer)
         if "designer_rooms" in chosen and (real := [room for room in rooms if room in REAL]):
             root = str(Path(chosen["designer_rooms"]).absolute())
             own = {"data": "designer_rooms", "data.root": root, "share_of_rooms": "1.0"}
@@ -116,7 +116,7 @@ def stages(chosen: Mapping[str, str]) -> list[dict[str, str]]:
             left_out = {*learn} if "column" in chosen else {*learn, *DESIGNED_ALONE}
             others = [column for column in columns.split(",") if column not in left_out]
             agent = LEARNS["agent"], "method.updates.default", REAL_UPDATES
-            made += parts_of(trained_on | sweep, learn, real, *agent) if learn else []
+            made += sweeps_of(trained_on | sweep, learn, real, *agent) if learn else []
             made += [sweep | {"column": ",".join(others), "room": ",".join(real)}] if others else []
     used = {column for sweep in made for column in sweep["column"].split(",")}
     if missed := [column for column in chosen.get("column", "").split(",") if column and column not in used]:

@@ -11,14 +11,13 @@ Prints the numbers and writes experiments/results/well_posed/<type>.json; with -
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept import RESULTS, check_kept
+from kept import RESULTS, check_kept, parser_of
 
 from layoutrl.rooms.designer.generator import design_room, design_rooms
 from layoutrl.rooms.room import MAIN_ITEM
@@ -52,7 +51,7 @@ def ambiguity(room_type: str, seed: int, count: int) -> dict[str, float]:
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("room_type", choices=list(MAIN_ITEM))
     parser.add_argument("--train", type=int, default=5000, help="training rooms")
     parser.add_argument("--test", type=int, default=1000, help="held-out rooms")

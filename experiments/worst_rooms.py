@@ -12,7 +12,6 @@ with an IoU below 0.9; the first of these reasons that is true counts:
 
 from __future__ import annotations
 
-import argparse
 import json
 import textwrap
 from collections import Counter
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept import RESULTS
+from kept import RESULTS, parser_of
 from matplotlib import style
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
@@ -88,7 +87,7 @@ def pictures(rooms: list[Room], places: np.ndarray, iou: np.ndarray, reasons: di
 
 @answers_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("cell")
     parser.add_argument("--table", default="table1")
     parser.add_argument("--budget", default="default")

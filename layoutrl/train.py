@@ -32,8 +32,8 @@ def run(config: TrainConfig, folder: Path | None = None) -> Path:
     trained = train(config, training, held_out, device, folder)
     learner, folder = trained.learner, trained.folder
     if trained.stopped:
-        raise stopped(folder, config, "layoutrl.train", learner.dqn.updates, learner.total_updates)
-    with evaluation_session(folder, config, "layoutrl.train"):
+        raise stopped(folder, config, learner.dqn.updates, learner.total_updates)
+    with evaluation_session(folder, config):
         result, shown = scored(learner.agent, config.reward, held_out, training, seeds(config)[3])
         record_result(folder, asdict(config), result, learner.dqn.updates)
         finish(

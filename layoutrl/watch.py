@@ -66,9 +66,10 @@ def run(config: WatchConfig) -> list[Path]:
         policy, simulator = greedy(network, method), Simulator(rooms, method.moves, shown.reward)
         observe = observation_of(method.observation, rooms, policy.q.device, categories)
         every = np.arange(len(rooms))
-        run = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, every, simulator.starts(every, rng))
-        iou = simulator.reward(every, run.final).iou
-        episodes = [one_item(room, run.way(k), float(iou[k])) for k, room in enumerate(simulator.rooms)]
+        starts = simulator.starts(every, rng)
+        rollout = policy.rollout(BatchSimulator(simulator, policy.q.device), observe, every, starts)
+        iou = simulator.reward(every, rollout.final).iou
+        episodes = [one_item(room, rollout.way(k), float(iou[k])) for k, room in enumerate(simulator.rooms)]
     with style.context([STYLE, NO_MATH]):
         pictures = list(frames(episodes, config.width))
     own = Path(config.run) / f"watch-{shown.name}-{len(rooms)}-seed{config.seed}"

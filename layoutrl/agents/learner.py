@@ -25,7 +25,7 @@ from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, RoomsObservation
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scene_episodes import SceneEpisodes
-from layoutrl.env.scenes import Scenes, ScenesObservation
+from layoutrl.env.scenes import ItemSimulator, Scenes, ScenesObservation
 from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.brief import brief_of, categories_of, upright
 from layoutrl.rooms.room import Room
@@ -64,6 +64,8 @@ class Learner:
     room, and if no item can move in any room.
     """
 
+    simulator: ItemSimulator
+
     def __init__(
         self,
         rooms: Sequence[Room],
@@ -87,28 +89,10 @@ class Learner:
             network = before.network.knowing(len(new))
         self.dqn = DQN(network, method.learning_rate, total_updates, method.target_period, method.double)
         self._seed = training_seed
-        # Staggered, so that not all episodes end in the same step.
-        ages, most = np.arange(method.episodes) * method.max_moves // method.episodes, method.max_moves
-        if method.scope == "room":
-            rooms = [upright(room)[0] for room in rooms]  # rooms are furnished upright, too
-            whole = RoomsSimulator([brief_of(room) for room in rooms], rooms, method.moves, reward)
-            self.simulator: BatchSimulator | Scenes = (scenes := Scenes(BatchRoomsSimulator(whole, device)))
-            self.observe: Observe = ScenesObservation(scenes, RoomsObservation(whole, self.categories, device))
-            moves_in = scenes.simulator.one_item
-            self.replay = Replay(method.replay_capacity, method.moves.count, device, (scenes.columns,))
-            self._begin: Begin = lambda generator: SceneEpisodes(
-                scenes, whole, ages, most, generator, near=method.near_share, own=method.own_share
-            )
-        else:
-            exact = Simulator(rooms, method.moves, reward)
-            self.simulator = moves_in = simulator = BatchSimulator(exact, device)
-            self.observe = observation_of(method.observation, rooms, device, self.categories)
-            self.replay = Replay(method.replay_capacity, method.moves.count, device)
-            designed = torch.as_tensor(exact.designer_position, device=device)
-            near = (method.near_share, designed) if method.near_share else None
-            self._begin = lambda generator: Episodes(simulator, ages, most, generator, method.goal_iou, near)
-        if not can_move(moves_in):
-            raise InputError("method.steps: no item can move in any room; expected shorter steps or larger rooms")
+        make = _of_whole_rooms if method.scope == "room" else _of_one_item
+        self.simulator, self.observe, self._begin = make(rooms, method, reward, self.categories, device)
+        scene = (self.simulator.columns,) if isinstance(self.simulator, Scenes) else ()
+        self.replay = Replay(method.replay_capacity, method.moves.count, device, scene)
 
     @property
     def agent(self) -> Agent:
@@ -139,11 +123,48 @@ class Learner:
         return EveryMove(self.simulator, self.total_updates, (self.method.discount_start, self.method.discount))
 
 
-def can_move(simulator: BatchSimulator) -> bool:
-    """Return whether a move is legal from any of the starts that are drawn, one or more in each room."""
+def _of_whole_rooms(
+    designs: Sequence[Room], method: Method, reward: Reward, categories: Sequence[str], device: torch.device
+) -> tuple[Scenes, Observe, Begin]:
+    """Return what furnishes the briefs of designs, what is seen there, and what makes the episodes."""
+    designs = [upright(room)[0] for room in designs]  # rooms are furnished upright, too
+    rooms = RoomsSimulator([brief_of(room) for room in designs], designs, method.moves, reward)
+    scenes = Scenes(BatchRoomsSimulator(rooms, device))
+    check_can_move(scenes.simulator.one_item)
+
+    def begin(generator: torch.Generator) -> Episodes:
+        near, own = method.near_share, method.own_share
+        return SceneEpisodes(scenes, rooms, _ages(method), method.max_moves, generator, near=near, own=own)
+
+    return scenes, ScenesObservation(scenes, RoomsObservation(rooms, categories, device)), begin
+
+
+def _of_one_item(
+    rooms: Sequence[Room], method: Method, reward: Reward, categories: Sequence[str], device: torch.device
+) -> tuple[BatchSimulator, Observe, Begin]:
+    """Return what moves the targets of rooms, what is seen there, and what makes the episodes."""
+    exact = Simulator(rooms, method.moves, reward)
+    simulator = BatchSimulator(exact, device)
+    check_can_move(simulator)
+    designed = torch.as_tensor(exact.designer_position, device=device)
+    near = (method.near_share, designed) if method.near_share else None
+
+    def begin(generator: torch.Generator) -> Episodes:
+        return Episodes(simulator, _ages(method), method.max_moves, generator, method.goal_iou, near)
+
+    return simulator, observation_of(method.observation, rooms, device, categories), begin
+
+
+def _ages(method: Method) -> np.ndarray:
+    """Return moves that count as made (episodes,): staggered, so that not all episodes end in the same step."""
+    return np.arange(method.episodes) * method.max_moves // method.episodes
+
+
+def check_can_move(simulator: BatchSimulator) -> None:
+    """Raise InputError unless a move is legal from any of the starts that are drawn, one or more in each room."""
     generator = torch.Generator(simulator.device).manual_seed(0)  # its own: training does not depend on it
     rooms = len(simulator.rooms)
     starts = torch.tensor(np.resize(np.arange(rooms), max(rooms, STARTS_AT_ONCE)), device=simulator.device)
-    return any(
-        bool(simulator.reach(room, simulator.starts(room, generator))[1].any()) for room in starts.split(STARTS_AT_ONCE)
-    )
+    blocks = starts.split(STARTS_AT_ONCE)
+    if not any(bool(simulator.reach(room, simulator.starts(room, generator))[1].any()) for room in blocks):
+        raise InputError("method.steps: no item can move in any room; expected shorter steps or larger rooms")

@@ -19,7 +19,7 @@ from layoutrl.agents.replay import REWARD_SCALE, Replay, Transitions
 from layoutrl.env.device import generator_of
 from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.observation import Observe, in_every_view
-from layoutrl.env.symmetry import Symmetry, shares
+from layoutrl.env.symmetry import Symmetry, moves_in_every_view, values_in_every_view
 
 Begin = Callable[[torch.Generator], Episodes]  # makes episodes that draw from the generator
 
@@ -93,13 +93,8 @@ class Training:
     ):
         self.dqn, self.replay, self.stopping = dqn, replay, False
         self._observe, self._epsilon, self._symmetries = observe, epsilon, symmetries
-        self._every_move = every_move
-        self._total_updates, self._batch, self._discount, self._report_every = (
-            total_updates,
-            batch,
-            discount,
-            report_every,
-        )
+        self._every_move, self._batch, self._discount = every_move, batch, discount
+        self._total_updates, self._report_every = total_updates, report_every
         self._warm = min(warmup_moves, replay.capacity)
         device = replay.device
         episode_rng, self._explore_rng, self._replay_rng = (generator_of(each, device) for each in seed.spawn(3))
@@ -129,7 +124,7 @@ class Training:
         with self._watch("act"):
             observation = self._observe(running.room, running.position)
             greedy = self.dqn.values(observation).masked_fill(~running.legal, -torch.inf).argmax(1)
-            epsilon = running.explore_at(self._epsilon(self.dqn.updates))
+            epsilon = running.explore_at(self._epsilon(self.updates))
             action = explore(greedy, running.legal, epsilon, self._explore_rng)
         with self._watch("simulate"):
             step = running.step(action)
@@ -169,8 +164,8 @@ class Training:
             next_observation = self._observe(moves.room, moves.next_position)
         with self._watch("learn"):
             target = every_move.target(self.dqn.target, legal, moves, observation, next_observation)
-            legal, target = (_values_in_every_symmetry(self._symmetries, values) for values in (legal, target))
-            action, updates = _moves_in_every_symmetry(self._symmetries, sampled.action), self.updates
+            legal, target = (values_in_every_view(self._symmetries, values) for values in (legal, target))
+            action, updates = moves_in_every_view(self._symmetries, sampled.action), self.updates
             reward = every_move.reward(sampled.room, sampled.position)
             views = in_every_view(self._observe, self._symmetries, observation)
             loss, learned = self.dqn.update_every_move(legal, target, views)
@@ -179,9 +174,9 @@ class Training:
     def _report(self) -> Progress:
         recent, self._recent = self._recent, Recent()
         return Progress(
-            self.dqn.updates,
+            self.updates,
             self._moves,
-            self._epsilon(self.dqn.updates),
+            self._epsilon(self.updates),
             float(torch.cat(recent.losses).mean()),
             float(torch.cat(recent.mean_qs).mean()),
             float(torch.cat(recent.max_qs).max()),
@@ -239,18 +234,8 @@ def _in_every_symmetry(
     Poses are left as they are: only their observations are read from here on.
     """
     turned = batch._replace(
-        action=_moves_in_every_symmetry(symmetries, batch.action),
-        next_legal=_values_in_every_symmetry(symmetries, batch.next_legal),
+        action=moves_in_every_view(symmetries, batch.action),
+        next_legal=values_in_every_view(symmetries, batch.next_legal),
     )
     observation, next_observation = (in_every_view(observe, symmetries, o) for o in (observation, next_observation))
     return turned, observation, next_observation
-
-
-def _moves_in_every_symmetry(symmetries: Sequence[Symmetry], action: Tensor) -> Tensor:
-    """Map moves (B,) to what they become in the symmetries, an equal share of them in each."""
-    return torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, action)])
-
-
-def _values_in_every_symmetry(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
-    """Reorder values per move (B, A) to what the moves become in the symmetries, an equal share of rows in each."""
-    return torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, by_move)])

@@ -22,7 +22,7 @@ from layoutrl.env.layout_env import LayoutEnv
 from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.policy import Policy, greedy
-from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.probe import ItemProbe
 from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
@@ -43,7 +43,7 @@ class Point(NamedTuple):
 class Curve:
     """A learning curve; the clock runs from when it is made, but not while it probes."""
 
-    probe: Probe
+    probe: ItemProbe
     points: list[Point] = field(default_factory=list)
     _seconds: float = 0.0
     _resumed: float = field(default_factory=lambda: time.perf_counter())
@@ -138,30 +138,25 @@ def sb3(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], de
     }
 
 
-def learned(learner: Learner, probe: Probe, probe_every: int, *, iou: float = np.inf, minutes: float = np.inf) -> Curve:
+def learned(
+    learner: Learner, probe: ItemProbe, probe_every: int, *, iou: float = np.inf, minutes: float = np.inf
+) -> Curve:
     """Train to the end, or until an IoU or a time is reached; return the curve."""
-    curve = Curve(probe)
+    curve, policy = Curve(probe), greedy(learner.dqn.network, learner.method)  # of the network, as it learns
     for progress in learner.training(probe_every):
-        point = curve.add(progress.updates, greedy(learner.dqn.network, learner.method))
+        point = curve.add(progress.updates, policy)
         if point.iou >= iou or point.seconds >= 60 * minutes:
             break
     return curve
 
 
-def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner, probe: Probe) -> Curve:
+def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner, probe: ItemProbe) -> Curve:
     """Let Stable-Baselines3 train the learner's network, in single environments that it steps one after another."""
     from stable_baselines3 import DQN as TheirDQN
     from stable_baselines3.common.vec_env import DummyVecEnv
 
     method, dqn = learner.method, learner.dqn
-    env = LayoutEnv(
-        rooms,
-        method.observation,
-        method.moves,
-        config.reward,
-        on_illegal="drop",
-        max_moves=method.max_moves,
-    )
+    env = LayoutEnv(rooms, method.observation, method.moves, config.reward, max_moves=method.max_moves)
 
     def one() -> TransformReward[Any, Any]:
         """Copies share rooms and simulator, which hold no state."""
@@ -191,26 +186,24 @@ def learned_by_sb3(config: BenchConfig, rooms: Sequence[Room], learner: Learner,
     model.q_net_target.q_net = nn.Sequential(nn.Unflatten(1, env.observation_space.shape), dqn.target)
     model.policy.optimizer = dqn.optimizer
 
-    curve = Curve(probe)
+    curve, policy = Curve(probe), greedy(dqn.network, method)
 
     def goes_on(_locals: dict[str, Any], _globals: dict[str, Any]) -> bool:
         """Called after every step of the environments, before the update that follows."""
         due = model._n_updates > 0 and model._n_updates % config.probe_every == 0
-        return not due or curve.add(model._n_updates, greedy(learner.dqn.network, learner.method)).iou < SB3_IOU
+        return not due or curve.add(model._n_updates, policy).iou < SB3_IOU
 
-    steps = (
-        learner.total_updates + -(-method.warmup_moves // method.episodes) - 1
-    )  # the last of the warm-up learns already
+    steps = learner.total_updates - 1 + -(-method.warmup_moves // method.episodes)  # the last of the warm-up learns
     model.learn(steps * method.episodes, callback=goes_on, log_interval=ENDLESS)
     if curve.minutes_to(SB3_IOU) is None:
-        curve.add(model._n_updates, greedy(learner.dqn.network, learner.method))
+        curve.add(model._n_updates, policy)
     return curve
 
 
 def held_out_probe(
     config: BenchConfig, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
-) -> Probe:
+) -> ItemProbe:
     """Return the probe of the mean IoU in the held-out rooms."""
     simulator = Simulator(held_out, config.method.moves, config.reward)
     observe = observation_of(config.method.observation, held_out, device, categories_of(training))
-    return Probe(simulator, observe, np.random.default_rng(config.seed), device)
+    return ItemProbe(simulator, observe, np.random.default_rng(config.seed), device)

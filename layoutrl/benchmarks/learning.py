@@ -16,19 +16,14 @@ import numpy as np
 import torch
 
 from layoutrl import InputError
-from layoutrl.agents.dqn import DQN
 from layoutrl.agents.learner import Learner
 from layoutrl.agents.replay import Transitions
 from layoutrl.agents.training import transitions
 from layoutrl.benchmarks.simulation import moves, random_moves, seconds_of
-from layoutrl.env.observation import observation_of
-from layoutrl.env.simulator import Simulator
-from layoutrl.evaluation.policy import greedy
-from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import Room
 from layoutrl.runs.config import BenchConfig
 from layoutrl.runs.machine import keep_freed_memory, resident_bytes
-from layoutrl.runs.report import evaluate
+from layoutrl.runs.report import scored
 from layoutrl.runs.resume import seeds
 
 ENDLESS = 10**9  # updates, of a training that the clock stops
@@ -83,7 +78,7 @@ def speed(config: BenchConfig, rooms: Sequence[Room], held_out: Sequence[Room], 
         for each, poses in ((learner, config.batch), (pictured, config.images))
     }
     result |= {name: {method: rates[method][name] for method in rates} for name in rates[config.method.name]}
-    result["evaluation_seconds"] = evaluating(config, learner.dqn, rooms, held_out, device)
+    result["evaluation_seconds"] = evaluating(config, learner, rooms, held_out)
     return result
 
 
@@ -122,23 +117,13 @@ def learning(learner: Learner, poses: int, seconds: float) -> dict[str, float]:
     }
 
 
-def evaluating(
-    config: BenchConfig, dqn: DQN, training: Sequence[Room], held_out: Sequence[Room], device: torch.device
-) -> float:
+def evaluating(config: BenchConfig, learner: Learner, training: Sequence[Room], held_out: Sequence[Room]) -> float:
     """Return the seconds of an evaluation in the held-out rooms: new here, so that all set-up is included.
 
     The agent has hardly learned: its episodes are longer than those of a trained one.
     """
-    method = config.method
     began = time.perf_counter()
-    evaluate(
-        greedy(dqn.network, method),
-        Simulator(held_out, method.moves, config.reward),
-        observation_of(method.observation, held_out, device, categories_of(training)),
-        training,
-        starts_a_room=1,
-        seed=np.random.SeedSequence(config.seed),
-    )
+    scored(learner.agent, config.reward, held_out, training, np.random.SeedSequence(config.seed))
     return time.perf_counter() - began
 
 

@@ -23,7 +23,7 @@ from layoutrl.env.episodes import Episodes, Step
 from layoutrl.env.measures import measured
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_simulator import RoomsSimulator
-from layoutrl.env.scenes import Scenes
+from layoutrl.env.scenes import ItemSimulator
 from layoutrl.env.simulator import Simulator
 from layoutrl.rooms.brief import brief_of
 from layoutrl.rooms.room import Item, Room
@@ -164,7 +164,7 @@ def moves_a_second(config: BenchConfig, simulator: BatchSimulator, episodes: int
 
 
 def random_moves(
-    simulator: BatchSimulator | Scenes, episodes: int, max_moves: int, seed: np.random.SeedSequence
+    simulator: ItemSimulator, episodes: int, max_moves: int, seed: np.random.SeedSequence
 ) -> Iterator[Step]:
     """Steps of many episodes, of legal moves drawn at random."""
     generator = generator_of(seed, simulator.device)

@@ -65,22 +65,56 @@ def server_of(answers: Answers, listener: socket.socket, timeout: float) -> uvic
 
 def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
     """Return the ASGI app of the page at `host`, name:port; answers that take over `timeout` seconds are given up."""
-    # Separate workers: while a room is furnished, items can be dragged and files opened.
-    workers = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("looks", "files", "furnishes")}
-    places = asyncio.Semaphore(MOST_FILES)
+    workers = Workers(timeout)
+
+    async def begin(_: Request) -> Response:
+        return said(answers.begin)
+
+    async def read(request: Request) -> Response:
+        asked = request.query_params
+        work = partial(answers.read, unit=asked.get("unit", "auto"), called=asked.get("name", ""))
+        return await workers.asking(work, "files")(request)
+
+    async def home(request: Request) -> Response:
+        work = partial(answers.home, called=request.query_params.get("name", ""))
+        return await workers.asking(work, "files", LINE)(request)
+
+    worker_of = {"look": "looks", "opening": "looks", "svg": "files"}
+    asked: dict[str, Callable[[Request], Any]] = {
+        question: workers.asking(partial(answers.answer, question), worker_of.get(question, "furnishes"))
+        for question in answers.questions
+    }
+    routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
+    routes.append(Route("/api", begin))
+    for name, answer in (asked | {"read": read, "home": home}).items():
+        routes.append(Route(f"/api/{name}", answer, methods=["POST"]))
+    handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
+    handlers[ClientDisconnect] = lambda *_: refused(400, "body: it broke off")  # which nobody hears
+    handlers[Exception] = lambda _, error: broken(error)
+    return Guard(Starlette(routes=routes, lifespan=workers.lifespan, exception_handlers=handlers), host)
+
+
+class Workers:
+    """The threads that answer. They are separate: while a room is furnished, items can be dragged and files opened."""
+
+    def __init__(self, timeout: float):
+        self._timeout = timeout
+        self._threads = {name: ThreadPoolExecutor(1, f"demo-{name}") for name in ("looks", "files", "furnishes")}
+        self._places = asyncio.Semaphore(MOST_FILES)
 
     @asynccontextmanager
-    async def lifespan(_: Starlette) -> Any:
+    async def lifespan(self, _: Starlette) -> Any:
+        """Context of the app, at whose end the threads are let go."""
         yield
-        for worker in workers.values():
-            worker.shutdown(wait=False, cancel_futures=True)
+        for thread in self._threads.values():
+            thread.shutdown(wait=False, cancel_futures=True)
 
-    async def answered(work: Callable[[bytes], Any], worker: str, line: int, request: Request) -> Response:
-        async with places if worker == "files" else nullcontext():
-            body = await body_of(request, line)
-            return said(await asyncio.get_running_loop().run_in_executor(workers[worker], work, body))
+    def asking(self, work: Callable[[bytes], Any], worker: str, line: int = 0) -> Callable[[Request], Any]:
+        """Return what answers requests by `work` on their bodies, as `body_of` takes them, in the thread of a worker.
 
-    def asking(work: Callable[[bytes], Any], worker: str, line: int = 0) -> Callable[[Request], Any]:
+        An InputError is an answer, too; so is that the time is up.
+        """
+
         async def answer(request: Request) -> Response:
             begun = False
 
@@ -90,42 +124,21 @@ def application(answers: Answers, host: str, timeout: float) -> ASGIApp:
                 return work(body)
 
             try:
-                return await asyncio.wait_for(answered(begin_work, worker, line, request), timeout)
+                return await asyncio.wait_for(self._answered(begin_work, worker, line, request), self._timeout)
             except InputError as error:
                 error.__traceback__ = None  # it leads to the body and back to the error, so that both would stay
                 return refused(400, str(error))
             except TimeoutError:  # a thread that has begun goes on, and the next answer waits for it
                 took = "the answer" if begun else "what was asked before"
                 mend = "fewer pieces or a smaller room" if begun else "to ask again"
-                return refused(503, f"time: {took} took over {timeout:g} seconds; expected {mend}")
+                return refused(503, f"time: {took} took over {self._timeout:g} seconds; expected {mend}")
 
         return answer
 
-    async def begin(_: Request) -> Response:
-        return said(answers.begin)
-
-    async def read(request: Request) -> Response:
-        asked = request.query_params
-        work = partial(answers.read, unit=asked.get("unit", "auto"), called=asked.get("name", ""))
-        return await asking(work, "files")(request)
-
-    async def home(request: Request) -> Response:
-        work = partial(answers.home, called=request.query_params.get("name", ""))
-        return await asking(work, "files", LINE)(request)
-
-    routes = [Route("/" if name == "index.html" else f"/{name}", part) for name, part in page().items()]
-    routes.append(Route("/api", begin))
-    worker_of = {"look": "looks", "opening": "looks", "svg": "files"}
-    for question in answers.questions:
-        worker = worker_of.get(question, "furnishes")
-        work = partial(answers.answer, question)
-        routes.append(Route(f"/api/{question}", asking(work, worker), methods=["POST"]))
-    routes.append(Route("/api/read", read, methods=["POST"]))
-    routes.append(Route("/api/home", home, methods=["POST"]))
-    handlers: Any = {HTTPException: lambda _, error: refused(error.status_code, f"address: {error.detail}")}
-    handlers[ClientDisconnect] = lambda *_: refused(400, "body: it broke off")  # which nobody hears
-    handlers[Exception] = lambda _, error: broken(error)
-    return Guard(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), host)
+    async def _answered(self, work: Callable[[bytes], Any], worker: str, line: int, request: Request) -> Response:
+        async with self._places if worker == "files" else nullcontext():
+            body = await body_of(request, line)
+            return said(await asyncio.get_running_loop().run_in_executor(self._threads[worker], work, body))
 
 
 def broken(error: Exception) -> Response:

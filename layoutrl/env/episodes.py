@@ -8,10 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
 from layoutrl.env.reward import RewardTerms
-from layoutrl.env.scenes import Scenes
+from layoutrl.env.scenes import ItemSimulator
 
 NEAR_DEVIATIONS = (0.1, 0.3, 1.0)  # metres: standard deviations, equally likely, of starts near the designer's place
 
@@ -42,7 +41,7 @@ class Episodes:
 
     def __init__(
         self,
-        simulator: BatchSimulator | Scenes,
+        simulator: ItemSimulator,
         ages: np.ndarray,
         max_moves: int,
         generator: torch.Generator,

@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from torch import Tensor
 
 from layoutrl.env.areas import box_box, box_polygon, disc_disc, disc_polygon
-from layoutrl.env.geometry import GRID, padded
+from layoutrl.env.geometry import GRID, padded, shrunk
 from layoutrl.rooms.fitting import edges
 from layoutrl.rooms.room import Item
 
@@ -25,7 +25,7 @@ UPRIGHT = 1e-9  # square metres by which an upright rectangle may be smaller tha
 
 
 class Footprints(NamedTuple):
-    """K footprints beside each of B moving items: rectangles and discs, with an area of 0 where there is none."""
+    """K footprints beside each of B moving items: rectangles and discs, far away or of area 0 where there is none."""
 
     center: Tensor  # float64 (B, K, 2), metres
     half: Tensor  # (B, K, 2): half sides, of a disc its radius
@@ -90,10 +90,8 @@ class Starts:
     """Regions (rooms,) cut into triangles, to draw places from."""
 
     def __init__(self, regions: np.ndarray, device: torch.device):
-        # Shrink regions, since places are rounded to the grid after they are drawn, unless they are too narrow for it.
-        shrunk = shapely.buffer(regions, -GRID, join_style="mitre")
-        shrunk = np.where(shapely.is_empty(shrunk), regions, shrunk)
-        triangles, room = shapely.get_parts(shapely.constrained_delaunay_triangles(shrunk), return_index=True)
+        parts = shapely.constrained_delaunay_triangles(shrunk(regions))
+        triangles, room = shapely.get_parts(parts, return_index=True)
         share = padded(shapely.area(triangles), room, len(regions))
         before = np.cumsum(share, 1) - share
         corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]

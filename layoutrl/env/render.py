@@ -114,9 +114,7 @@ def paint(
     """Blend `color` into a float picture (side, side, 3), in place, where `shape` (metres) covers it."""
     if shape.is_empty:
         return
-    corners = view.pixels(np.reshape(shape.bounds, (2, 2)))
-    low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
-    high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
+    low, high = _window(view.pixels(np.reshape(shape.bounds, (2, 2))), view.side)
     around = np.s_[low[1] : high[1], low[0] : high[0]]  # no other pixel is covered
     share = opacity * coverage(shape, view)[around][..., None]
     image[around] += share * (np.array(color) - image[around])
@@ -133,13 +131,18 @@ def coverage(shape: shapely.Geometry, view: View) -> np.ndarray:
             continue
         for ring, sign in [(part.exterior, 1)] + [(hole, -1) for hole in part.interiors]:
             corners = view.pixels(np.asarray(ring.coords))
-            low = np.clip(np.floor(corners.min(0)), 0, view.side).astype(int)
-            high = np.clip(np.ceil(corners.max(0)), 0, view.side).astype(int)
+            low, high = _window(corners, view.side)
             if (low >= high).any():  # it lies beside the picture
                 continue
             columns, rows = np.arange(low[0], high[0]), np.arange(low[1], high[1])
             total[low[1] : high[1], low[0] : high[0]] += sign * np.abs(_edge_areas(corners, columns, rows))
     return np.clip(total, 0, 1)
+
+
+def _window(corners: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first column and row (2,) that points (n, 2) in pixels reach, and those after the last."""
+    low, high = np.floor(corners.min(0)), np.ceil(corners.max(0))
+    return np.clip(low, 0, side).astype(int), np.clip(high, 0, side).astype(int)
 
 
 def _edge_areas(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:

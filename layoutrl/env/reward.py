@@ -14,7 +14,6 @@ from layoutrl import InputError
 if TYPE_CHECKING:  # the reference simulator does without torch, which takes seconds to load
     from torch import Tensor
 
-Array = TypeVar("Array", np.ndarray, "Tensor")
 Values = TypeVar("Values", np.ndarray, "Tensor", float)  # of many poses, or of one
 REWARD_RANGE = (-200.0, 100.0)
 

@@ -14,10 +14,11 @@ from torch import Tensor
 from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.packed import Footprints
 from layoutrl.env.reward import RewardTerms
-from layoutrl.env.rooms_simulator import TURNS, RoomsSimulator, State, faces_alike
+from layoutrl.env.rooms_simulator import QUARTERS, TURNS, RoomsSimulator, State, faces_alike
 from layoutrl.rooms.room import Item
 
 FAR = 1e4  # metres: where items that do not stand are put, so far from any room that nothing touches them
+NOTHING = Item("", (0.0, 0.0), (FAR, FAR))  # pads tables
 
 
 class BatchRoomsSimulator:
@@ -44,11 +45,11 @@ class BatchRoomsSimulator:
         self._items = _Table([_padded(items, most) for items in simulator.items], simulator.degrees, like)
 
         # If the reward counts it, the floor that is to be free before each item; if any of it fits, a simulator of it.
-        self._floors = BatchSimulator(simulator.floors, device, dtype) if simulator.floors else None
+        self._floors = BatchSimulator(floors, device, dtype) if (floors := simulator.floor_simulator) else None
         self._weighs_floor = simulator.reward_function.theta4 != 0
         if self._weighs_floor:
-            floors = [[floor or NOTHING for floor in row] for row in simulator.floor]
-            self._floor_table = _Table([_padded(row, most) for row in floors], simulator.degrees, like)
+            floor = [_padded([each or NOTHING for each in row], most) for row in simulator.floor]
+            self._floor_table = _Table(floor, simulator.degrees, like)
             self._floor_index, self._ahead, self._welcome = (
                 torch.tensor(table, device=device)
                 for table in (simulator.floor_index, simulator.ahead, simulator.welcome)
@@ -59,8 +60,8 @@ class BatchRoomsSimulator:
         longest = max(map(len, places), default=0)
         table = [_padded(there, longest) for there in places]
         shape = rows * most, longest
-        counts = np.zeros((*shape, 4))
-        for (k, t, q), degrees in np.ndenumerate(np.repeat(simulator.degrees.reshape(-1, 1, 4), longest, 1)):
+        counts = np.zeros((*shape, QUARTERS))
+        for (k, t, q), degrees in np.ndenumerate(np.repeat(simulator.degrees.reshape(-1, 1, QUARTERS), longest, 1)):
             if t < len(places[k]):
                 counts[k, t, q] = 1.0 if faces_alike(places[k][t], degrees) else simulator.reward_function.faces_away
         own = np.array([[item.degrees for item in row] for row in table]).reshape(*shape, 1)
@@ -173,9 +174,6 @@ def either(chosen: Tensor, new: State[Tensor], old: State[Tensor]) -> State[Tens
 def _others_stand(state: State[Tensor]) -> Tensor:
     """Which items stand and do not move: bool (B, N)."""
     return state.stands.scatter(1, state.moving[:, None], False)
-
-
-NOTHING = Item("", (0.0, 0.0), (FAR, FAR))  # pads tables
 
 
 def _padded(items: Sequence[Item], length: int) -> list[Item]:

@@ -32,7 +32,7 @@ from layoutrl.env.observation import (
     enough,
     items_described,
 )
-from layoutrl.env.rooms_simulator import RoomsSimulator, State
+from layoutrl.env.rooms_simulator import QUARTERS, RoomsSimulator, State
 from layoutrl.env.symmetry import Symmetry
 from layoutrl.rooms.brief import categories_of
 from layoutrl.rooms.room import middles
@@ -71,12 +71,12 @@ class RoomsObservation:
         rows, most = simulator.room_index.shape[:2]
         total = enough(elements, most + shell.shape[1])
         shell = np.pad(shell, ((0, 0), (0, total - most - shell.shape[1]), (0, 0)))
-        items = np.zeros((rows, most, 4, len(ROOM_COLUMNS) + len(names)))
+        items = np.zeros((rows, most, QUARTERS, len(ROOM_COLUMNS) + len(names)))
         waiting = np.zeros((rows, most, 2))
         given = np.zeros((rows, most), dtype=bool)
         for r, those in enumerate(simulator.items):
             if those:
-                for q in range(4):
+                for q in range(QUARTERS):
                     shown = items_described(those, simulator.degrees[r, : len(those), q])
                     items[r, : len(those), q, EXTENT_X : SIN + 1] = shown
                 items[r, : len(those), :, PRESENT] = 1.0

@@ -18,13 +18,15 @@ import shapely
 from shapely.geometry import Polygon
 
 from layoutrl import InputError
-from layoutrl.env.reward import Array, Reward, RewardTerms
+from layoutrl.env.geometry import Array
+from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.rooms.brief import distinct_rotations, missing
 from layoutrl.rooms.clearances import ahead, angle_off, floor_before, may_stand_before, period
 from layoutrl.rooms.fitting import fitting_positions
 from layoutrl.rooms.room import TOLERANCE, Item, Room, envelopes
 
+QUARTERS = 4  # most ways that an item can face: quarters counter-clockwise from the first
 TURNS = np.array([1, -1])  # quarters, counter-clockwise, of the two actions that turn
 
 
@@ -72,7 +74,7 @@ class RoomsSimulator:
     - `room_index` (rooms, N, 4): the room of `one_item` in which it moves when turned so, -1 where it does not fit
 
     If the reward has a fourth term, the floor that is to be free before an item moves with it, in room `floor_index`
-    (rooms, N, 4) of the simulator `floors`. Its middle is the item's plus `ahead` (rooms, N, 4, 2), in metres.
+    (rooms, N, 4) of `floor_simulator`. Its middle is the item's plus `ahead` (rooms, N, 4, 2), in metres.
     `welcome` (rooms, N, N) tells which other items may stand there.
 
     Raises InputError where a room has more items than `most`, where an item fits in no way, and where no room has
@@ -101,12 +103,12 @@ class RoomsSimulator:
             )
         shape = len(briefs), int(most or self.count[largest])
         self.ways = np.ones(shape, dtype=int)
-        self.degrees = np.zeros((*shape, 4))
+        self.degrees = np.zeros((*shape, QUARTERS))
         for r, (room, items) in enumerate(zip(briefs, self.items, strict=True)):
             for n, item in enumerate(items):
                 first, *others = distinct_rotations(room, item)
                 self.ways[r, n] = 1 + len(others)
-                self.degrees[r, n] = first + 90 * np.arange(4)
+                self.degrees[r, n] = first + 90 * np.arange(QUARTERS)
         rooms_by_facing, self.room_index = self._rooms_by_facing(self.items, lambda *_: True)
         for r, items in enumerate(self.items):
             for n, item in enumerate(items):
@@ -115,8 +117,8 @@ class RoomsSimulator:
         self.one_item = Simulator(rooms_by_facing, moves, reward)
         self.floor = [[floor_before(item) if reward.theta4 else None for item in items] for items in self.items]
         rooms_by_facing, self.floor_index = self._rooms_by_facing(self.floor, _takes_floor)
-        self.floors = Simulator(rooms_by_facing, moves, Reward(0.0, 1.0, 1.0)) if rooms_by_facing else None
-        self.ahead, self.welcome = np.zeros((*shape, 4, 2)), np.zeros((*shape, shape[1]), dtype=bool)
+        self.floor_simulator = Simulator(rooms_by_facing, moves, Reward(0.0, 1.0, 1.0)) if rooms_by_facing else None
+        self.ahead, self.welcome = np.zeros((*shape, QUARTERS, 2)), np.zeros((*shape, shape[1]), dtype=bool)
         for r, n, floor in self._all_floors():
             item, turn = self.items[r][n], np.radians(self.degrees[r, n])
             self.ahead[r, n] = ahead(item, floor) * np.stack([np.cos(turn), np.sin(turn)], -1)
@@ -278,8 +280,8 @@ class RoomsSimulator:
         b = np.flatnonzero(floor >= 0)  # a floor that fits nowhere is left out
         others = self._others(state)
         others[self.welcome[state.room, moving]] = None
-        if self.floors and len(b):
-            terms = self.floors.reward(floor[b], middle[b], others[b], np.zeros(len(b)))
+        if self.floor_simulator and len(b):
+            terms = self.floor_simulator.reward(floor[b], middle[b], others[b], np.zeros(len(b)))
             taken[b] = terms.r2 + terms.r3
         before_others = self._others(state, floors=True)
         before_others[self.welcome[state.room[:, None], np.arange(before_others.shape[1]), moving[:, None]]] = None

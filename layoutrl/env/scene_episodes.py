@@ -57,6 +57,7 @@ class SceneEpisodes(Episodes):
         self._size = torch.tensor(size, device=device)
         self._rooms = torch.tensor(np.flatnonzero(rooms.count), device=device)
         self._own = torch.zeros(len(ages), dtype=torch.bool, device=device)
+        self._keeps = 0.0  # until `explore_at` sets it: of the rooms that begin, how many may keep the agent's mistakes
         super().__init__(scenes, ages, max_moves, generator)
 
     def explore_at(self, epsilon: float) -> Tensor:

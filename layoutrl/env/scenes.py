@@ -16,10 +16,8 @@ from layoutrl.env.observation import COS, EXTENT_X, EXTENT_Y, ITEM, SIN, X, Y
 from layoutrl.env.reward import RewardTerms
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import STANDS, RoomsObservation, lying, moving_first_
-from layoutrl.env.rooms_simulator import State
+from layoutrl.env.rooms_simulator import QUARTERS, State
 from layoutrl.env.symmetry import Symmetry
-
-QUARTERS = 4
 
 
 class Scenes:
@@ -95,13 +93,16 @@ class Scenes:
         return self.simulator.room_index[scene[:, 0].long(), scene[:, 1].long(), self.quarter(scene)]
 
 
-def destinations(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor) -> tuple[Tensor, Tensor]:
+ItemSimulator = BatchSimulator | Scenes  # what moves one item of each of B rooms
+
+
+def destinations(simulator: ItemSimulator, room: Tensor, here: Tensor) -> tuple[Tensor, Tensor]:
     """Where each action leads from positions (B, 2): (B, A, 2), and whether it is legal: (B, A)."""
     length, legal = simulator.reach(room, here)
     return led_to(simulator, room, here, length), legal
 
 
-def led_to(simulator: BatchSimulator | Scenes, room: Tensor, here: Tensor, length: Tensor) -> Tensor:
+def led_to(simulator: ItemSimulator, room: Tensor, here: Tensor, length: Tensor) -> Tensor:
     """Where each action leads, by lengths (B, A) in metres, from positions (B, 2): (B, A, 2)."""
     actions = torch.arange(length.shape[1], device=length.device).repeat(len(here))
     whose, start = (t.repeat_interleave(length.shape[1], 0) for t in (room, here))

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from layoutrl import InputError
-from layoutrl.env.geometry import CONTACT, GRID, padded, snap
+from layoutrl.env.geometry import CONTACT, GRID, padded, shrunk, snap
 from layoutrl.env.render import View
 from layoutrl.env.reward import Reward, RewardTerms
 from layoutrl.rooms.fitting import edges, fitting_positions
@@ -247,8 +247,7 @@ class Simulator:
 
 def _anywhere(region: shapely.Geometry, rng: np.random.Generator) -> np.ndarray:
     """A place (2,) drawn uniformly from a region, a grid's step off its border where that leaves any."""
-    inner = shapely.buffer(region, -GRID, join_style="mitre")
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(region if inner.is_empty else inner))
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shrunk(np.array([region]))))
     share = shapely.area(triangles)
     a, b, c, _ = shapely.get_coordinates(triangles[rng.choice(len(triangles), p=share / share.sum())])
     v, w = rng.random(2)

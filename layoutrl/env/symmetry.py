@@ -48,3 +48,18 @@ def mirrored(moves: Moves, device: torch.device | str = "cpu") -> list[Symmetry]
 def shares(symmetries: Sequence[Symmetry], column: Tensor) -> Iterator[tuple[Symmetry, Tensor]]:
     """A batch (B, ...) cut into shares, one for each symmetry: equal ones, or the first of them larger by one."""
     return zip(symmetries, column.tensor_split(len(symmetries)), strict=True)
+
+
+def moves_in_every_view(symmetries: Sequence[Symmetry], action: Tensor) -> Tensor:
+    """Map moves (B,) to what they become in the symmetries, an equal share of them in each."""
+    return torch.cat([symmetry.action[share.long()] for symmetry, share in shares(symmetries, action)])
+
+
+def values_in_every_view(symmetries: Sequence[Symmetry], by_move: Tensor) -> Tensor:
+    """Reorder values per move (B, A) to what the moves become in the symmetries, an equal share of rows in each."""
+    return torch.cat([share[:, symmetry.inverse] for symmetry, share in shares(symmetries, by_move)])
+
+
+def vectors_in_every_view(symmetries: Sequence[Symmetry], vectors: Tensor) -> Tensor:
+    """Mirror and turn vectors (B, ..., 2), an equal share of them in each symmetry."""
+    return torch.cat([share @ symmetry.matrix.T for symmetry, share in shares(symmetries, vectors)])

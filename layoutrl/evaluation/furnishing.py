@@ -10,8 +10,7 @@ import torch
 
 from layoutrl.agents.learner import Agent
 from layoutrl.env.geometry import snap
-from layoutrl.env.rooms_simulator import State, rows
-from layoutrl.env.scenes import QUARTERS
+from layoutrl.env.rooms_simulator import QUARTERS, State, rows
 from layoutrl.evaluation.choosing import FAULT, blame, wrong, wrong_at
 from layoutrl.evaluation.placing import STARTS, Placing, spread
 from layoutrl.evaluation.policy import greedy
@@ -20,6 +19,7 @@ from layoutrl.rooms.brief import Pose, facings, missing, upright, with_poses, wi
 from layoutrl.rooms.furnished import Furnished, Placement
 from layoutrl.rooms.room import Point, Room, rotation
 
+SNAP = 0.03  # metres, in place of `method.snap`: values are too imprecise for tables to end in line with anything
 SWEEPS = 1  # times that every item but the largest is lifted and placed again, among all others
 REPAIRS = 1  # further such sweeps, in rooms in which something is wrong
 AFRESH = 3  # times that a room is furnished anew, its most wrong items first, while something is wrong
@@ -49,7 +49,7 @@ class Furnisher:
     """
 
     def __init__(self, agent: Agent):
-        self._policy = greedy(agent.network, agent.method)
+        self._policy = greedy(agent.network, replace(agent.method, snap=SNAP))
         self._moves, self._categories = agent.method.moves, list(agent.categories)
 
     @one_thread()
@@ -90,7 +90,7 @@ class Furnisher:
         x0, y0, x1, y1 = room.envelope.bounds
         grid = np.stack(np.meshgrid(np.arange(x0, x1, step) + step / 2, np.arange(y0, y1, step) + step / 2), -1)
         centers, turn = grid.reshape(-1, 2), rotation(lean)  # from the right, it turns points back
-        value = np.full((4, len(centers)), -np.inf)
+        value = np.full((QUARTERS, len(centers)), -np.inf)
         for quarter in np.flatnonzero(placing.rooms.room_index[0, n] >= 0):
             room_index = np.repeat(placing.rooms.room_index[0, n, quarter], len(centers))
             fits = placing.rooms.one_item.is_legal(room_index, centers @ turn)

@@ -10,9 +10,8 @@ import torch
 from torch import Tensor
 
 from layoutrl.agents.gains import gains
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import Observe
-from layoutrl.env.scenes import Scenes, destinations
+from layoutrl.env.scenes import ItemSimulator, destinations
 from layoutrl.evaluation.rollout import MeanQ, Rollout, first_poses, visited
 
 FRUITLESS = 120  # moves in a row that gain nothing end an episode: a room's length
@@ -36,7 +35,7 @@ class GainsPolicy:
     discount: float  # the last one of its training
 
     def rollout(
-        self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
+        self, simulator: ItemSimulator, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
     ) -> Rollout:
         """Follow the policy in rooms (B,) from starts (B, 2), in metres."""
         began = time.perf_counter()

@@ -85,7 +85,7 @@ def lattice_ceiling(simulator: Simulator, room: np.ndarray, starts: np.ndarray) 
     off = np.concatenate([off, off - step], 1)
     order = np.argsort(np.abs(off), axis=1)[:, :NEAREST_TILTED]  # NaN last
     off = np.take_along_axis(off, order, 1)
-    moving = [room.moving for room in simulator.rooms]
+    moving = [one.moving for one in simulator.rooms]
     upright = np.array([item.form == "circle" or item.degrees % 90 == 0 for item in moving])[room]
     designed = np.array([item.footprint for item in moving])[room, None]
     best = np.zeros(len(room))

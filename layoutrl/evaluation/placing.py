@@ -11,8 +11,8 @@ from torch import Tensor
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_batch import BatchRoomsSimulator
 from layoutrl.env.rooms_observation import RoomsObservation
-from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
-from layoutrl.env.scenes import QUARTERS, Scenes, ScenesObservation, destinations
+from layoutrl.env.rooms_simulator import QUARTERS, RoomsSimulator, State, rows
+from layoutrl.env.scenes import Scenes, ScenesObservation, destinations
 from layoutrl.env.simulator import TOUCHING, Moves
 from layoutrl.evaluation.choosing import Chosen, Options, best_of, unlike, wrong_at
 from layoutrl.evaluation.policy import Policy
@@ -72,11 +72,12 @@ class Placing:
             chosen = chosen.replaced_where_better(b, best)
         if not self.moves.slide:
             return chosen
-        placed = np.flatnonzero(np.isfinite(chosen.value))
-        items = (self.rooms.items[r][n] for r, n in zip(state.room[placed], state.moving[placed], strict=True))
-        belongs_at_wall = np.array([item.category in AT_A_WALL for item in items], dtype=bool)
-        backed = self._slid(state, before, chosen, placed, BACK)
-        return self._slid(state, before, backed, placed[belongs_at_wall], SIDEWAYS)
+        items = [self.rooms.items[r][n] for r, n in zip(state.room, state.moving, strict=True)]
+        # A chair would slide out from under its table.
+        slides = np.isfinite(chosen.value) & np.array([not item.tucked for item in items])
+        at_wall = slides & np.array([item.category in AT_A_WALL for item in items])
+        backed = self._slid(state, before, chosen, np.flatnonzero(slides), BACK)
+        return self._slid(state, before, backed, np.flatnonzero(at_wall), SIDEWAYS)
 
     def _slid(
         self,
@@ -195,13 +196,17 @@ class Placing:
         aside, legal = (values[:, sides] for values in destinations(self.scenes, scene, wall))
         places = torch.cat([wall[:, None], aside.where(legal[..., None], wall[:, None])], 1).cpu().numpy()  # (n, 3, 2)
         once = np.column_stack([np.column_stack([b, quarter]).repeat(3, 0), places.reshape(-1, 2).round(3)])
-        n, way = np.divmod(np.unique(once, return_index=True, axis=0)[1], 3)
+        n, place = np.divmod(np.unique(once, return_index=True, axis=0)[1], 3)  # at the wall, and aside on either hand
         center, value = np.repeat(starts.center[:, :, None], 3, 2), np.full((*starts.value.shape, 3), -np.inf)
         center[b, k] = places
-        value[b[n], k[n], way] = self.best_values(scene[n], places[n, way])
+        value[b[n], k[n], place] = self.best_values(scene[n], places[n, place])
         ways = [
-            [np.concatenate([path, ends[[0, way]] if way else ends[:1]]) for path, ends in each for way in range(3)]
-            for each in map(zip, starts.way, center)
+            [
+                np.concatenate([path, ends[[0, k] if k else [0]]])
+                for path, ends in zip(paths, room_ends, strict=True)
+                for k in range(3)
+            ]
+            for paths, room_ends in zip(starts.way, center, strict=True)
         ]
         center, value = (each.reshape(len(each), -1, *each.shape[3:]) for each in (center, value))
         return Options(center, starts.quarter.repeat(3, 1), value, ways)

@@ -11,9 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from layoutrl.agents.method import Method
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.observation import Observe, out_of_line
-from layoutrl.env.scenes import Scenes, destinations, led_to
+from layoutrl.env.scenes import ItemSimulator, destinations, led_to
 from layoutrl.env.simulator import Moves
 from layoutrl.evaluation.gains_policy import GainsPolicy
 from layoutrl.evaluation.rollout import MeanQ, Remembered, Rollout, first_poses, visited
@@ -44,7 +43,7 @@ class GreedyPolicy:
     snap: float = 0.0  # metres
 
     def rollout(
-        self, simulator: BatchSimulator | Scenes, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
+        self, simulator: ItemSimulator, observe: Observe, room: np.ndarray | Tensor, starts: np.ndarray
     ) -> Rollout:
         """Follow the policy in rooms or scenes (B, ...) from starts (B, 2), in metres."""
         began = time.perf_counter()
@@ -71,7 +70,7 @@ class GreedyPolicy:
         return Rollout.of(began, path, value, best, torch.cat([climb, in_line[None]]), promise)
 
     def _most_promising(
-        self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, path: Tensor, value: Tensor
+        self, simulator: ItemSimulator, q_of: Remembered, rooms: Tensor, path: Tensor, value: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Return the index in the path (T + 1, B, 2) of the SHORTLIST position that promises most, and its promise.
 
@@ -86,7 +85,7 @@ class GreedyPolicy:
         return which.gather(0, best).squeeze(0), promise.gather(0, best).squeeze(0)
 
     def _climb(
-        self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor, promise: Tensor
+        self, simulator: ItemSimulator, q_of: Remembered, rooms: Tensor, place: Tensor, promise: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Climb from places (B, 2) with their `promise` (B,); return the places passed, (climbs + 1, B, 2), in metres,
         and the promise of the last (B,)."""
@@ -104,7 +103,7 @@ class GreedyPolicy:
             climb[t + 1 :, active], promise[active] = beside[higher, way[higher]], highest[higher]
         return climb, promise
 
-    def _in_line(self, simulator: BatchSimulator | Scenes, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
+    def _in_line(self, simulator: ItemSimulator, observe: Observe, rooms: Tensor, place: Tensor) -> Tensor:
         """Move places (B, 2) into the nearest line along each axis, where no further than `snap` and legal: (B, 2)."""
         if not self.snap:
             return place
@@ -116,7 +115,7 @@ class GreedyPolicy:
             place = there.where((near & simulator.is_legal(rooms, there))[:, None], place)
         return place
 
-    def _promise(self, simulator: BatchSimulator | Scenes, q_of: Remembered, rooms: Tensor, place: Tensor) -> Tensor:
+    def _promise(self, simulator: ItemSimulator, q_of: Remembered, rooms: Tensor, place: Tensor) -> Tensor:
         """Return the mean Q of the shortest moves into places (B, 2) from all sides: (B,), -inf where there is none."""
         around, legal = _beside(simulator, rooms, place)
         b, way = legal.nonzero().unbind(1)
@@ -126,7 +125,7 @@ class GreedyPolicy:
         return (total / legal.sum(1)).where(legal.any(1), -torch.inf)
 
 
-def _beside(simulator: BatchSimulator | Scenes, rooms: Tensor, place: Tensor) -> tuple[Tensor, Tensor]:
+def _beside(simulator: ItemSimulator, rooms: Tensor, place: Tensor) -> tuple[Tensor, Tensor]:
     """Where the shortest moves lead from places (B, 2), right, left, below and up (B, 4, 2), and which are legal."""
     first = _shortest(simulator.moves)
     length, legal = (reach[:, first : first + 4] for reach in simulator.reach(rooms, place))

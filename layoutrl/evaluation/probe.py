@@ -23,16 +23,10 @@ from layoutrl.rooms.room import Room
 PICTURES = 4  # rooms drawn each time
 
 
-class Probe:
+class ItemProbe:
     """Greedy episodes from one fixed start in each room of a simulator."""
 
-    def __init__(
-        self,
-        simulator: Simulator,
-        observe: Observe,
-        rng: np.random.Generator,
-        device: torch.device,
-    ):
+    def __init__(self, simulator: Simulator, observe: Observe, rng: np.random.Generator, device: torch.device):
         self.simulator = simulator
         self._batch_simulator = BatchSimulator(simulator, device)
         self._observe = observe
@@ -59,7 +53,6 @@ class RoomsProbe:
     def __call__(self, furnisher: Furnisher) -> tuple[dict[str, float], list[np.ndarray]]:
         """The means of all measures, and pictures of the first rooms."""
         layouts = best_layouts(furnisher, self._briefs)
-        found = {name: value["mean"] for name, value in summary(measured(layouts, self._designs)).items()}
-        return {name: value for name, value in found.items() if value is not None}, [
-            furnished_picture(layout) for layout in layouts[:PICTURES]
-        ]
+        found = summary(measured(layouts, self._designs))
+        means = {name: value["mean"] for name, value in found.items() if value["mean"] is not None}
+        return means, [furnished_picture(layout) for layout in layouts[:PICTURES]]

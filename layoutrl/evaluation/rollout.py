@@ -12,10 +12,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from layoutrl.env.batch import BatchSimulator
 from layoutrl.env.geometry import snap
 from layoutrl.env.observation import Observe, in_view
-from layoutrl.env.scenes import Scenes
+from layoutrl.env.scenes import ItemSimulator
 from layoutrl.env.symmetry import Symmetry
 
 DISTINCT = 0.1  # metres: places nearer to each other are one choice
@@ -27,7 +26,7 @@ class Rollout:
     """B greedy episodes: the way of each, and where it ends."""
 
     path: np.ndarray  # (T + 1, B, 2), metres; an episode that ended stays where it was
-    value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf after the end
+    value: np.ndarray  # (T + 1, B) of each position, by which the stopping place is found; -inf where no move led
     best: np.ndarray  # (B,) index in the path of the position to which it returns after the search
     settling: np.ndarray  # (S, B, 2), metres: the path from there to the stopping place, where it then stays
     promise: np.ndarray  # (B,) what the agent thinks of the stopping place, before it is put in line
@@ -91,7 +90,7 @@ class MeanQ:
 
     def best_moves(
         self,
-        simulator: BatchSimulator | Scenes,
+        simulator: ItemSimulator,
         observe: Observe,
         room: np.ndarray | Tensor,
         position: np.ndarray | Tensor,
@@ -138,7 +137,7 @@ class Remembered:
 
 
 def first_poses(
-    simulator: BatchSimulator | Scenes, room: np.ndarray | Tensor, starts: np.ndarray, moves: int
+    simulator: ItemSimulator, room: np.ndarray | Tensor, starts: np.ndarray, moves: int
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return the arrays of episodes before their first move, with space for `moves` moves.
 

@@ -27,13 +27,12 @@ def run(config: PlanitConfig, folder: Path | None = None) -> Path:
     device = device_of(config.device)  # raises before the rooms are made, which takes a while
     check_folder(config, folder)
     training, held_out = usable(*two_parts(config.room.type, config.room.item, config.data, config.fold))
-    spent = updates_budget(config.method.updates[config.budget.name])
-    trained = train(config, training, held_out, spent, device, folder)
+    total = config.method.updates[config.budget.name]
+    trained = train(config, training, held_out, updates_budget(total), device, folder)
     folder = trained.folder
     if trained.stopped:
-        total = config.method.updates[config.budget.name]
-        raise stopped(folder, config, "layoutrl.planit.train", trained.updates, total)
-    with evaluation_session(folder, config, "layoutrl.planit.train"):
+        raise stopped(folder, config, trained.updates, total)
+    with evaluation_session(folder, config):
         result = evaluated(trained.placer, config.budget.evaluation_rooms, seeds(config)[3])
         finish(
             folder,

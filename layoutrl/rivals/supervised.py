@@ -23,7 +23,7 @@ from layoutrl.env.device import generator_of
 from layoutrl.env.geometry import padded, snap
 from layoutrl.env.observation import PRESENT, GeometryObservation, in_every_view, upright_box
 from layoutrl.env.simulator import TOUCHING, Simulator
-from layoutrl.env.symmetry import Symmetry, shares, symmetries
+from layoutrl.env.symmetry import Symmetry, symmetries, vectors_in_every_view
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rooms.fitting import center_range
 
@@ -64,8 +64,7 @@ def train_regressor(
         room = torch.randint(len(designed), (batch,), generator=generator, device=device)
         start = batch_simulator.starts(room, generator)
         way = (designed[room] - start).float()
-        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, way)])
-        return in_every_view(observe, views, observe(room, start)), turned
+        return in_every_view(observe, views, observe(room, start)), vectors_in_every_view(views, way)
 
     return trained(lambda: _agents_network(observe, 2), draw, l1_loss, spent, seed, learning_rate, device)
 
@@ -156,7 +155,7 @@ def train_pointer(
 
     def draw(generator: torch.Generator) -> tuple[Tensor, Tensor]:
         room = torch.randint(len(goal), (batch,), generator=generator, device=device)
-        turned = torch.cat([share @ view.matrix.T for view, share in shares(views, goal[room].float())])
+        turned = vectors_in_every_view(views, goal[room].float())
         return in_every_view(observe, views, observe(room, observe.origin[room])), turned
 
     def loss(said: tuple[Tensor, Tensor], goal: Tensor) -> Tensor:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -56,10 +56,9 @@ BEHIND = 1.5  # metres: in no design a seat looks at the back of another so near
 BESIDE_PLATFORMS = frozenset({"chair", "desk", "stool"})  # in all of the authors' tatami rooms; wardrobes stand on them
 
 
-def oddities(layout: Room, asked: Collection[int] | None = None) -> list[Fault]:
-    """Return (index of the item, name of the oddity) of the items `asked` about, or of all, item by item."""
-    (found,) = oddities_of_all([layout])
-    return found if asked is None else [(k, name) for k, name in found if k in asked]
+def oddities(layout: Room) -> list[Fault]:
+    """Return (index of the item, name of the oddity) of all items, item by item."""
+    return oddities_of_all([layout])[0]
 
 
 def oddities_of_all(layouts: Sequence[Room]) -> list[list[Fault]]:
@@ -113,8 +112,9 @@ def sides_off_walls(layouts: Sequence[Room], items: Items, those: np.ndarray) ->
 def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
     """Whether an item is tucked but at none of the tables and desks of its room, if there are any: (N,).
 
-    It is at one if the middle half of its front is within NEAR of it and its back is not under it; an item without a
-    front, if any part touches it. A bench of a room with tables is astray, too, unless it is BENCH_AT_TABLE.
+    It is at one if the middle half of its front is within NEAR of it, and neither its back nor three quarters of it are
+    under it; an item without a front, if any part touches it. A bench of a room with tables is astray, too, unless it
+    is BENCH_AT_TABLE.
     """
     hosts = unions(items.footprint[items.hosts], items.room[items.hosts], len(layouts))[items.room]
     result = items.tucked & items.placed & ~shapely.is_empty(hosts)
@@ -124,7 +124,8 @@ def astray(layouts: Sequence[Room], items: Items) -> np.ndarray:
     corners = shapely.get_coordinates(items.footprint[those]).reshape(-1, 5, 2)
     quarter = (corners[:, 3] - corners[:, 0]) / 4
     front = shapely.points(np.stack([corners[:, 0] + quarter, corners[:, 3] - quarter], 1))
-    at, under = hosts[those, None], shapely.points(corners[:, 1:3])
+    three_quarters = corners[:, [0, 3]].mean(1) / 4 + corners[:, 1:3].mean(1) * 3 / 4  # of its depth, at half its width
+    at, under = hosts[those, None], shapely.points(np.concatenate([corners[:, 1:3], three_quarters[:, None]], 1))
     result[those] = ~shapely.dwithin(at, front, NEAR).all(1) | shapely.intersects(at, under).any(1)
     bench, table = together(items, placed_of(items, "bench"), placed_of(items, "table"))
     return result | alone(items, bench, shapely.dwithin(items.footprint[bench], items.footprint[table], BENCH_AT_TABLE))

@@ -73,7 +73,7 @@ class Item:
 
     `size` is (depth, width) in metres along the item's own x and y axis; `rotation` turns these
     axes, in degrees counter-clockwise. It faces along its x axis. `center` is None for an item that is still to be
-    placed, `rotation` too for one whose facing is then to be chosen.
+    placed, `rotation` too for one whose facing is then to be chosen; of one with a center it is 0 if none is given.
     A circle's depth and width are both its diameter. A `tucked` item (a chair) stands partly under
     another by intent. One that is `locked` stays where it stands, whatever a user lets move (`formats.to_place`).
     """
@@ -81,10 +81,14 @@ class Item:
     category: str
     size: tuple[float, float]
     center: Point | None = None
-    rotation: float | None = 0.0
+    rotation: float | None = None
     form: Literal["rectangle", "circle"] = "rectangle"
     tucked: bool = False
     locked: bool = False
+
+    def __post_init__(self) -> None:
+        if self.center is not None and self.rotation is None:
+            object.__setattr__(self, "rotation", 0.0)
 
     def footprint_at(self, center: Point) -> Polygon:
         """The item's outline when its centre stands at `center`."""

@@ -96,31 +96,12 @@ def load_checkpoint(
     No code in a file is run. Raises InputError if all are damaged, and if the first that is not has another format or,
     where `config` is given, another configuration.
     """
-    import torch
-
     found = checkpoints(folder)
     if which == "best" and found:
         found.sort(key=best(found).__ne__)  # the best first; the others stay in order
     for tried, checkpoint in enumerate(found, 1):
         try:
-            content = checkpoint.file.read_bytes()
-            if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
-                raise ValueError("its hash is another")
-            state = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
-            if not isinstance(state, dict) or not isinstance(version := state.get("version"), str):
-                raise ValueError("it is no state of a training")
-            if (theirs := state.get("format", 1)) != FORMAT:
-                another, ours = "", f", of layoutrl {layoutrl.__version__}"
-                if version == layoutrl.__version__:
-                    another, ours = "another ", ""
-                raise InputError(
-                    f"{checkpoint.file} is of format {theirs}, of {another}layoutrl {version}; "
-                    f"expected {FORMAT}{ours}: train it again"
-                )
-            if missing := [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]:
-                raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")
-        except InputError:  # another format is no damage: no other is tried
-            raise
+            state = _whole_state(checkpoint, device)
         except Exception as error:  # torch answers a damaged file with whatever it meets in it
             if out_of_memory(error):  # it says nothing of what is in the file
                 raise
@@ -131,12 +112,36 @@ def load_checkpoint(
             instead = f"{rest[0].file.name} is taken instead" if rest else "there is no other"
             print(f"{checkpoint.file} is damaged ({reason}); {instead}", file=sys.stderr)
             continue
+        if (theirs := state.get("format", 1)) != FORMAT:
+            another, ours = "", f", of layoutrl {layoutrl.__version__}"
+            if state["version"] == layoutrl.__version__:
+                another, ours = "another ", ""
+            raise InputError(
+                f"{checkpoint.file} is of format {theirs}, of {another}layoutrl {state['version']}; "
+                f"expected {FORMAT}{ours}: train it again"
+            )
         if config and (others := differences(state["config"], config)):
             raise InputError(
                 f"{checkpoint.file} is of another {', '.join(others)}; expected the same as in config.yaml"
             )
         return state
     raise InputError(f"{folder / CHECKPOINTS} has no whole checkpoint; expected those of a training run")
+
+
+def _whole_state(checkpoint: Checkpoint, device: torch.device) -> dict[str, Any]:
+    """Return the state in a file. Raises ValueError, or whatever torch meets in it, if it is damaged."""
+    import torch
+
+    content = checkpoint.file.read_bytes()
+    if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+        raise ValueError("its hash is another")
+    state = torch.load(io.BytesIO(content), map_location=device, weights_only=True)
+    if not isinstance(state, dict) or not isinstance(state.get("version"), str):
+        raise ValueError("it is no state of a training")
+    missing = [name for name, kind in STATE.items() if not isinstance(state.get(name), kind)]
+    if missing and state.get("format", 1) == FORMAT:  # another format may hold other things
+        raise ValueError(f"it is no state of a training: it lacks {', '.join(missing)}")
+    return state
 
 
 @contextmanager

@@ -150,6 +150,11 @@ class TrainConfig(LearningConfig):
         one_of("budget.name", self.budget.name, *self.method.updates)
         one_of("begin", self.begin, "nothing", "package")
 
+    @property
+    def module(self) -> str:
+        """The module that trains so, and goes on with a run."""
+        return "layoutrl.train"
+
     def check_used(self) -> None:
         """Raises InputError for options without effect. Not part of __post_init__: older runs may have them."""
         check_of_source(self.data)
@@ -193,6 +198,11 @@ class PlanitConfig(LearningConfig):
         super().__post_init__()
         self.method.check("method")
         one_of("budget.name", self.budget.name, *self.method.updates)
+
+    @property
+    def module(self) -> str:
+        """The module that trains so, and goes on with a run."""
+        return "layoutrl.planit.train"
 
 
 AnyTraining = TrainConfig | PlanitConfig

@@ -150,21 +150,7 @@ class FilePlacer:
         if done:
             self.say(f"goes on after {done} rooms")
             self._seen = None
-        entries: Iterator[Entry | None]
-        if self.source:
-            others = tuple(f"  {room.id}: " for room in self.source.collection.rooms if not self.placer.means(room))
-            for line in str(self.source.collection).splitlines():
-                if not line.startswith(others):  # such a room stays as it is, whatever it would get
-                    self.say(line)
-            if shard == 0 and not done:
-                homeless = [] if self.config.only else self.source.collection.homeless
-                self.tally.items += sum(self.config.item in (None, c) for c in homeless)
-                self.tally.unread = self.source.collection.unread(self.config.only)
-            entries = islice(source_entries(self.source), first, None, shards)
-        else:
-            for line in other_formats(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
-                self.say(line)
-            entries = json_entries(self.config, first, shards)
+        entries = self._source_entries(self.source, first) if self.source else self._json_entries(first)
         length = None if self.total is None else max(len(range(shard, self.total, shards)), done)
         nobody = True if sys.stderr is None else None  # None: tqdm shows no bar where stderr is no terminal
         with tqdm(None, "furnishing", length, initial=done, unit="room", disable=nobody) as bar:
@@ -182,6 +168,24 @@ class FilePlacer:
                     self._told(answer, folder and folder / f"{shard + (self.tally.entries - 1) * shards + 1}")
                 yield answers
                 bar.update(len(block))
+
+    def _source_entries(self, source: Source, first: int) -> Iterator[Entry | None]:
+        """Return the rooms of the source from `first` on, of this shard; say, and count, what it has besides."""
+        others = tuple(f"  {room.id}: " for room in source.collection.rooms if not self.placer.means(room))
+        for line in str(source.collection).splitlines():
+            if not line.startswith(others):  # such a room stays as it is, whatever it would get
+                self.say(line)
+        if first == 0:
+            homeless = [] if self.config.only else source.collection.homeless
+            self.tally.items += sum(self.config.item in (None, c) for c in homeless)
+            self.tally.unread = source.collection.unread(self.config.only)
+        return islice(source_entries(source), first, None, self.config.shard_of[1])
+
+    def _json_entries(self, first: int) -> Iterator[Entry | None]:
+        """Return the rooms in JSON from `first` on, of this shard; say which files beside them are not read."""
+        for line in other_formats(Path(self.config.rooms), "json") if self.config.rooms != STANDARD else []:
+            self.say(line)
+        return json_entries(self.config, first, self.config.shard_of[1])
 
     def _left_out(self, entry: Entry, new: bool) -> None:
         """Count and report a room that cannot be read.

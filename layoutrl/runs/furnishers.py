@@ -18,7 +18,7 @@ from layoutrl.rivals.budgets import seconds_budget, updates_budget
 from layoutrl.rivals.rooms.rival import SearchOrAnnealer
 from layoutrl.rivals.rooms.search import Searching
 from layoutrl.rooms.called import by_any_name
-from layoutrl.rooms.faults import MISSING, new_faults
+from layoutrl.rooms.faults import BLOCKS, MISSING, OUTSIDE, OVERLAPS, new_faults
 from layoutrl.rooms.furnished import Furnished, Furnishes, same
 from layoutrl.rooms.oddities import ODDITIES, faults_and_oddities
 from layoutrl.rooms.room import Room
@@ -35,6 +35,7 @@ from layoutrl.runs.wording import any_of
 # Of the search that helps where an agent's layout has a shortcoming, and of the next, where each layout still has a
 # fault. With a limit in seconds, layouts would differ between machines.
 RESTARTS = (8, 64)
+ILL_PLACED = frozenset({MISSING, OVERLAPS, OUTSIDE, BLOCKS})  # what nobody can leave so: it is no better than no place
 HALL = 625.0  # square metres of floor, beyond which the search takes seconds (two, in 25 m by 25 m)
 
 
@@ -98,7 +99,7 @@ class Helped:
             for k, theirs, lack in zip(wanting, others, shortcomings(asked, others), strict=True):
                 found[k] += [replace(each, by="the search") for each in theirs]
                 lacks[k] += lack
-            wanting = [k for k in wanting if all(missed or faulty for missed, faulty, _ in lacks[k])]
+            wanting = [k for k in wanting if all(faults for _, faults, _ in lacks[k])]
         return [best_apart(layouts, lack, choices) for layouts, lack in zip(found, lacks, strict=True)]
 
     @staticmethod
@@ -124,15 +125,15 @@ def helped(agents: Furnishes, searching: Searching) -> Helped:
 
 
 def shortcomings(briefs: Sequence[Room], found: Sequence[Sequence[Furnished]]) -> list[list[tuple[int, int, int]]]:
-    """Count for each layout of each brief: the items without a place, the other new faults, and the new oddities."""
+    """Count for each layout of each brief: how many items are ILL_PLACED, new faults, and new oddities."""
     now = iter(faults_and_oddities([each.layout for layouts in found for each in layouts]))
     counted = []
     for layouts, before in zip(found, faults_and_oddities(briefs), strict=True):
         lacks = []
         for _ in layouts:
-            names = [fault for _, fault in new_faults(next(now), before)]
-            missed, odd = names.count(MISSING), sum(name in ODDITIES for name in names)
-            lacks.append((missed, len(names) - missed - odd, odd))
+            wrong = new_faults(next(now), before)
+            ill_placed, odd = {k for k, name in wrong if name in ILL_PLACED}, sum(name in ODDITIES for _, name in wrong)
+            lacks.append((len(ill_placed), len(wrong) - odd, odd))
         counted.append(lacks)
     return counted
 

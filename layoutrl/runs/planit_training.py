@@ -90,7 +90,7 @@ def train(
         return found
 
     curves = ("updates", *(f"loss/{name}" for name in LOSSES))
-    with session(training, config, training_rooms.rooms, folder, device, "layoutrl.planit.train") as kept:
+    with session(training, config, training_rooms.rooms, folder, device) as kept:
         for iou in reported(training, curves, look, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     return TrainedPlanIT(kept.folder, placer, training.updates, kept.seconds, training.stopping)

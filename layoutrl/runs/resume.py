@@ -61,18 +61,18 @@ def seeds(config: AnyTraining) -> list[np.random.SeedSequence]:
     return np.random.SeedSequence(config.seed).spawn(4)
 
 
-def going_on(folder: Path, config: AnyTraining, entry_point: str) -> str:
+def going_on(folder: Path, config: AnyTraining) -> str:
     """Return the shell command that resumes a run, with those options of ELSEWHERE that differ from its config.yaml."""
     schema: type[Any] = type(config)
     ours, theirs = (where(each) for each in (config, load_config(folder, schema)))
     others = [f"{name}={value}" for name, value in ours.items() if value != theirs[name]]
-    return shlex.join([interpreter(), "-m", entry_point, f"resume={folder}", *others])
+    return shlex.join([interpreter(), "-m", config.module, f"resume={folder}", *others])
 
 
-def stopped(folder: Path, config: AnyTraining, entry_point: str, made: int, total: int) -> Stopped:
+def stopped(folder: Path, config: AnyTraining, made: int, total: int) -> Stopped:
     """Return the error of a training that the user stopped after so many of all updates, with how it goes on."""
     when = f"after {made} of {total} updates" if made < total else "before its evaluation"
-    return Stopped(f"stopped {when}", going_on(folder, config, entry_point))
+    return Stopped(f"stopped {when}", going_on(folder, config))
 
 
 def interpreter() -> str:
@@ -133,7 +133,6 @@ def session(
     rooms: Sequence[Room],
     folder: Path | None,
     device: torch.device,
-    entry_point: str,
     **about: Any,
 ) -> Iterator[Session]:
     """Context of a training: resumes the run in `folder`, if given, and saves a checkpoint at the end or at a signal.
@@ -155,7 +154,7 @@ def session(
             seconds_before = state["seconds"]
         about |= {"threads": torch.get_num_threads()}
         kept = Session(training, folder, identity | about, seconds_before)
-        with write_errors_explained(folder, config, entry_point, training), stopped_by_signals(training):
+        with write_errors_explained(folder, config, training), stopped_by_signals(training):
             yield kept
             if [c.updates for c in checkpoints(folder)[:1]] != [training.updates]:
                 kept.save(None)
@@ -163,7 +162,7 @@ def session(
 
 
 @contextmanager
-def write_errors_explained(folder: Path, config: AnyTraining, entry_point: str, training: Stoppable) -> Iterator[None]:
+def write_errors_explained(folder: Path, config: AnyTraining, training: Stoppable) -> Iterator[None]:
     """Context that raises InputError for an OSError, with the command that resumes. Checkpoints raise their own."""
     try:
         yield
@@ -171,12 +170,12 @@ def write_errors_explained(folder: Path, config: AnyTraining, entry_point: str, 
         begins = "the last checkpoint goes on" if checkpoints(folder) else "it begins anew, as nothing is saved yet"
         raise InputError(
             f"runs: cannot write to {folder} ({error.strerror}) after {training.updates} updates; expected a disk "
-            f"to write to, where {begins}: {going_on(folder, config, entry_point)}"
+            f"to write to, where {begins}: {going_on(folder, config)}"
         ) from None
 
 
 @contextmanager
-def evaluation_session(folder: Path, config: AnyTraining, entry_point: str) -> Iterator[None]:
+def evaluation_session(folder: Path, config: AnyTraining) -> Iterator[None]:
     """Context of the evaluation of a trained run, its folder locked. If the user stops it, `resume=` does it later.
 
     Raises Stopped then, and InputError if the folder cannot be written to or is in use by another process.
@@ -185,11 +184,11 @@ def evaluation_session(folder: Path, config: AnyTraining, entry_point: str) -> I
         try:
             yield
         except KeyboardInterrupt:
-            raise Stopped("stopped in its evaluation", going_on(folder, config, entry_point)) from None
+            raise Stopped("stopped in its evaluation", going_on(folder, config)) from None
         except OSError as error:
             raise InputError(
                 f"runs: cannot write to {folder} ({error.strerror}); expected a disk to write to, and then: "
-                f"{going_on(folder, config, entry_point)}"
+                f"{going_on(folder, config)}"
             ) from None
 
 

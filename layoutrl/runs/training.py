@@ -15,8 +15,7 @@ from layoutrl.env.observation import observation_of
 from layoutrl.env.simulator import Simulator
 from layoutrl.evaluation.furnishing import Furnisher
 from layoutrl.evaluation.policy import greedy
-from layoutrl.evaluation.probe import Probe as ItemProbe
-from layoutrl.evaluation.probe import RoomsProbe
+from layoutrl.evaluation.probe import ItemProbe, RoomsProbe
 from layoutrl.rooms.room import Room
 from layoutrl.runs import pretrained
 from layoutrl.runs.config import TrainConfig
@@ -69,7 +68,7 @@ def train(
             probe = ItemProbe(Simulator(few, method.moves, reward), observe, rng, device)
             probes[name] = partial(probe, greedy(learner.agent.network, method))
     about = {"categories": learner.categories}
-    with session(training, config, training_rooms, folder, device, "layoutrl.train", **about) as kept:
+    with session(training, config, training_rooms, folder, device, **about) as kept:
         for iou in watched(training, probes, kept.folder, updates, budget.evaluations):
             kept.save(iou)
     return TrainedAgent(kept.folder, learner, kept.seconds, training.stopping)

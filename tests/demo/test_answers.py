@@ -495,7 +495,7 @@ def test_a_home_of_a_great_many_files_is_refused_before_they_are_listed(answers,
     content = home_file(tmp_path / "flat.sh3d").read_bytes()
     room = answers.read(content)["rooms"][0]["room"]
     for most, match in ((4, None), (3, "^file: expected at most 3 files in a home")):
-        monkeypatch.setattr("layoutrl.demo.answers.MOST_FILES", most)
+        monkeypatch.setattr("layoutrl.demo.opened_file.MOST_ENTRIES", most)
         for ask in (answers.read, lambda home: answers.home(json.dumps({"room": room}).encode() + b"\n" + home)):
             with pytest.raises(InputError, match=match) if match else nullcontext():
                 ask(content)

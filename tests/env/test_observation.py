@@ -326,7 +326,7 @@ def test_items_of_every_form_look_as_in_the_reference_picture(device, forms, see
         assert np.abs(image.astype(int) - picture(several[k], position)).max() <= 1
 
 
-@pytest.mark.parametrize("item", [Item("bed", (1.3, 0.7)), Item("bed", (1.3, 0.7), None, 20)])
+@pytest.mark.parametrize("item", [Item("bed", (1.3, 0.7), None, 0), Item("bed", (1.3, 0.7), None, 20)])
 def test_blended_colours_are_those_of_the_reference_nearly_everywhere(item):
     room = rectangular_room(item=item)
     positions = np.random.default_rng(0).uniform((0.5, 0.5), (3.5, 2.5), (20, 2))
@@ -379,7 +379,7 @@ def test_an_image_is_made_without_waiting_for_any_value_of_the_batch():
 
 
 @pytest.mark.parametrize(
-    "item", [Item("bed", (1, 1)), Item("bed", (1, 1), None, 20), Item("bed", (1, 1), None, 0, "circle")]
+    "item", [Item("bed", (1, 1), None, 0), Item("bed", (1, 1), None, 20), Item("bed", (1, 1), None, 0, "circle")]
 )
 def test_a_move_of_a_tenth_of_a_pixel_changes_the_image_but_none_leaves_it(item):
     room = room_of(rectangle(0, 0, 4, 3), item)
@@ -393,7 +393,7 @@ def test_a_move_of_a_tenth_of_a_pixel_changes_the_image_but_none_leaves_it(item)
 
 def test_an_item_is_in_line_where_it_shares_a_side_or_the_middle_with_something() -> None:
     case = Item("bookcase", (0.4, 1.0), (3.0, 2.0), 0.0)  # from 2.8 to 3.2, and from 1.5 to 2.5
-    room = rectangular_room(4, 4, Item("bed", (2.0, 1.0), None), others=(case,), walls=())
+    room = rectangular_room(4, 4, Item("bed", (2.0, 1.0), None, 0.0), others=(case,), walls=())
     places = {
         (1.81, 2.0): (-0.01, 0.0),  # its right side is at 2.81, its middle level with that of the case
         (2.95, 2.03): (0.05, -0.03),

@@ -193,7 +193,7 @@ def test_a_story_of_one_position_has_no_path_and_no_start():
 
 
 def test_a_story_of_a_room_without_a_designed_place_has_no_outline_of_it():
-    room = rectangular_room(item=Item("bed", (1.0, 0.8)))
+    room = rectangular_room(item=Item("bed", (1.0, 0.8), rotation=0))
     image = story(room, np.array([(1.0, 0.8), (2.0, 0.8), (2.0, 0.8)]))
     assert not (image == render.DESIGNER).all(-1).any()
     assert (image == render.PATH).all(-1).any()

@@ -13,6 +13,7 @@ from shapely.geometry import MultiPoint
 
 from layoutrl.agents.learner import Agent, q_network
 from layoutrl.agents.method import Method
+from layoutrl.env.observation import out_of_line
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_simulator import RoomsSimulator
 from layoutrl.env.scenes import QUARTERS
@@ -126,8 +127,9 @@ def test_the_way_ends_where_the_items_stand(together: list[Furnished]) -> None:
 def test_it_is_told_where_an_item_is_taken_up_though_it_be_the_same_again(
     furnisher, designs, monkeypatch, lean
 ) -> None:
-    # Along walls an untrained agent is right at once.
+    # Along walls, and put in line, an untrained agent is right at once.
     monkeypatch.setattr(Placing, "_along_walls", lambda placing, state, starts: starts)
+    monkeypatch.setattr(furnisher, "_policy", replace(furnisher._policy, snap=0.0))
     design = max(designs, key=lambda room: room.indoor.area)
     two = sorted(design.furniture, key=lambda item: -item.area)[:2]
     ((best,),) = furnisher.furnish([brief_of(replace(design, furniture=tuple(two), target=None)).rotated(lean)], 1)
@@ -249,6 +251,20 @@ def test_only_what_belongs_at_a_wall_slides_sideways(furnisher, monkeypatch) -> 
         state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
         chosen = world.chosen(state, nothing, spread(0, 128), [()])
         assert chosen.center[0, 1] == pytest.approx(ends, abs=1e-5)
+
+
+@pytest.mark.parametrize("tucked", [True, False])
+def test_a_chair_under_a_table_does_not_slide_out(furnisher, monkeypatch, tucked) -> None:
+    there = np.array([[1.0, 1.5]])  # 10 cm under a table
+    monkeypatch.setattr(
+        Placing, "_ends", lambda *_: Options(there[None], np.zeros((1, 1), int), np.ones((1, 1)), [[there]])
+    )
+    table = Item("table", (1.0, 1.0), (1.65, 1.5), 0.0)
+    brief = rectangular_room(4, 3, Item("chair", (0.5, 0.5), None, 0.0, tucked=tucked), others=(table,), target=None)
+    world = Placing([brief], furnisher._policy, Moves(), furnisher._categories)
+    state, nothing = world.rooms.empty(np.zeros(1, int)), np.zeros(1, dtype=bool)
+    (center,) = world.chosen(state, nothing, spread(0, 128), [()]).center.tolist()
+    assert (center == there.tolist()[0]) == tucked
 
 
 def test_places_along_walls_are_those_to_which_nothing_bars_the_way_and_beside_them(furnisher) -> None:
@@ -394,10 +410,12 @@ def test_values_and_moves_of_a_room_that_leans_are_those_of_the_upright_one(furn
 
 
 def test_a_faulty_room_is_furnished_anew_and_the_best_kept(furnisher, thorough, remembered, monkeypatch) -> None:
-    items = Item("bed", (1.0, 1.0)), Item("desk", (0.8, 0.5)), Item("wardrobe", (0.5, 0.5))
-    easy = rectangular_room(6, 5, items[0], others=items[1:], target=None)  # faultless at once
+    sizes = {"bed": (1.0, 1.0), "desk": (0.8, 0.5), "wardrobe": (0.5, 0.5)}
+    items = [Item(category, size, rotation=0.0) for category, size in sizes.items()]
+    easy = rectangular_room(6, 5, items[0], others=tuple(items[1:]), target=None)  # faultless at once
     briefs = [*(brief_of(room) for room in design_rooms("bathroom", "test", 0, 8).rooms[::3]), easy]
     monkeypatch.setattr(furnishing, "ELSEWHERE", 0)
+    monkeypatch.setattr(furnisher, "_policy", replace(furnisher._policy, snap=0.0))  # in line, its bed is off its wall
     tried = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
     monkeypatch.setattr(furnishing, "AFRESH", 0)
     once = [one.layout for one, *_ in furnisher.furnish(briefs, 1, 0)]
@@ -538,6 +556,17 @@ def test_an_item_alone_in_a_room_without_walls_is_put_into_line(method: Method) 
     furnisher = Furnisher(Agent(q_network(snapping, ["bed"], np.random.SeedSequence(0), CPU), snapping, ["bed"]))
     ((best,),) = furnisher.furnish([brief_of(room)], 1, 0)
     assert missing(best.layout) == []
+
+
+def test_what_ends_a_little_off_a_line_is_put_in_line(furnisher: Furnisher, designs: list[Room]) -> None:
+    world = Placing([brief_of(designs[0])], furnisher._policy, Moves(), furnisher._categories)
+    state, first = world.rooms.empty(np.zeros(1, int)), np.zeros(32, int)
+    scene = world.scenes_of(state, first, first)
+    generator = torch.Generator().manual_seed(0)
+    run = furnisher._policy.rollout(world.scenes, world.observe, scene, world.scenes.starts(scene, generator).numpy())
+    off = out_of_line(world.observe(scene, torch.as_tensor(run.final))).abs()
+    assert ((off < 1e-5) | (off > furnishing.SNAP)).all()
+    assert (np.diff(run.settling, axis=0) != 0).any()
 
 
 def test_moves_are_legal_lead_where_they_say_and_come_by_value(furnisher: Furnisher, designs: list[Room]) -> None:

@@ -76,7 +76,7 @@ def test_an_item_that_fits_exactly_is_found_and_one_a_millimetre_wider_is_not(
 
 
 def test_in_an_l_the_region_is_an_l_and_a_column_leaves_a_hole() -> None:
-    template = Item("bed", (1.0, 1.0)).template
+    template = Item("bed", (1.0, 1.0), rotation=0).template
     # centres 0.5 from every wall: 3 x 1 and 1 x 3 that share 1 x 1
     assert positions(Polygon(L_OUTLINE), template).area == pytest.approx(5.0, abs=1e-4)
     around_a_column = Polygon(box(0, 0, 5, 5).exterior, [box(2, 2, 3, 3).exterior])
@@ -98,7 +98,7 @@ def test_a_shape_that_is_not_its_own_mirror_image_reaches_as_far_as_its_corners(
 
 def test_two_rooms_joined_by_a_door_too_narrow_give_two_regions() -> None:
     dumbbell = shapely.union_all([box(0, 0, 2, 2), box(2, 0.7, 3, 1.3), box(3, 0, 5, 2)])
-    region = positions(dumbbell, Item("bed", (1.0, 1.0)).template)
+    region = positions(dumbbell, Item("bed", (1.0, 1.0), rotation=0).template)
     assert sorted(part.bounds for part in shapely.get_parts(region)) == [
         pytest.approx((0.5, 0.5, 1.5, 1.5), abs=1e-5),
         pytest.approx((3.5, 0.5, 4.5, 1.5), abs=1e-5),

@@ -74,7 +74,8 @@ def test_of_layouts_to_choose_from_the_worse_give_way_to_those_of_the_search_and
     moved = with_poses(design, {k: (tuple(inwards[k]), item.rotation) for k, item in enumerate(design.furniture)})
     one, another = Known(design, bad), Known(moved, lacking(design), design)
     (found,) = Helped(one, another).furnish([brief_of(design)], 3, 0)
-    worse, worst = sorted(shortcomings([brief_of(design)] * 2, [[Furnished(bad, 0.0)], [Furnished(moved, 0.0)]]))
+    alone = [[Furnished(each, 0.0)] for each in (bad, lacking(design))]
+    worse, worst = sorted(shortcomings([brief_of(design)] * 2, alone))
     assert [each.layout for each in found][:1] == [design]
     assert [each.by for each in found].count("") == 2
     assert shortcomings([brief_of(design)], [found]) == [[(0, 0, 0), *worse, *worst]]
@@ -105,6 +106,16 @@ def test_who_lacks_an_item_does_not_do_better() -> None:
     bad = turned_round(DESIGNS[1])
     (found,) = Helped(Known(bad), Known(lacking(DESIGNS[1]))).furnish([brief_of(DESIGNS[1])], 1, 0)
     assert [each.layout for each in found] == [bad]
+
+
+@pytest.mark.parametrize(("center", "degrees", "lacks"), [((1.8, 1.7), 90.0, True), ((3.7, 2.2), 0.0, False)])
+def test_what_stands_in_something_is_no_better_than_what_has_no_place(center, degrees, lacks) -> None:
+    bed, wardrobe = Item("bed", (2.0, 1.5), (1.0, 0.75)), Item("wardrobe", (0.6, 1.2), center, degrees)
+    layout = replace(rectangular_room(4, 3), furniture=(wardrobe, bed), target=None)
+    assert ("overlaps" in {name for _, name in faults(layout)}) == lacks
+    assert faults(layout)
+    (found,) = Helped(Known(layout), Known(lacking(layout))).furnish([brief_of(layout)], 1, 0)
+    assert (found[0].layout.furniture[0].center is None) == lacks
 
 
 def test_what_was_wrong_before_anything_was_placed_asks_for_nobody() -> None:

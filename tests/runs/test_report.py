@@ -15,7 +15,7 @@ from layoutrl.env.simulator import Moves, Simulator
 from layoutrl.env.symmetry import symmetries
 from layoutrl.evaluation.metrics import lattice_ceiling
 from layoutrl.evaluation.policy import GreedyPolicy
-from layoutrl.evaluation.probe import Probe
+from layoutrl.evaluation.probe import ItemProbe
 from layoutrl.evaluation.rollout import MeanQ
 from layoutrl.rooms.room import Item
 from layoutrl.runs.report import AGENT, evaluate
@@ -53,7 +53,7 @@ def test_an_evaluation_scores_the_stopping_places_exactly(agent):
 
 
 def test_a_probe_scores_one_rollout_in_every_room_exactly(agent):
-    probe = Probe(EXACT, OBSERVE, np.random.default_rng(3), torch.device("cpu"))
+    probe = ItemProbe(EXACT, OBSERVE, np.random.default_rng(3), torch.device("cpu"))
     room = np.arange(3)
     starts = EXACT.starts(room, np.random.default_rng(3))
     final = greedy(agent).rollout(BatchSimulator(EXACT), OBSERVE, room, starts).final

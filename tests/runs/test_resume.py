@@ -227,10 +227,10 @@ def test_the_command_that_goes_on_is_as_a_shell_takes_it(rooms, tmp_path):
     folder.mkdir(parents=True)
     (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.structured(config)))
     begins = [resume.interpreter(), "-m", "layoutrl.train", f"resume={folder}"]
-    assert shlex.split(resume.going_on(folder, config, "layoutrl.train")) == begins
+    assert shlex.split(resume.going_on(folder, config)) == begins
     elsewhere = replace(config, data=replace(config.data, root="my rooms.jsonl"), device="cuda:1")
     said = [*begins, f"data.root={Path.cwd() / 'my rooms.jsonl'}", "device=cuda:1"]
-    assert shlex.split(resume.going_on(folder, elsewhere, "layoutrl.train")) == said
+    assert shlex.split(resume.going_on(folder, elsewhere)) == said
 
 
 @pytest.mark.parametrize(

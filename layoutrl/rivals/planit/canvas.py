@@ -45,7 +45,7 @@ class Canvas:
         self,
         room: Tensor,
         furniture: Tensor,
-        centre: Tensor,
+        center: Tensor,
         quarters: Tensor,
         mirrored: Tensor,
         *,
@@ -55,7 +55,7 @@ class Canvas:
     ) -> Tensor:
         """Draw pictures (B, channels, side, side) of rooms (B,) and their furniture (B, n, 6).
 
-        `centre` (B, 2) is in the middle, and `reach` metres are seen to each side of it. The direction that lies
+        `center` (B, 2) is in the middle, and `reach` metres are seen to each side of it. The direction that lies
         `quarters` (B,) counter-clockwise from right points right, to the last columns; up is then the last rows, or
         the first where `mirrored` (B,). If there is an `anchor` (B, 4), one more channel shows its box, the last.
         """
@@ -75,15 +75,15 @@ class Canvas:
             boxes.append(anchor[:, None])
             weights = torch.nn.functional.pad(weights, (0, 1, 0, 1))
             weights[:, -1, -1] = 1.0
-        box = in_frame(torch.cat(boxes, 1), centre, quarters, mirrored)
+        box = in_frame(torch.cat(boxes, 1), center, quarters, mirrored)
         columns, rows = (_covered(box[..., k], box[..., k + 2], reach, side) for k in (0, 1))  # (B, n, side)
         painted = torch.einsum("bnc,bny->bcyn", weights, rows).flatten(1, 2)
         return torch.bmm(painted, columns).unflatten(1, (weights.shape[2], side))
 
 
-def in_frame(box: Tensor, centre: Tensor, quarters: Tensor, mirrored: Tensor) -> Tensor:
+def in_frame(box: Tensor, center: Tensor, quarters: Tensor, mirrored: Tensor) -> Tensor:
     """Boxes (B, n, 4) in the frame that `Canvas.draw` shows: x to the right, y up, 0 in the middle; metres."""
-    corners = box.unflatten(-1, (2, 2)) - centre[:, None, None]
+    corners = box.unflatten(-1, (2, 2)) - center[:, None, None]
     angle = -quarters * torch.pi / 2
     cosine, sine = angle.cos().round(), angle.sin().round()
     matrix = torch.stack([torch.stack([cosine, -sine], -1), torch.stack([sine, cosine], -1)], -2)

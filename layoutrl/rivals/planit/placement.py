@@ -109,19 +109,19 @@ class Placer:
             nodes = [self._node(query, edge.anchor) for query, (_, edge) in zip(asked, block, strict=True)]
             anchor = torch.tensor(np.array([box for box, _ in nodes]), dtype=torch.float32, device=model.device)
             quarters = torch.tensor([facing for _, facing in nodes], device=model.device)
-            centre = (anchor[:, :2] + anchor[:, 2:]) / 2
+            center = (anchor[:, :2] + anchor[:, 2:]) / 2
             straight = torch.zeros(len(block), dtype=torch.bool, device=model.device)
             room = torch.tensor([query.room for query in asked], device=model.device)
             furniture = self.canvas.furniture([list(query.placed.values()) for query in asked])
             picture = self.canvas.draw(
-                room, furniture, centre, quarters, straight, reach=span, side=SIDE, anchor=anchor
+                room, furniture, center, quarters, straight, reach=span, side=SIDE, anchor=anchor
             )
             type = torch.tensor([edge.type for _, edge in block], device=model.device)
             chance = model.location(picture, type).softmax(1)
             classes = [1 + self.canvas.categories[query.category] for query in asked]
             chance = chance[torch.arange(len(block)), classes]
             cells = torch.tensor(self.cells[[q.room for q in asked]], dtype=torch.float32, device=model.device)
-            where = in_frame(torch.cat([cells, cells], -1), centre, quarters, straight)[..., :2] / span
+            where = in_frame(torch.cat([cells, cells], -1), center, quarters, straight)[..., :2] / span
             found = grid_sample(chance[:, None], where[:, None], align_corners=False)[:, 0, 0]
             found = (found / found.sum(1, keepdim=True).clamp(min=1e-12)).clamp(min=1e-12).log()
             for (k, _), log in zip(block, found.cpu().numpy(), strict=True):
@@ -167,16 +167,16 @@ class Placer:
     ) -> Iterator[tuple[Item, float]]:
         """Yield the item at each legal place, in the order in which they are tried, and how well edges hold, 0 to 1."""
         cells, heat = self.cells[query.room], heat.copy()
-        for number, centre in enumerate(avoid, 1):
-            self._forget(heat, cells, np.array(centre), number)
+        for number, center in enumerate(avoid, 1):
+            self._forget(heat, cells, np.array(center), number)
         trial = 0
         for together in (1, TRIALS - 1):  # the first is often good; the others are cheaper all at once
-            centres: list[np.ndarray] = []
-            while len(centres) < together and heat.sum() > 0:
-                centres.append(self._centre(heat, cells, choosing))
+            centers: list[np.ndarray] = []
+            while len(centers) < together and heat.sum() > 0:
+                centers.append(self._centre(heat, cells, choosing))
                 trial += 1
-                self._forget(heat, cells, centres[-1], trial)
-            for item in self._items(query, np.array(centres), choosing, size) if centres else ():
+                self._forget(heat, cells, centers[-1], trial)
+            for item in self._items(query, np.array(centers), choosing, size) if centers else ():
                 snapped = self._snapped(query, item)
                 met = self._collisions(query, snapped)
                 choosing.in_the_way.update(met)
@@ -267,19 +267,19 @@ class Placer:
         near = np.abs(cells - cells[chosen]).max(1) < 1.5 * self.pixel
         return np.average(cells[near], axis=0, weights=heat[near])
 
-    def _forget(self, heat: np.ndarray, cells: np.ndarray, centre: np.ndarray, times: int) -> None:
+    def _forget(self, heat: np.ndarray, cells: np.ndarray, center: np.ndarray, times: int) -> None:
         """Set the heat to 0, in place, in a circle around a tried place that grows with the number of trials."""
-        heat[np.linalg.norm(cells - centre, axis=1) <= self.pixel * (0.5 + 0.25 * times)] = 0.0
+        heat[np.linalg.norm(cells - center, axis=1) <= self.pixel * (0.5 + 0.25 * times)] = 0.0
 
     @torch.no_grad()
-    def _items(self, query: Query, centres: np.ndarray, choosing: Choosing, size: Item | None) -> list[Item]:
+    def _items(self, query: Query, centers: np.ndarray, choosing: Choosing, size: Item | None) -> list[Item]:
         """Return the item at each of n centres, with the facing and the size that the networks predict unless given."""
         if size is not None and size.rotation is not None:
-            return [replace(size, category=query.category, center=(float(x), float(y))) for x, y in centres]
-        model, canvas, many = self.model, self.canvas, len(centres)
+            return [replace(size, category=query.category, center=(float(x), float(y))) for x, y in centers]
+        model, canvas, many = self.model, self.canvas, len(centers)
         furniture = canvas.furniture([[*query.placed.values()]]).expand(many, -1, -1)
         room = torch.full((many,), query.room, device=model.device)
-        here = torch.tensor(centres, dtype=torch.float32, device=model.device)
+        here = torch.tensor(centers, dtype=torch.float32, device=model.device)
         straight = torch.zeros(many, dtype=torch.bool, device=model.device)
         category = torch.zeros(many, len(canvas.categories), device=model.device)
         category[:, canvas.categories[query.category]] = 1.0
@@ -294,7 +294,7 @@ class Placer:
         if size is not None:
             return [
                 replace(size, category=query.category, center=(float(x), float(y)), rotation=90.0 * int(quarter))
-                for (x, y), quarter in zip(centres, facing, strict=True)
+                for (x, y), quarter in zip(centers, facing, strict=True)
             ]
         said = model.size(picture(torch.tensor(facing, device=model.device)), category, choosing.noise).cpu().numpy()
         known, sizes = self.sizes[query.category], model.statistics.sizes[query.category]
@@ -304,7 +304,7 @@ class Placer:
                 query.category, sizes[k][:2], (float(x), float(y)), 90.0 * int(quarter),
                 "circle" if sizes[k][2] else "rectangle",
             )
-            for (x, y), quarter, k in zip(centres, facing, nearest, strict=True)
+            for (x, y), quarter, k in zip(centers, facing, nearest, strict=True)
         ]  # fmt: skip
 
     def _snapped(self, query: Query, item: Item) -> Item:

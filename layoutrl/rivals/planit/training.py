@@ -170,11 +170,11 @@ class Training:
         anchor = torch.tensor(
             np.array([e.scene.box[e.edge.anchor] for e in examples]), dtype=torch.float32, device=device
         )
-        centre = (anchor[:, :2] + anchor[:, 2:]) / 2
+        center = (anchor[:, :2] + anchor[:, 2:]) / 2
         quarters = torch.tensor([int(e.scene.facing[e.edge.anchor]) for e in examples], device=device)
         type = np.array([e.edge.type for e in examples])
         seen = torch.tensor(np.where(mirrored.cpu(), MIRRORED[type], type), device=device)
-        picture = self._canvas.draw(room, furniture, centre, quarters, mirrored, reach=span, side=SIDE, anchor=anchor)
+        picture = self._canvas.draw(room, furniture, center, quarters, mirrored, reach=span, side=SIDE, anchor=anchor)
         rows, categories = [], self._canvas.categories
         for e in examples:
             alike = (r.target for r in e.scene.relations if r.anchor == e.edge.anchor and r.type == e.edge.type)
@@ -182,7 +182,7 @@ class Training:
             there = [(*(self._item(e.room, k).center or ()), categories[e.scene.category[k]]) for k in marked]
             rows.append(torch.tensor([[x, y, x, y, category] for x, y, category in there]))
         table = pad_sequence(rows, batch_first=True, padding_value=torch.nan).float().to(device)
-        where = in_frame(table[..., :4], centre, quarters, mirrored)[..., :2]
+        where = in_frame(table[..., :4], center, quarters, mirrored)[..., :2]
         pixel = ((where + span) * HEAT_SIDE / (2 * span)).floor()
         which, mark = (~table[..., 4].isnan() & ((pixel >= 0) & (pixel < HEAT_SIDE)).all(-1)).nonzero(as_tuple=True)
         goal = torch.zeros(len(examples), HEAT_SIDE, HEAT_SIDE, dtype=torch.long, device=device)
@@ -207,10 +207,10 @@ class Training:
 
     def _orientation_loss(self, examples: list[Example], room: Tensor, furniture: Tensor, mirrored: Tensor) -> Tensor:
         """The orientation network's loss, on which way the item in the middle faces; 0 for a round one."""
-        centre, facing, category, _ = self._about(examples)
+        center, facing, category, _ = self._about(examples)
         turned = torch.tensor(self._rng.integers(4, size=len(examples)), device=self.model.device)
         reach = self.model.statistics.span / 2
-        picture = self._canvas.draw(room, furniture, centre, turned, mirrored, reach=reach, side=SIDE)
+        picture = self._canvas.draw(room, furniture, center, turned, mirrored, reach=reach, side=SIDE)
         facing = torch.where(mirrored, turned - facing, facing - turned) % 4
         circle = torch.tensor([bool(e.scene.circle[e.item]) for e in examples], device=self.model.device)
         found = cross_entropy(self.model.orientation(picture, category), facing, reduction="none")
@@ -221,9 +221,9 @@ class Training:
     ) -> tuple[Tensor, Tensor]:
         """The losses of the size network (error, divergence, discriminator) and of the discriminator."""
         model = self.model
-        centre, facing, category, true = self._about(examples)
+        center, facing, category, true = self._about(examples)
         reach = model.statistics.span / 2
-        picture = self._canvas.draw(room, furniture, centre, facing, mirrored, reach=reach, side=SIDE)
+        picture = self._canvas.draw(room, furniture, center, facing, mirrored, reach=reach, side=SIDE)
 
         def beside(size: Tensor) -> Tensor:
             return torch.cat([picture, signed_distance(size)], 1)

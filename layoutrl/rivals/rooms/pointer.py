@@ -21,10 +21,9 @@ from layoutrl.env.geometry import snap
 from layoutrl.env.observation import CIRCLE, SIN2, upright_box
 from layoutrl.env.reward import Reward
 from layoutrl.env.rooms_observation import ROOM_COLUMNS, STANDS, RoomsObservation, moving_first_
-from layoutrl.env.rooms_simulator import RoomsSimulator, State, rows
-from layoutrl.env.scenes import QUARTERS
+from layoutrl.env.rooms_simulator import QUARTERS, RoomsSimulator, State, rows
 from layoutrl.env.simulator import Moves
-from layoutrl.env.symmetry import Symmetry, shares, symmetries
+from layoutrl.env.symmetry import Symmetry, shares, symmetries, vectors_in_every_view
 from layoutrl.rivals.budgets import Spent
 from layoutrl.rivals.supervised import BREADTH, PointingNetwork, pooled, trained
 from layoutrl.rooms.brief import brief_of, categories_of
@@ -114,8 +113,7 @@ def train_rooms_pointer(
         seen = each_way(observe, state)
         seen = torch.cat([observe.turned(share, view) for view, share in shares(views, seen)])
         goal = (center[room] - observe.origin[room][:, None]).float()
-        goal = torch.cat([share @ view.matrix.T for view, share in shares(views, goal)])
-        return seen, Poses(ways[room, moving[:, 0]], goal, quarter[room], equal & ~stands)
+        return seen, Poses(ways[room, moving[:, 0]], vectors_in_every_view(views, goal), quarter[room], equal & ~stands)
 
     def loss(said: tuple[Tensor, Tensor, Tensor], right: Poses) -> Tensor:
         score, weight, center = said

@@ -36,7 +36,7 @@ def floor_of(points: Sequence[tuple[float, float]]) -> Polygon:
     polygon = Polygon(points)
     if len(points) > MOST_CROSSING and not polygon.is_valid:  # the more crossings, the longer mending takes
         raise RoomError("outline", "expected a border that does not cross itself")
-    return parts_of(shapely.make_valid(polygon))[0]
+    return polygons_in(shapely.make_valid(polygon))[0]
 
 
 def tidy(floor: Polygon, walls: shapely.Geometry | None) -> list[Polygon]:
@@ -46,7 +46,7 @@ def tidy(floor: Polygon, walls: shapely.Geometry | None) -> list[Polygon]:
     a wall. Parts of at most MIN_ROOM_AREA are left out, but for the largest. Raises RoomError where nothing is left.
     """
     free = floor if walls is None else floor.difference(walls)
-    first, *others = parts_of(without_narrow(free, MIN_FLOOR_WIDTH))
+    first, *others = polygons_in(without_narrow(free, MIN_FLOOR_WIDTH))
     return [_straight(part) for part in (first, *(part for part in others if part.area > MIN_ROOM_AREA))]
 
 
@@ -57,7 +57,7 @@ def _straight(part: Polygon) -> Polygon:
     return orient(straight if straight.is_valid else simple)
 
 
-def parts_of(shape: shapely.Geometry) -> list[Polygon]:
+def polygons_in(shape: shapely.Geometry) -> list[Polygon]:
     """Return the parts of a floor, the largest first, without tiny ones. Raises RoomError where none is left."""
     parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon) and part.area > MIN_FLOOR_WIDTH**2]
     if not parts:

@@ -29,7 +29,7 @@ from layoutrl.rooms.room import (
     rotation,
     without_films,
 )
-from layoutrl.rooms.sources.floors import parts_of
+from layoutrl.rooms.sources.floors import polygons_in
 
 LINING = 0.06  # metres: the wall that is assumed at a side without one, where rooms are open to each other
 NEAR = 0.1  # metres: walls that are no farther from a floor are its own
@@ -86,7 +86,7 @@ def room_of(
     `drawn_openings` that lie in its walls become its doors and windows. Raises RoomError where no room can be made.
     """
     floor = shapely.set_precision(floor, 10.0**-DIGITS)
-    floor = orient(parts_of(floor)[0])
+    floor = orient(polygons_in(floor)[0])
     outline, holes = _ring(floor.exterior.coords), [_ring(hole.coords) for hole in floor.interiors]
     strips = _strips(outline, walls)
     band = shapely.union_all(strips).difference(Polygon(outline))
