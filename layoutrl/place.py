@@ -16,7 +16,7 @@ from pathlib import Path
 from layoutrl import InputError
 from layoutrl.env.arguments import check_rooms, is_whole
 from layoutrl.rooms.categories import ALL, RUG, names_in, names_of, nearest
-from layoutrl.rooms.documents import room_to_dict
+from layoutrl.rooms.documents import room_from_dict, room_to_dict
 from layoutrl.rooms.files import check_new, check_not_given, name_of
 from layoutrl.rooms.formats import Source, format_of, opened, to_place
 from layoutrl.rooms.room import Item, Room
@@ -55,7 +55,7 @@ def furnish(
     "all" what nobody can place stays. An item that cannot be placed stays where it stood, or has no center. Raises
     InputError for what is no list of rooms, for an invalid option, and if `run` is not the folder of a training run.
     """
-    check_rooms(rooms)
+    check_built(rooms)
     run = str(run) if isinstance(run, Path) else run
     for name, value in {"choices": choices, "seed": seed}.items():
         if not is_whole(value):
@@ -80,6 +80,19 @@ def furnish(
         for room, brief, items in zip(rooms, briefs, stood, strict=True)
     ]
     return RoomPlacer(config).place(entries)
+
+
+def check_built(rooms: Sequence[Room]) -> None:
+    """Raise InputError for what is no list of rooms, and for a room that could not be read from a file, either."""
+    check_rooms(rooms)
+    for room in rooms:
+        try:
+            hash(room)
+            room_from_dict(room_to_dict(room))
+        except InputError as error:
+            raise InputError(f"{room.id}: {error}") from None
+        except TypeError:
+            raise InputError(f"{room.id}: expected tuples of numbers, no lists or arrays") from None
 
 
 @cache

@@ -38,11 +38,12 @@ from layoutrl.rooms.designer.generator import design_rooms
 from layoutrl.rooms.documents import room_from_dict, room_to_dict, with_layout
 from layoutrl.rooms.formats import opened, to_place
 from layoutrl.rooms.furnished import Furnished, same
-from layoutrl.rooms.room import Room
+from layoutrl.rooms.room import Item, Room
 from layoutrl.runs import pretrained, streams
 from layoutrl.runs.config import PlaceConfig, TrainConfig, composed, narrowed
 from layoutrl.runs.furnishers import FurnisherInfo, Helped, furnisher_for
 from layoutrl.train import run as train
+from tests.builders import rectangular_room
 from tests.commands import layoutrl as command
 from tests.rooms.sources.test_sweethome3d import BED, FLAT, home_file, piece, room_tag
 from tests.runs.test_resume import SHORT
@@ -1316,6 +1317,21 @@ def test_of_rooms_with_stood_only_what_lost_its_center_is_placed(middle: Middle)
 def test_what_cannot_be_asked_of_rooms_in_memory_is_told(options: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         furnish([room_from_dict(DOCUMENTS[0])], **options)
+
+
+@pytest.mark.parametrize(
+    ("size", "outline", "said"),
+    [
+        ((-2.0, 1.5), (), "^built: furniture.0..size: expected two lengths above zero"),
+        ((2.0, float("nan")), (), "^built: furniture.0..size: expected a finite number"),
+        ((2.0, 1.5), ((0, 0), (5, 0), (0, 4), (5, 4)), "^built: outline: expected a simple polygon"),
+        ([2.0, 1.5], (), "^built: expected tuples of numbers"),
+    ],
+)
+def test_a_room_that_is_built_is_checked_as_one_that_is_read(size: Any, outline: Any, said: str) -> None:
+    room = rectangular_room(5, 4, Item("bed", size), target=None)
+    with pytest.raises(InputError, match=said):
+        furnish([replace(room, id="built", outline=outline or room.outline)], by="search")
 
 
 def test_rooms_of_a_home_are_furnished_in_memory_though_their_sizes_are_rounded(middle: Middle, tmp_path: Path) -> None:

@@ -161,15 +161,15 @@ class Answers:
     def furnish(self, asked: Any) -> Reply:
         """Return up to `choices` layouts, best first, with the items of `movable` placed anew, and the path to each.
 
-        Items that nobody places in such a room stay where they stand, as obstacles. Items without a place that are not
-        in `movable` get none. `lines` say which items stay or are not placed, and why.
+        Items that are locked, or that nobody places in such a room, stay where they stand, as obstacles. Items without
+        a place that are not in `movable` get none. `lines` say which items stay or are not placed, and why.
         """
         room = room_in(asked)
         chosen = asked.get("movable")
         if not isinstance(chosen, list):
             raise InputError("movable: expected a list of indices of furniture")
         movable = {index_in({"movable": k}, "movable", len(room.furniture)) for k in chosen}
-        movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS}
+        movable -= {k for k, item in enumerate(room.furniture) if item.category in RUGS or item.locked}
         placed = {k for k in movable if room.furniture[k].center is not None}  # others keep the rotation that they have
         lifted = replace(room, furniture=without_poses(room.furniture, placed))
         entry = Entry(room.id, lifted, room_to_dict(room), stood=room.furniture)

@@ -139,6 +139,8 @@ def new_home(room: Room) -> bytes:
         piece.set("elevation", f"{low:g}")
     for number, item in enumerate(_parked(room)):
         piece = SubElement(home, "pieceOfFurniture", id=f"piece{number}", catalogId=f"layoutrl#{item.category}")
+        if item.locked:
+            piece.set("movable", "false")
         name = f"{'round ' if item.form == 'circle' else ''}{item.category.replace('_', ' ')}"
         high = HEIGHTS.get(item.category, HEIGHT)
         assert item.center is not None

@@ -72,11 +72,15 @@ def draw_room(axes: Axes, room: Room, moving: bool = True, names: float | None =
         assert item.center is not None
         draw_item(axes, item, item.center, facecolor=rgb(MOVING if k == room.target else color_of(item.category)))
         if k in boxes:
-            x0, y0, x1, y1 = boxes[k]
-            along = 90 if y1 - y0 > 1.5 * (x1 - x0) else 0  # degrees: so the name fits into a narrow item
             name = item.category.replace("_", "\n")
-            axes.text(*middle(boxes[k]), name, fontsize=names, rotation=along, ha="center", va="center")
+            axes.text(*middle(boxes[k]), name, fontsize=names, rotation=slope(boxes[k]), ha="center", va="center")
     axes.autoscale_view()
+
+
+def slope(box: Box) -> int:
+    """Return by how many degrees a name is turned so that it fits into a narrow box."""
+    x0, y0, x1, y1 = box
+    return 90 if y1 - y0 > 1.5 * (x1 - x0) else 0
 
 
 def in_drawing_order(room: Room) -> list[tuple[int, Item]]:

@@ -36,6 +36,7 @@ from layoutrl.figures import (
     middle,
     name_boxes,
     rgb,
+    slope,
 )
 from layoutrl.rooms.doors import drawn_leaves
 from layoutrl.rooms.room import Item, Point, Room
@@ -150,8 +151,10 @@ def png(room: Room, wrong: Wrong, path: Path) -> None:
             if item.center is not None:
                 draw_item(axes, item, item.center, fill=False, hatch="////", edgecolor=ORANGE, linewidth=1.5)
                 said = "\n".join(faults if k in boxes else [item.category, *faults])
-                x, y = middle(boxes.get(k, item.footprint.bounds))
-                axes.text(x, y - 0.12, said, fontsize=6, weight="bold", ha="center", va="top", path_effects=HALO)
+                box = boxes.get(k, item.footprint.bounds)
+                (x, y), turned = middle(box), slope(box)
+                x, y, across, up = (x + 0.12, y, "left", "center") if turned else (x, y - 0.12, "center", "top")
+                axes.text(x, y, said, fontsize=6, weight="bold", rotation=turned, ha=across, va=up, path_effects=HALO)
         absent, width = _not_placed(room), x1 - x0 - 2 * MARGIN
         axes.text(x0 + MARGIN, y1, absent, fontsize=min(6, POINTS * _letters([absent], width)), va="top")
         axes.plot(*np.transpose(_metre(x0, y0)), color="black", linewidth=1)

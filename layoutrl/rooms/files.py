@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -82,8 +83,14 @@ def with_type(document: Any, room_type: str | None) -> tuple[Any, bool]:
 def write_rooms(path: Path | str, rooms: Iterable[Room]) -> None:
     """Write rooms to a .jsonl file, one a line; or to a .json file, one by itself, others as a list.
 
-    A file that is there is overwritten.
+    A file that is there is overwritten. Raises InputError for two rooms of one id, of which only one could be read.
     """
+    rooms = list(rooms)
+    twice = [room_id for room_id, count in Counter(room.id for room in rooms).items() if count > 1]
+    if twice:
+        raise InputError(
+            f"rooms: {twice[0]!r:.60} is the id of several; expected one of its own for each, as Answer.documents gives"
+        )
     lines = [json.dumps(room_to_dict(room)) for room in rooms]
     if Path(path).suffix.lower() == ".json" and len(lines) != 1:
         lines = ["[" + ",\n".join(lines) + "]"]

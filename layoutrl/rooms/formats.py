@@ -83,6 +83,9 @@ class RoomsSource:
         """
         check_new(out, self.suffix)
         stood = {room.id: items for room, items in zip(self.collection.rooms, self.stood, strict=True)}
+        layouts = list(layouts)
+        if others := [layout.id for layout in layouts if layout.id not in stood]:
+            raise InputError(f"layouts: expected those of rooms that were read; got one of {others[0]!r:.60}")
         try:
             write_rooms(out, (_or_as_it_stood(layout, stood[layout.id]) for layout in layouts))
         except OSError as error:

@@ -242,6 +242,13 @@ def test_a_chair_under_what_nobody_knows_stays_and_goes_from_what_is_only_locked
     assert all([choice["furniture"][k] for k in (0, 2)] == kept for choice in said["choices"])
 
 
+def test_what_is_locked_stays_and_stays_locked_though_it_is_to_move(answers):
+    room = with_corner(Item("wardrobe", (0.6, 1.2), (2.0, 2.0), 90.0, locked=True))
+    said = answers.answer("furnish", body(room, movable=[0, 1]))
+    assert {k for k, _, _ in said["choices"][0]["path"]} == {1}
+    assert all(choice["furniture"][0] == room_to_dict(room)["furniture"][0] for choice in said["choices"])
+
+
 def test_what_fits_in_no_other_way_stays_where_it_stands(answers):
     wide = Item("wardrobe", (0.6, 4.3), (2.0, 0.25), 90.0)  # it reaches into the walls, as homes are drawn
     room = with_corner(wide)

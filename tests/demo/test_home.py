@@ -57,6 +57,13 @@ def test_a_new_home_is_read_as_the_room(tmp_path, room):
         assert item.footprint.symmetric_difference(its.footprint).area < 1e-3
 
 
+def test_what_is_locked_is_not_movable_in_a_new_home():
+    room = ROOMS[0]
+    locked = replace(room, furniture=tuple(replace(item, locked=k == 1) for k, item in enumerate(room.furniture)))
+    pieces = document_of(new_home(locked)).findall("pieceOfFurniture")
+    assert [piece.get("movable", "true") for piece in pieces] == [str(k != 1).lower() for k in range(len(pieces))]
+
+
 @pytest.mark.parametrize("character", ["\x00", "\x1b", "\ufffe", "\ud800"])
 def test_of_names_what_xml_cannot_hold_is_replaced_in_a_new_home(tmp_path, character):
     room = next(room for room in ROOMS if room.room_type == "bedroom")

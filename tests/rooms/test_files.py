@@ -41,6 +41,13 @@ def test_written_rooms_are_read_back_equal(
     assert collection.left_out == []
 
 
+def test_rooms_of_one_id_are_not_written_as_only_one_could_be_read(tmp_path: Path) -> None:
+    room = rectangular_room(4, 3)
+    with pytest.raises(InputError, match=f"^rooms: '{room.id}' is the id of several"):
+        write_rooms(tmp_path / "rooms.json", [room, room])
+    assert not (tmp_path / "rooms.json").exists()
+
+
 def test_a_json_file_holds_one_room_and_a_folder_is_read_in_order_of_names(tmp_path: Path) -> None:
     write(tmp_path / "b.json", json.dumps(document(id="second"), indent=2))
     (tmp_path / "c").mkdir()

@@ -170,6 +170,13 @@ def test_a_source_takes_paths_as_text_and_a_move_that_is_text(tmp_path: Path) ->
         opened(tmp_path / "a.jsonl", move=["bed"])
 
 
+def test_a_layout_of_a_room_that_was_not_read_is_refused(tmp_path: Path) -> None:
+    write_rooms(tmp_path / "a.jsonl", [room := rectangular_room(4, 3)])
+    with pytest.raises(InputError, match=r"^layouts: expected those of rooms that were read; got one of 'another'"):
+        opened(tmp_path / "a.jsonl").write([replace(room, id="another")], tmp_path / "b.jsonl")
+    assert not (tmp_path / "b.jsonl").exists()
+
+
 def test_files_of_other_formats_in_a_folder_are_said(tmp_path: Path) -> None:
     write_rooms(tmp_path / "a.jsonl", [rectangular_room()])
     write_rooms(tmp_path / "b.json", [rectangular_room(id="other")])
